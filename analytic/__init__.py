@@ -1,0 +1,1 @@
+"""The formulas: beam, magnet field, Hall readings. Imports geometry only."""

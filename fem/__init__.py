@@ -1,0 +1,1 @@
+"""Finite-strain finite elements for the sensor. Imports geometry only."""

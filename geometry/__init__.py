@@ -1,0 +1,1 @@
+"""Shapes: designs, scenes, CAD, moulds and meshes. Imports no other package of magtip."""

@@ -1,0 +1,205 @@
+"""What the sensor is: one frozen `Design` of flat scalars, checked when it is made.
+
+Units everywhere in magtip: mm, N, MPa, T, V, rad, s. The sensor's frame has its origin at the centre of the
+clamped base disc, z along the beam; the tip is at z = L and the magnet's centre at z = H = L - D/2, the centre
+of the hemisphere. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so its
+magnetisation is along -z. Hall element S1 lies on the axis at z = H - l0, S2 at x = f and S3 at y = f, both at
+z = H - l0 + c.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+LEAST_WALL = 0.1
+"""Least thickness of silicone between the magnet and any outer face, mm."""
+
+
+class BadInput(ValueError):
+    """A value that the user gave cannot be used; the text is one sentence that says what, which bound, what to do."""
+
+
+def _quantity(default: float, unit: str, low: float, high: float, text: str, *, assumed: bool) -> Any:
+    return field(
+        default=default,
+        metadata={"unit": unit, "low": low, "high": high, "text": text, "assumed": assumed},
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """The lengths that the mechanics sees, in any one unit of length.
+
+    Attributes
+    ----------
+    D, L : diameter and total length of the beam.
+    magnet_diameter, magnet_height, magnet_edge_radius : the magnet; a diameter of 0 means no magnet.
+    """
+
+    D: float
+    L: float
+    magnet_diameter: float
+    magnet_height: float
+    magnet_edge_radius: float
+
+    @property
+    def R(self) -> float:
+        """Radius of the beam and of the hemispherical tip."""
+        return self.D / 2
+
+    @property
+    def H(self) -> float:
+        """Height of the hemisphere's centre, which is the magnet's centre."""
+        return self.L - self.D / 2
+
+    @property
+    def has_magnet(self) -> bool:
+        return self.magnet_diameter > 0
+
+    @property
+    def wall(self) -> float:
+        """Least thickness of silicone around the magnet (above, beside and below); infinite without a magnet.
+
+        >>> round(Shape(8, 9, 4, 2, 0).wall, 12) == round(4 - 5**0.5, 12)
+        True
+        """
+        if not self.has_magnet:
+            return math.inf
+        a, b, rho = self.magnet_diameter / 2, self.magnet_height / 2, self.magnet_edge_radius
+        return min(self.R - math.hypot(a - rho, b - rho) - rho, self.R - a, self.H - b)
+
+    def scaled(self, factor: float) -> Shape:
+        """The similar shape with every length multiplied by `factor`."""
+        return Shape(*(factor * value for value in dataclasses.astuple(self)))
+
+    def without_magnet(self) -> Shape:
+        """The same beam, all silicone."""
+        return Shape(self.D, self.L, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """A sensor. Every field is a float; what the paper does not give is marked assumed in the field's metadata.
+
+    Raises
+    ------
+    BadInput
+        A field is not a finite number, lies outside its range, or the magnet does not fit.
+
+    >>> Design(L=3.0)
+    Traceback (most recent call last):
+        ...
+    geometry.design.BadInput: L must exceed the tip radius D/2 = 4 mm; got 3 mm
+    """
+
+    D: float = _quantity(8.0, "mm", 0.1, 200, "diameter of the beam", assumed=False)
+    L: float = _quantity(9.0, "mm", 0.05, 4000, "total length of the beam, tip included", assumed=False)
+    f: float = _quantity(5.0, "mm", 0.01, 1000, "distance of S2 and S3 from the axis", assumed=False)
+    E: float = _quantity(1.0, "MPa", 1e-4, 1e4, "Young's modulus of the silicone at small strain", assumed=False)
+    nu: float = _quantity(
+        0.4998, "1", 0.0, 0.5, "Poisson's ratio (0.4998: bulk modulus 0.83 GPa at E = 1 MPa)", assumed=True
+    )
+    magnet_diameter: float = _quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
+    magnet_height: float = _quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
+    magnet_edge_radius: float = _quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
+    remanence: float = _quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet, north pole down", assumed=True)
+    l0: float = _quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
+    c: float = _quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
+    hall_gain: float = _quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)
+    hall_null: float = _quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
+    hall_low: float = _quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
+    hall_high: float = _quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
+
+    def __post_init__(self) -> None:
+        for spec in dataclasses.fields(self):
+            object.__setattr__(self, spec.name, _checked(spec, getattr(self, spec.name)))
+        if not self.L > self.D / 2:
+            raise BadInput(f"L must exceed the tip radius D/2 = {self.D / 2:g} mm; got {self.L:g} mm")
+        if not self.L <= 20 * self.D:
+            raise BadInput(f"L must not exceed 20 D = {20 * self.D:g} mm; got {self.L:g} mm")
+        if not self.hall_low < self.hall_null < self.hall_high:
+            raise BadInput(
+                "hall_null must lie between hall_low and hall_high; got "
+                f"{self.hall_low:g} < {self.hall_null:g} < {self.hall_high:g} V"
+            )
+        self._check_magnet()
+
+    def _check_magnet(self) -> None:
+        if (self.magnet_diameter == 0) != (self.magnet_height == 0):
+            raise BadInput(
+                "magnet_diameter and magnet_height must both be positive, or both 0 for no magnet; got "
+                f"{self.magnet_diameter:g} and {self.magnet_height:g} mm"
+            )
+        if self.magnet_diameter == 0:
+            return
+        widest = min(self.magnet_diameter, self.magnet_height) / 2
+        if not self.magnet_edge_radius <= widest:
+            raise BadInput(
+                f"magnet_edge_radius must not exceed half the magnet's smaller side = {widest:g} mm; "
+                f"got {self.magnet_edge_radius:g} mm"
+            )
+        if not self.shape.wall >= LEAST_WALL - 1e-9:
+            raise BadInput(
+                f"the magnet ({self.magnet_diameter:g} x {self.magnet_height:g} mm) leaves a wall of "
+                f"{self.shape.wall:.3g} mm of silicone and needs {LEAST_WALL:g} mm: "
+                "take a smaller magnet or a larger D or L"
+            )
+        if not self.l0 > self.magnet_height / 2:
+            raise BadInput(
+                f"l0 must exceed half the magnet's height = {self.magnet_height / 2:g} mm; got {self.l0:g} mm"
+            )
+
+    @property
+    def R(self) -> float:
+        """Radius of the beam and of the hemispherical tip, mm."""
+        return self.D / 2
+
+    @property
+    def H(self) -> float:
+        """Height of the magnet's centre above the base, mm."""
+        return self.L - self.D / 2
+
+    @property
+    def shape(self) -> Shape:
+        """The lengths that the mechanics sees, mm."""
+        return Shape(self.D, self.L, self.magnet_diameter, self.magnet_height, self.magnet_edge_radius)
+
+    def warnings(self) -> list[str]:
+        """What is possible to compute but not to build, or likely not meant."""
+        found = []
+        s1, s23 = self.H - self.l0, self.H - self.l0 + self.c
+        if s1 > 0:
+            found.append(f"S1 would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm")
+        if s23 > 0 and not self.f > self.R:
+            found.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
+        elif s23 > -1 and self.f - self.R < 1 - 1e-9:
+            found.append(
+                f"only {self.f - self.R:.3g} mm between the beam's wall and S2, S3: a sheared beam may touch them"
+            )
+        if self.L > 3 * self.D:
+            found.append(f"L/D = {self.L / self.D:.3g}: under a plate such a slender beam may buckle sideways")
+        return found
+
+
+def _checked(spec: dataclasses.Field[float], value: object) -> float:
+    low, high, unit = spec.metadata["low"], spec.metadata["high"], spec.metadata["unit"]
+    unit = "" if unit == "1" else f" {unit}"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise BadInput(f"{spec.name} must be a number ({spec.metadata['text']}); got {value!r}")
+    if not low <= value <= high:
+        raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {value:g}{unit}")
+    return float(value)
+
+
+def paper() -> Design:
+    """The sensor of Chathuranga et al., IEEE Sensors Journal 2016, with what the paper leaves open assumed.
+
+    The assumed magnet height, remanence and l0 reproduce the paper's offset of S1, 2.87 V.
+    """
+    return Design()
+
+
+PRESETS = {"paper": paper}

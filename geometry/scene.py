@@ -1,0 +1,93 @@
+"""What is done to the sensor (`Load`) and how it answers (`Response`), shared by formulas and finite elements."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from geometry.design import BadInput, Design
+
+Magnet = Literal["rigid", "ignored"]
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A flat rigid plate, or a grip of the tip, that moves by given amounts.
+
+    Attributes
+    ----------
+    depth : the plate comes down by this much after first touch, mm.
+    shear_x, shear_y : sideways motion of the plate or the grip afterwards, mm.
+    friction : "none", "stick" (a frictionless press, then the patch in contact is glued to the plate and moves
+        with it), or a Coulomb coefficient that acts from first touch on.
+    grip : no plate; every surface point within this height of the tip moves sideways by the shear, u_z free, mm.
+
+    Raises
+    ------
+    BadInput
+        A value is not finite, negative where it must not be, or the combination means nothing.
+    """
+
+    depth: float = 0.0
+    shear_x: float = 0.0
+    shear_y: float = 0.0
+    friction: float | Literal["none", "stick"] = "none"
+    grip: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.depth < math.inf:
+            raise BadInput(f"depth must be a finite number of mm, 0 or more; got {self.depth:g}")
+        for name in ("shear_x", "shear_y"):
+            if not math.isfinite(getattr(self, name)):
+                raise BadInput(f"{name} must be a finite number of mm; got {getattr(self, name):g}")
+        if isinstance(self.friction, str):
+            if self.friction not in ("none", "stick"):
+                raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r}")
+        elif not 0 <= self.friction < math.inf:
+            raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction:g}")
+        if self.grip is not None:
+            if not 0 < self.grip < math.inf:
+                raise BadInput(f"grip must be a positive height in mm; got {self.grip:g}")
+            if self.depth:
+                raise BadInput(f"a grip has no plate, so depth must be 0; got {self.depth:g} mm")
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """How the sensor answers a load: the common currency of formulas and finite elements.
+
+    Attributes
+    ----------
+    force : load applied to the tip, N; x and y along the shear, z positive in compression.
+    shift : displacement of the magnet's centre, mm; z negative when the magnet sinks.
+    tilt : rotation of the magnet about y that carries z towards x, rad.
+    contact_radius : radius of the patch in contact with the plate, mm; 0 without a plate.
+    """
+
+    force: tuple[float, float, float]
+    shift: tuple[float, float, float]
+    tilt: float
+    contact_radius: float
+
+
+def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
+    """Refuse a load that the silicone has no room for.
+
+    The plate can never come deeper than all the silicone on the axis, and a grip must lie on the beam.
+    """
+    rigid = magnet == "rigid"
+    if rigid and not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0): choose magnet ignored")
+    room = design.L - (design.magnet_height if rigid else 0.0)
+    if not load.depth < room:
+        raise BadInput(
+            f"depth must be less than the {room:g} mm of silicone on the axis"
+            f"{' above and below the magnet' if rigid else ''}; got {load.depth:g} mm"
+        )
+    if load.grip is not None and not load.grip < design.L:
+        raise BadInput(f"grip must be less than L = {design.L:g} mm; got {load.grip:g} mm")
+    if not math.hypot(load.shear_x, load.shear_y) <= 2 * design.L:
+        raise BadInput(
+            f"shear must not exceed 2 L = {2 * design.L:g} mm; got {math.hypot(load.shear_x, load.shear_y):g} mm"
+        )
