@@ -1,0 +1,102 @@
+"""One Newton loop for every model, with a line search that keeps every J positive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.contact import Plate
+from fem.linear import SingularMatrixError, Solver
+from fem.system import Assembly, State, System
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-8
+MOST_ITERATIONS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """Where Newton's method ended.
+
+    Attributes
+    ----------
+    state, assembly : the last state whose residual was formed.
+    iterations : linear solves done.
+    reason : why it stopped short; empty when converged.
+    unstable_directions : negative eigenvalues beyond the pressures' at the last factorisation, None if unknown.
+    """
+
+    state: State
+    assembly: Assembly
+    iterations: int
+    reason: str
+    unstable_directions: int | None
+
+    @property
+    def converged(self) -> bool:
+        return not self.reason
+
+
+def newton(system: System, solver: Solver, q: Array, plate: Plate | None) -> Equilibrium:
+    """Solve residual(q) = 0 from a first guess.
+
+    Converged when the residual forces are below TOLERANCE of the reactions and the residual volumes below
+    TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
+    """
+    n = system.n_free + system.n_rigid
+    state = _valid(system, q)
+    if state is None:
+        state = system.state(q)
+        return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out", None)
+    assembly = system.assemble(state, plate)
+    unstable: int | None = None
+    for iteration in range(MOST_ITERATIONS):
+        force, volume, reference, reach = _norms(system, assembly, state, n)
+        if force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
+            return Equilibrium(state, assembly, iteration, "", unstable)
+        try:
+            solver.factorise(assembly.tangent)
+            step = solver.solve(assembly.residual)
+        except SingularMatrixError as error:
+            return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})", unstable)
+        if solver.negative_pivots is not None:
+            unstable = solver.negative_pivots - system.n_pressure
+        trial = _search(system, state, step)
+        if trial is None:
+            return Equilibrium(state, assembly, iteration, "an element is about to turn inside out", unstable)
+        state = trial
+        assembly = system.assemble(state, plate)
+    return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations", unstable)
+
+
+def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[float, float, float, float]:
+    force = float(np.linalg.norm(assembly.residual[:n]))
+    volume = float(np.linalg.norm(assembly.residual[n:]))
+    reference = float(np.linalg.norm(assembly.forces[system.eliminated]))
+    return force, volume, reference, float(np.abs(state.u).max(initial=0.0))
+
+
+def _valid(system: System, q: Array) -> State | None:
+    if not np.isfinite(q).all():
+        return None
+    state = system.state(q)
+    return state if system.least_J(state) > 0 else None
+
+
+def _search(system: System, state: State, step: Array) -> State | None:
+    """The longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
+    scale = 1.0
+    for _ in range(7):
+        trial = _valid(system, state.q - scale * step)
+        if trial is not None:
+            return trial
+        scale /= 2
+    return None
+
+
+def _empty(system: System) -> Assembly:
+    zero = system.state(np.zeros(system.size))
+    return system.assemble(zero, None)

@@ -1,0 +1,355 @@
+"""The graded second-order mesh of the (r, z) section for axisymmetric finite elements.
+
+A point (r, z) is the complex number r + 1j z here. All is done in units of D from input rounded to twelve digits, so
+that similar shapes get the very same triangles; then the nodes are put on the exact outline. The outline is cut into
+steps of the local size, the inside filled with points about that far apart (Poisson-disc sampling of a quadtree) and
+smoothed as a net of springs (Persson and Strang, SIAM Review 46, 2004). Delaunay's criterion is applied in the plane
+log(distance from the tip): it is conformal, and lets edges be seven orders of magnitude shorter at the tip.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial.distance import cdist
+from skfem.quadrature import get_quadrature
+
+from geometry.design import BadInput, Shape
+
+Points = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 4, 1 / 5, 1 / 2
+"""Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
+FILLET, GAP = 0.75, 0.42
+"""Largest edge length at a fillet, as a fraction of its radius, and in a thin layer, as one of its thickness."""
+TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
+"""Growth of the edge length with distance from the tip and from other features; below this size (in D) it shrinks
+with the size, so that halving the size halves every edge length."""
+SPACING, STEPS, SMALLEST = 0.85, 10, 1e-9
+"""Least distance of points as a fraction of the edge length; smoothing steps; lengths in D that count as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """A straight line, or an arc about `centre` from `bearing[0]` to `bearing[1]`, angles from +z towards +r."""
+
+    name: str
+    start: complex
+    end: complex
+    centre: complex | None = None
+    bearing: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def length(self) -> float:
+        if self.centre is None:
+            return abs(self.end - self.start)
+        return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
+
+    def at(self, t: Floats) -> Points:
+        """The points at the fractions t of the length, exact at both ends."""
+        if self.centre is None:
+            inner = self.start + (self.end - self.start) * t
+        else:
+            angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
+            inner = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
+        return np.where(t == 0, self.start, np.where(t == 1, self.end, inner)).astype(np.complex128)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sizing:
+    """The wanted edge length: `size`, or less near the points `source` (first the tip), where it is `least`."""
+
+    size: float
+    source: Points
+    least: Floats
+    growth: Floats
+
+    def __call__(self, x: Points) -> Floats:
+        near: Floats = (cdist(_pairs(x), _pairs(self.source)) * self.growth + self.least).min(axis=1)
+        return np.minimum(self.size, near)
+
+
+@dataclass(frozen=True, slots=True)
+class _Border:
+    """The curves cut into segments: their ends, shape (m, 2), index `node`; curve, its name, middle: shape (m,)."""
+
+    node: Points
+    segment: Ints
+    curve: Ints
+    name: NDArray[np.str_]
+    middle: Points
+
+
+def section(
+    shape: Shape, size: float, *, tip_size: float | None = None, magnet: Literal["hole", "meshed", "none"] = "hole"
+) -> Any:
+    """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
+
+    Parameters
+    ----------
+    shape : in any unit of length; the mesh has the same.
+    size : edge length away from features; halving it halves all, unless a fillet or thin layer already needs less.
+    tip_size : edge length at the tip (0, L), at most `size`; half of `size` unless told.
+    magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
+
+    Returns
+    -------
+    skfem.MeshTri2, counter-clockwise, middle nodes on the arcs of the dome and the fillets, `boundaries` "base",
+    "axis", "skin" (wall and dome), "magnet" (if any), `subdomains` "silicone" and, if meshed, "magnet".
+
+    Raises
+    ------
+    BadInput : a size is not positive, or `tip_size` exceeds `size`.
+    RuntimeError : no valid mesh was found.
+    """
+    if not 0 < size < math.inf:
+        raise BadInput(f"size must be a positive length; got {size:g}")
+    tip_size = TIP * size if tip_size is None else tip_size
+    if not 0 < tip_size <= size:
+        raise BadInput(f"tip_size must be positive and at most size = {size:g}; got {tip_size:g}")
+    if magnet == "none" or not shape.has_magnet:
+        shape, magnet = shape.without_magnet(), "none"
+    *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
+    unit = Shape(*lengths)
+    domain = unit.without_magnet() if magnet == "meshed" else unit
+    curves = _outline(unit, magnet)
+    sizing = _sizing(unit, curves, size_D, tip_D, magnet == "meshed")
+    cuts = [_cuts(curve, sizing) for curve in curves]
+    border = _border(curves, cuts)
+    inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
+    for _ in range(12):
+        silicone, core, missing = _triangles(domain, border, inner, sizing)
+        if not missing.any():
+            return _second_order(_border(_outline(shape, magnet), cuts), inner * shape.D, silicone, core)
+        for k in np.unique(border.curve[missing]):
+            halves = (cuts[k][1:] + cuts[k][:-1]) / 2
+            cuts[k] = np.sort(np.append(cuts[k], halves[missing[border.curve == k]]))
+        border = _border(curves, cuts)
+        inner = inner[_clear(border, inner)]
+    raise RuntimeError(f"the section's outline could not be meshed at size {size:g}: take a smaller size")
+
+
+def _pairs(x: Points) -> Floats:
+    return np.column_stack([x.real, x.imag])
+
+
+def _outline(shape: Shape, magnet: str) -> list[_Curve]:
+    """The curves around the silicone, and around the magnet from its top."""
+    R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
+    curves = [
+        _Curve("base", 0j, complex(R)),
+        _Curve("skin", complex(R), equator),
+        _Curve("skin", equator, tip, complex(0, H), (math.pi / 2, 0.0)),
+    ]
+    if magnet == "none":
+        return [*curves, _Curve("axis", tip, 0j)]
+    curves += [_Curve("axis", tip, top), _Curve("axis", bottom, 0j)]
+    if magnet == "meshed":
+        curves.append(_Curve("axis", top, bottom))
+    tiny = SMALLEST * shape.D
+    rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
+    up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
+    parts = [
+        _Curve("magnet", top, up),
+        _Curve("magnet", up, complex(a, upper), complex(a - rho, upper), (0.0, math.pi / 2)),
+        _Curve("magnet", complex(a, upper), complex(a, lower)),
+        _Curve("magnet", complex(a, lower), down, complex(a - rho, lower), (math.pi / 2, math.pi)),
+        _Curve("magnet", down, bottom),
+    ]
+    return curves + [part for part in parts if part.length >= tiny]
+
+
+def _room(shape: Shape, x: Points) -> Floats:
+    """Distance of points, shape (n,), from base, skin and magnet, negative outside the silicone."""
+    dome = shape.R - np.abs(x - 1j * shape.H)
+    room: Floats = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
+    if not shape.has_magnet:
+        return room
+    a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    dr, dz = x.real - (a - rho), np.abs(x.imag - shape.H) - (b - rho)
+    return np.minimum(room, np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.minimum(np.maximum(dr, dz), 0) - rho)
+
+
+def _sizing(shape: Shape, curves: list[_Curve], size: float, tip_size: float, meshed: bool) -> _Sizing:
+    """Collect the features that ask for less than `size`, for D = 1."""
+    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, CLAMP * size])]
+    for curve in curves:
+        x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
+        want = np.full(len(x), min(size, curve.length))
+        if curve.name == "magnet":
+            want = np.minimum(want, GAP * _room(shape.without_magnet(), x))
+            if curve.centre is not None:
+                want = np.minimum(want, min(ROUND_EDGE * size, FILLET * abs(curve.start - curve.centre)))
+            elif shape.magnet_edge_radius < SMALLEST:
+                corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
+                want = np.where(corner, np.minimum(want, SHARP_EDGE * size), want)
+            if meshed:
+                want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
+        source.append(x[want < size])
+        least.append(want[want < size])
+    growth = np.append(TIP_GROWTH, np.full(sum(map(len, source)) - 1, GROWTH)) * min(1, size / FULL_GROWTH_SIZE)
+    return _Sizing(size, np.concatenate(source), np.concatenate(least), growth)
+
+
+def _cuts(curve: _Curve, sizing: _Sizing) -> Floats:
+    """Fractions of a curve's length, from 0 to 1, that cut it into steps of the local size."""
+    near = np.geomspace(1e-10, 0.5, 200)
+    t = np.unique(np.concatenate([near, 1 - near, np.linspace(0, 1, 201)]))
+    density = curve.length / sizing(curve.at(t))
+    count = np.append(0.0, np.cumsum(np.diff(t) * (density[1:] + density[:-1]) / 2))
+    steps = max(1 if curve.centre is None else 2, math.ceil(count[-1] - 0.3))
+    cuts: Floats = np.interp(np.linspace(0, count[-1], steps + 1), count, t)
+    return cuts
+
+
+def _border(curves: list[_Curve], cuts: list[Floats]) -> _Border:
+    """Number the nodes on the curves; curves that meet share theirs."""
+    corner: dict[complex, int] = {}
+    nodes, segments, middles, total = [], [], [], 0
+    for curve, t in zip(curves, cuts, strict=True):
+        fresh = np.ones(len(t), dtype=bool)
+        fresh[[0, -1]] = curve.start not in corner, curve.end not in corner
+        index = total - 1 + np.cumsum(fresh)
+        index[0] = corner.setdefault(curve.start, int(index[0]))
+        index[-1] = corner.setdefault(curve.end, int(index[-1]))
+        nodes.append(curve.at(t)[fresh])
+        segments.append(np.column_stack([index[:-1], index[1:]]))
+        middles.append(curve.at((t[:-1] + t[1:]) / 2))
+        total += len(nodes[-1])
+    owner = np.repeat(np.arange(len(curves)), [len(part) for part in segments])
+    names = np.array([curve.name for curve in curves])[owner]
+    return _Border(np.concatenate(nodes), np.concatenate(segments), owner, names, np.concatenate(middles))
+
+
+def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
+    """Points inside, shape (n,), spaced by the local size: leaves of a quadtree, thinned out from the border on."""
+    side, leaves = 0.5, []
+    cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
+    while len(cells):
+        coarse = sizing(cells) < side / 0.3
+        leaves.append(cells[~coarse])
+        side /= 2
+        cells = (cells[coarse, None] + side / 2 * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])).ravel()
+    x = np.concatenate(leaves)
+    x = x[_room(domain, x) > 0]
+    far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / sizing(x)
+    return _thinned(x[np.argsort(far, kind="stable")][np.count_nonzero(far <= SPACING) :], sizing)
+
+
+def _thinned(x: Points, sizing: _Sizing) -> Points:
+    """The points, first come first served, that keep their distance from those before."""
+    taken = np.zeros(len(x), dtype=bool)
+    for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
+        taken[i] = not taken[others].any()
+    return x[taken]
+
+
+def _delaunay(x: Points, sizing: _Sizing) -> Ints:
+    """Triangles, shape (n, 3), counter-clockwise, by Delaunay's criterion in a conformal image of the plane."""
+    image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
+    t: Ints = Delaunay(_pairs(image)).simplices.astype(np.int64)
+    sides = x[t] - x[np.roll(t, 1, axis=1)]
+    return t[(sides[:, 1].conj() * sides[:, 2]).imag > 1e-6 * np.abs(sides).max(axis=1) ** 2]
+
+
+def _edges(t: Ints) -> Ints:
+    """The sides of triangles, shape (n, 3), as ordered pairs of nodes, shape (3 n, 2)."""
+    edges: Ints = np.sort(t[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return edges
+
+
+def _keys(pairs: Ints) -> Ints:
+    """One number for each unordered pair, shape (n, 2), of node indices."""
+    ordered = np.sort(pairs, axis=1).astype(np.int64)
+    return ordered[:, 0] * 2**31 + ordered[:, 1]
+
+
+def _clear(border: _Border, x: Points) -> NDArray[np.bool_]:
+    """Which points, shape (n,), lie outside the circles that have a segment as diameter."""
+    ends = border.node[border.segment]
+    clear: NDArray[np.bool_] = (cdist(_pairs(x), _pairs(ends.mean(axis=1))) > np.abs(np.diff(ends).T) / 2).all(axis=1)
+    return clear
+
+
+def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> Points:
+    """Smooth the points inside, and add some where a single edge joins the magnet to an outer face."""
+    outer = border.segment[np.isin(border.name, ["base", "skin"])]
+    core = border.segment[border.name == "magnet"]
+    for _ in range(3):
+        inner, bars = _sprung(domain, border, inner, sizing)
+        across = bars[np.isin(bars, outer).any(axis=1) & np.isin(bars, core).any(axis=1)]
+        if not len(across):
+            break
+        inner = np.concatenate([inner, _thinned(border.node[across].mean(axis=1), sizing)])
+    return inner[_clear(border, inner)]
+
+
+def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> tuple[Points, Ints]:
+    """Let the edges act as springs that push towards the local size, the border fixed; also return the edges."""
+    fixed = len(border.node)
+    for _ in range(STEPS):
+        x = np.concatenate([border.node, inner])
+        bars = np.unique(_edges(_delaunay(x, sizing)), axis=0)
+        free = bars[bars[:, 1] >= fixed]
+        along = x[free[:, 1]] - x[free[:, 0]]
+        length, want = np.abs(along), sizing(x[free].mean(axis=1))
+        push = along / length * np.maximum(1.2 * np.median(length / want) * want - length, 0)
+        move = np.zeros(len(x), dtype=np.complex128)
+        np.add.at(move, free.T.ravel(), np.concatenate([-push, push]))
+        moved = inner + 0.2 * move[fixed:]
+        room = np.minimum(_room(domain, moved), moved.real)
+        inner = np.where(room > 0.3 * sizing(inner), moved, inner)
+    return inner, bars
+
+
+def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
+    """Which points, shape (n,), have an odd number of the segments, shape (m, 2), straight to their right."""
+    p, q, z = ends[:, 0], ends[:, 1], x.imag[:, None]
+    slope = (q.real - p.real) / np.where(p.imag == q.imag, 1.0, q.imag - p.imag)
+    cut = ((p.imag > z) != (q.imag > z)) & (p.real + (z - p.imag) * slope > x.real[:, None])
+    return np.asarray(np.count_nonzero(cut, axis=1) % 2 == 1)
+
+
+def _triangles(
+    domain: Shape, border: _Border, inner: Points, sizing: _Sizing
+) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """Triangles of the silicone and of the magnet, shape (n, 3), and which segments are no edge of any."""
+    x, ends = np.concatenate([border.node, inner]), border.node[border.segment]
+    t = _delaunay(x, sizing)
+    t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
+    core = _within(x[t].mean(axis=1), ends[border.name == "magnet"])
+    silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
+    known = _keys(_edges(np.concatenate([silicone, magnet])))
+    return silicone, magnet, ~np.isin(_keys(border.segment), known)
+
+
+def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) -> Any:
+    """Raise the triangles to second order with the middle nodes on the curves, name the parts and check them."""
+    corners, t = _pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
+    straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
+    mesh = skfem.MeshTri2.from_mesh(straight)
+    key = _keys(mesh.facets.T)
+    order = np.argsort(key)
+    facet = order[np.searchsorted(key, _keys(border.segment), sorter=order)]
+    doflocs = mesh.doflocs.copy()
+    doflocs[:, mesh.nvertices + facet] = _pairs(border.middle).T
+    boundaries = {str(name): np.sort(facet[border.name == name]) for name in np.unique(border.name)}
+    parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
+    parts = {name: part for name, part in parts.items() if len(part)}
+    mesh = dataclasses.replace(mesh, doflocs=doflocs, _boundaries=boundaries, _subdomains=parts)
+    outer = facet[border.name != "magnet"] if len(core) else facet
+    if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
+        raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
+    if not np.all(mesh.mapping().detDF(get_quadrature(skfem.ElementTriP2, 6)[0]) > 0):
+        raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
+    return mesh

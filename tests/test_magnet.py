@@ -1,0 +1,235 @@
+"""The closed-form field: symmetries and laws first, then references of 30 digits, then bad input."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic.magnet import cylinder_field, paper_field
+from geometry.design import BadInput
+
+RNG = np.random.default_rng(20160403)
+SHAPES = [(2.0, 2.0), (2.0, 4.0), (2.0, 0.1), (0.5, 20.0)]
+
+
+def on_axis(z, a, h):
+    """B_z/J on the axis, outside and inside; in 30 digits, because the two terms cancel far away."""
+
+    def face(z):
+        return mpmath.mpf(z) / mpmath.hypot(z, a)
+
+    with mpmath.workdps(30):
+        return np.array(
+            [float((face(float(v) + mpmath.mpf(h) / 2) - face(float(v) - mpmath.mpf(h) / 2)) / 2) for v in z]
+        )
+
+
+def reference(r, z, z0):
+    """B_r and B_z of the magnet of radius 1, half height z0, J = 1: the current sheet, by quadrature to 30 digits."""
+    with mpmath.workdps(30):
+        r, z, z0 = mpmath.mpf(r), mpmath.mpf(z), mpmath.mpf(z0)
+        cuts, cut = [mpmath.mpf(0)], mpmath.mpf(min(1, abs(1 - r) or 1, mpmath.hypot(1 - r, abs(z) - z0)))
+        while cut < mpmath.pi:
+            cuts.append(cut)
+            cut *= 3
+        cuts.append(mpmath.pi)
+
+        def at(angle):
+            versine = 2 * mpmath.sin(angle / 2) ** 2
+            q = (1 - r) ** 2 + 2 * r * versine
+            up, down = mpmath.sqrt(q + (z + z0) ** 2), mpmath.sqrt(q + (z - z0) ** 2)
+            weight = mpmath.mpf(1) / 2 if r == 1 else (1 - r + r * versine) / q
+            return mpmath.cos(angle) * (1 / down - 1 / up), weight * ((z + z0) / up - (z - z0) / down)
+
+        return [float(mpmath.quad(lambda angle, i=i: at(angle)[i], cuts) / (2 * mpmath.pi)) for i in (0, 1)]
+
+
+def relative(b, expected):
+    return np.linalg.norm(np.subtract(b, expected), axis=-1) / np.linalg.norm(expected, axis=-1)
+
+
+# --- invariants
+
+
+@pytest.mark.parametrize(("a", "h"), SHAPES)
+def test_symmetries(a, h):
+    p = RNG.normal(size=(200, 3)) * 4
+    b = cylinder_field(p, a, h, 1.2)
+    mirrored = cylinder_field(p * [1, 1, -1], a, h, 1.2)
+    assert_allclose(mirrored, b * [-1, -1, 1], rtol=1e-13, atol=1e-16)
+    assert_allclose(cylinder_field(p, a, h, -1.2), -b, rtol=0)
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+    assert relative(cylinder_field(p @ turn.T, a, h, 1.2), b @ turn.T).max() < 1e-12
+
+
+@pytest.mark.parametrize("k", [1e-6, 0.37, 1e6])
+def test_field_knows_only_ratios_of_lengths(k):
+    p = RNG.normal(size=(200, 3)) * 4
+    assert relative(cylinder_field(k * p, 2 * k, 3 * k, 1.2), cylinder_field(p, 2, 3, 1.2)).max() < 1e-12
+
+
+@pytest.mark.parametrize("centre", [(0.3, 0.2, 0.1), (3.0, 1.0, 2.0), (0.9, -0.4, 1.5), (30.0, 5.0, -40.0)])
+def test_divergence_and_curl_vanish(centre):
+    step = 1e-3 * max(1.0, np.linalg.norm(centre) / 4)
+    shifts = step * np.vstack([np.eye(3), -np.eye(3)])
+    b = cylinder_field(np.add(centre, shifts), 2, 2, 1.2)
+    gradient = (b[:3] - b[3:]) / (2 * step)
+    size = np.abs(gradient).max()
+    assert abs(np.trace(gradient)) < 1e-5 * size
+    assert np.abs(gradient - gradient.T).max() < 1e-5 * size
+
+
+def test_no_flux_leaves_a_closed_surface():
+    """A closed cylinder of radius 1 from z = 0 to 3, through the face of the magnet at z = 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    r, w = (nodes + 1) / 2, weights / 2
+    top = cylinder_field(np.column_stack([r, 0 * r, 0 * r + 3]), 2, 2, 1.2)[:, 2]
+    bottom = cylinder_field(np.column_stack([r, 0 * r, 0 * r]), 2, 2, 1.2)[:, 2]
+    side = 0.0
+    for low, high in ((0.0, 1.0), (1.0, 3.0)):
+        z = low + (high - low) * r
+        side += (cylinder_field(np.column_stack([0 * z + 1, 0 * z, z]), 2, 2, 1.2)[:, 0] * w).sum() * (high - low)
+    ends = ((top - bottom) * r * w).sum()
+    assert ends < -0.1
+    assert abs(side + ends) < 1e-13
+
+
+def test_ampere_round_the_hull():
+    """Along a loop through magnet and air, B dl is mu0 times the sheet current: J times the enclosed height."""
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    z = 0.5 * nodes
+    inner, outer = (cylinder_field(np.column_stack([0 * z + r, 0 * z, z]), 2, 2, 1.2)[:, 2] for r in (1.5, 2.5))
+    r = 2 + 0.5 * nodes
+    top, bottom = (cylinder_field(np.column_stack([r, 0 * r, 0 * r + z]), 2, 2, 1.2)[:, 0] for z in (0.5, -0.5))
+    assert_allclose(0.5 * (weights * (inner + top - outer - bottom)).sum(), 1.2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("a", "h"), SHAPES)
+def test_dipole_limit(a, h):
+    p = RNG.normal(size=(50, 3))
+    p *= 3e3 * max(a, h) / np.linalg.norm(p, axis=1)[:, None]
+    d = np.linalg.norm(p, axis=1)[:, None]
+    moment = np.array([0, 0, 1.2 * a**2 * h / 4])
+    dipole = 3 * p * (p @ moment)[:, None] / d**5 - moment / d**3
+    assert relative(cylinder_field(p, a, h, 1.2), dipole).max() < 1e-6
+
+
+@pytest.mark.parametrize("z0", [1e-6, 0.02, 0.15, 0.5, 3.0, 200.0])
+def test_regimes_meet(z0):
+    """Two neighbours, one on each side of a change of formula, differ by no more than their distance allows."""
+    angle = np.linspace(0.01, np.pi - 0.01, 40)
+    for centre, radius in ((0.0, 5 * math.hypot(1, z0)), (1.0, 6 * z0)):
+        pair = []
+        for scale in (1 - 1e-13, 1 + 1e-13):
+            d = radius * scale
+            pair.append(np.column_stack([centre + d * np.sin(angle), 0 * angle, d * np.cos(angle)]))
+        below, above = (cylinder_field(p, 1, 2 * z0, 1.0) for p in pair)
+        assert relative(below, above).max() < 1e-11
+
+
+# --- known values
+
+
+def test_published_values_on_the_axis():
+    b = cylinder_field([[0, 0, z] for z in (5, 6, 7, 8)], 2, 4, 1.2)
+    assert np.round(1e3 * b[:, 2], 3).tolist() == [77.684, 45.429, 28.626, 19.138]
+    assert (b[:, :2] == 0).all()
+
+
+@pytest.mark.parametrize(("a", "h"), SHAPES)
+def test_axis_inside_and_outside(a, h):
+    z = np.linspace(-3 * h, 3 * h, 61)
+    b = cylinder_field(np.column_stack([0 * z, 0 * z, z]), a, h, 1.0)
+    assert_allclose(b[:, 2], on_axis(z, a, h), rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("r", "z", "z0"),
+    [
+        (0.3, 0.2, 0.5),  # inside
+        (0.7, 0.5, 0.5),  # on the face
+        (1.0, 0.9, 0.5),  # above the rim, r = a
+        (1.0, 0.2, 0.5),  # on the hull: the mean
+        (1 + 1e-9, 0.2, 0.5),  # just outside it
+        (1 - 1e-9, 0.2, 0.5),  # just inside it
+        (1 + 1e-9, 0.5 + 1e-9, 0.5),  # beside the rim
+        (2.5, 2.6, 0.5),  # an element of the paper's sensor
+        (1e-9, 2.0, 0.5),  # next to the axis
+        (600.0, 800.0, 0.5),  # far away
+        (1.5, 1e-3, 1e-4),  # beside a thin disc
+        (1.0, 0.0, 1e-8),  # on the hull of a foil
+        (0.5, 1e-4, 1e-4),  # on its face
+        (1.2, 10.0, 1000.0),  # beside a needle
+        (1.2, 1000.5, 1000.0),  # beside its end
+        (3e5, 4e5, 1e-4),  # a thin disc from far away
+    ],
+)
+def test_against_thirty_digits(r, z, z0):
+    b = cylinder_field([[r, 0, z]], 1, 2 * z0, 1)[0]
+    assert b[1] == 0
+    assert relative(b[[0, 2]], reference(r, z, z0)) < 1e-13
+
+
+def test_hull_is_the_mean_and_jumps_by_j():
+    b = cylinder_field([[2 - 1e-12, 0, 0.3], [2, 0, 0.3], [2 + 1e-12, 0, 0.3]], 2, 2, 1.2)
+    assert_allclose(b[0] - b[2], [0, 0, 1.2], atol=1e-11)
+    assert_allclose(b[1], (b[0] + b[2]) / 2, atol=1e-11)
+
+
+# --- the paper's quadrature
+
+
+def test_paper_equation_on_the_axis():
+    z = np.array([2.0, 5.2, 7.2, -4.0])
+    b_z, b_rho = paper_field(np.zeros(4), z, 2, 2, 1.2)
+    assert (b_z > 0).all()
+    assert_allclose(b_z, 1.2 * on_axis(z, 2, 2), rtol=1e-11)
+    assert_allclose(b_rho, 0, atol=1e-16)
+
+
+@pytest.mark.parametrize(("rho", "z"), [(5.0, -5.2), (2.0, -5.2), (5.0, -2.2), (8.0, 3.0), (3.0, 0.5)])
+def test_paper_equation_at_the_elements(rho, z):
+    b_z, b_rho = paper_field(rho, z, 2, 2, 1.2)
+    assert relative([b_rho, b_z], cylinder_field([[rho, 0, z]], 2, 2, 1.2)[0, [0, 2]]) < 1e-11
+
+
+def test_paper_equation_takes_more_points_close_by():
+    expected = cylinder_field([[1.5, 0, 1.1]], 2, 2, 1.2)[0, [0, 2]]
+    errors = [
+        relative(paper_field(1.5, 1.1, 2, 2, 1.2, n_alpha=n, n_R=n // 2)[::-1], expected) for n in (32, 128, 512)
+    ]
+    assert errors[0] > 1e-2
+    assert errors[1] < 1e-3 * errors[0]
+    assert errors[2] < 1e-12
+
+
+# --- extremes and bad input
+
+
+def test_empty_and_enormous():
+    assert cylinder_field(np.empty((0, 3)), 2, 2, 1.2).shape == (0, 3)
+    assert np.isfinite(cylinder_field([[1e60, 0, 1e60], [1e-300, 0, 0]], 2, 2, 1.2)).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "radius", "height", "text"),
+    [
+        ([[2, 0, 1]], 2, 2, "infinite on the magnet's rim"),
+        ([[0, -2, -1]], 2, 2, "infinite on the magnet's rim"),
+        ([[math.nan, 0, 1]], 2, 2, "points must be finite"),
+        ([1, 0, 1], 2, 2, "shape"),
+        ([[1, 0, 1]], 0, 2, "radius must be a positive"),
+        ([[1, 0, 1]], 2, math.nan, "height must be a positive"),
+    ],
+)
+def test_bad_input(points, radius, height, text):
+    with pytest.raises(BadInput, match=text):
+        cylinder_field(points, radius, height, 1.2)
+
+
+@pytest.mark.parametrize(("rho", "z"), [(0.0, 0.0), (2.0, 0.5), (1.0, 1.0), (math.nan, 0.5)])
+def test_paper_equation_refuses_the_magnet(rho, z):
+    with pytest.raises(BadInput, match="outside the magnet only"):
+        paper_field(rho, z, 2, 2, 1.2)

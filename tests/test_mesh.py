@@ -1,0 +1,200 @@
+"""The tetrahedral mesh lies on the exact surfaces, conforms at the magnet, and fTetWild never sees bad input."""
+
+import math
+
+import numpy as np
+import pytest
+
+from geometry import mesh as meshing
+from geometry import surface
+from geometry.design import BadInput, Shape
+from geometry.mesh import quality, tetrahedra
+from geometry.surface import Sizes
+
+PAPER = Shape(8, 9, 4, 2, 0.1)
+TOUCH = 1e-9
+
+
+@pytest.fixture(scope="module")
+def half():
+    return tetrahedra(PAPER, 1.2)
+
+
+@pytest.fixture(scope="module")
+def hole():
+    return tetrahedra(PAPER.scaled(1 / 8), 1.2 / 8, magnet="hole")
+
+
+def nodes_on(mesh, name):
+    """Coordinates (3, n) of the vertices and mid-edge nodes of a boundary, found through the cells' edges."""
+    corners = np.unique(mesh.facets[:, mesh.boundaries[name]])
+    facets = {tuple(sorted(f)) for f in mesh.facets[:, mesh.boundaries[name]].T}
+    pairs = {pair for a, b, c in facets for pair in ((a, b), (a, c), (b, c))}
+    edges = [k for k, edge in enumerate(mesh.edges.T) if tuple(sorted(edge)) in pairs]
+    return mesh.doflocs[:, np.concatenate([corners, mesh.nvertices + np.array(edges)])]
+
+
+def magnet_distance(x, shape):
+    """Signed distance from the rounded cylinder, by the formula of a rounded box in (r, z)."""
+    rho = shape.magnet_edge_radius
+    dr = np.hypot(x[0], x[1]) - shape.magnet_diameter / 2 + rho
+    dz = np.abs(x[2] - shape.H) - shape.magnet_height / 2 + rho
+    return np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.minimum(np.maximum(dr, dz), 0) - rho
+
+
+def skin_distance(x, shape):
+    return np.hypot(np.hypot(x[0], x[1]), np.maximum(x[2] - shape.H, 0)) - shape.R
+
+
+def check_quality(mesh, shape):
+    found = quality(mesh, shape)
+    assert abs(found.volume_errors["silicone"]) < 1e-4
+    assert abs(found.base_error) < 1e-4
+    assert found.least_jacobian > 0.05
+    assert found.least_shape > 0.02
+    return found
+
+
+def test_volumes_and_counts(half):
+    found = check_quality(half, PAPER)
+    assert found.cells == half.nelements == sum(len(part) for part in half.subdomains.values())
+    assert 1000 < found.cells < 10000
+    # one quadratic edge spans a quarter of the fillet: 0.93 % of the squared radius is missing there
+    assert abs(found.volume_errors["magnet"]) < 6e-4
+    total = sum(found.volumes.values())
+    assert total == pytest.approx(math.pi * 16 * (5 + 8 / 3) / 2, rel=1e-4)
+
+
+def test_nodes_lie_on_the_exact_surfaces(half):
+    assert np.array_equal(np.unique(nodes_on(half, "base")[2]), [0])
+    assert np.array_equal(np.unique(nodes_on(half, "symmetry")[1]), [0])
+    # a mid-edge node that would fold its cell is moved part of the way back, so a few may miss the surface
+    for name, distance in (("skin", skin_distance), ("magnet", magnet_distance)):
+        away = np.abs(distance(nodes_on(half, name), PAPER))
+        assert np.mean(away < TOUCH) > 0.9
+        assert away.max() < 0.05
+    assert (
+        np.abs(skin_distance(half.doflocs[:, np.unique(half.facets[:, half.boundaries["skin"]])], PAPER)).max()
+        < TOUCH
+    )
+    assert half.doflocs[2].min() == 0
+    assert half.doflocs[1].min() >= -TOUCH
+    assert half.doflocs[2].max() == pytest.approx(PAPER.L, abs=1e-12)
+
+
+def test_interface_conforms_and_boundaries_cover(half):
+    cells = np.zeros(half.nelements, dtype=int)
+    cells[half.subdomains["magnet"]] = 1
+    pairs = cells[half.f2t[:, half.boundaries["magnet"]]]
+    assert np.array_equal(np.sort(pairs, axis=0), np.tile([[0], [1]], pairs.shape[1]))
+    inner = np.flatnonzero(half.f2t[1] >= 0)
+    change = inner[cells[half.f2t[0, inner]] != cells[half.f2t[1, inner]]]
+    assert np.array_equal(change, np.sort(half.boundaries["magnet"]))
+    outer = np.concatenate([half.boundaries[name] for name in ("base", "skin", "symmetry")])
+    assert np.array_equal(np.sort(outer), np.sort(half.boundary_facets()))
+
+
+def test_scaled_hole(half, hole):
+    shape = PAPER.scaled(1 / 8)
+    found = check_quality(hole, shape)
+    assert set(hole.subdomains) == {"silicone"}
+    assert found.volumes["silicone"] * 512 == pytest.approx(quality(half, PAPER).volumes["silicone"], rel=1e-4)
+    assert (
+        np.abs(magnet_distance(hole.p[:, np.unique(hole.facets[:, hole.boundaries["magnet"]])], shape)).max() < 1e-9
+    )
+    covered = np.concatenate(list(hole.boundaries.values()))
+    assert np.array_equal(np.sort(covered), np.sort(hole.boundary_facets()))
+    assert np.array_equal(np.unique(hole.t), np.arange(hole.nvertices))
+
+
+def test_whole_body_is_closed():
+    mesh = tetrahedra(PAPER, 2.0, half=False, magnet="none")
+    assert set(mesh.boundaries) == {"base", "skin"}
+    found = quality(mesh, PAPER)
+    assert found.volumes["silicone"] == pytest.approx(math.pi * 16 * (5 + 8 / 3), rel=1e-3)
+
+
+def test_sharp_magnet_and_low_beam():
+    shape = Shape(8, 6, 4, 2, 0)
+    mesh = tetrahedra(shape, 1.5, magnet="hole", tip_size=0.6)
+    check_quality(mesh, shape)
+    nodes = nodes_on(mesh, "magnet")
+    rim = (np.hypot(nodes[0], nodes[1]) > 2 - 1e-9) & (np.abs(np.abs(nodes[2] - 2) - 1) < 1e-9)
+    assert rim.sum() > 20
+    assert np.abs(magnet_distance(nodes, shape)).max() < TOUCH
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize(
+    "shape", [PAPER, Shape(8, 4.2, 0, 0, 0), Shape(8, 160, 4, 2, 0), Shape(8, 9, 2, 2, 1), Shape(8, 9, 4, 2, 1)]
+)
+def test_surfaces_are_closed_and_outward(shape, half):
+    sizes = Sizes.of(shape, 1.0, None)
+    parts = [surface.body(sizes, half)] + ([surface.magnet(sizes, half)] if shape.has_magnet else [])
+    exact = [surface.beam_volume(shape), surface.magnet_volume(shape)]
+    for (points, faces), volume in zip(parts, exact, strict=False):
+        surface.check_surface(points, faces, surface.envelope(sizes), shape.wall)
+        corners = points[faces]
+        six = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+        assert 0.85 < six / 6 / volume * (2 if half else 1) < 1
+        inside = surface.winding(np.array([[0.1, 0.3, shape.H + 0.1], [0.0, 0.5, -0.1]]), points, faces)
+        assert inside == pytest.approx([1, 0], abs=1e-9)
+
+
+def test_exact_magnet_volume():
+    assert surface.magnet_volume(Shape(8, 9, 4, 2, 0)) == pytest.approx(8 * math.pi)
+    assert surface.magnet_volume(Shape(8, 9, 2, 2, 1)) == pytest.approx(4 * math.pi / 3)
+
+
+def test_background_grid_is_filled_by_positive_tetrahedra():
+    sizes = Sizes.of(PAPER, 1.0, None)
+    points, tets, values = surface.background(sizes, True)
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    volumes = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6
+    assert volumes.min() > 0
+    assert volumes.sum() == pytest.approx(np.prod(np.ptp(points, axis=0)))
+    assert 0 < values.min() <= values.max() <= sizes.bulk
+
+
+def test_bad_surfaces_are_refused():
+    points, faces = surface.body(Sizes.of(PAPER, 2.0, None), True)
+    surface.check_surface(points, faces, 0.01, 1.0)
+    broken = points.copy()
+    broken[3, 1] = np.nan
+    for bad_points, bad_faces, epsilon, text in (
+        (points, faces[1:], 0.01, "not closed"),
+        (points, faces[:, ::-1], 0.01, "outward"),
+        (points, np.where(faces == 0, -1, faces), 0.01, "must number points"),
+        (points, faces[:0], 0.01, "shape"),
+        (broken, faces, 0.01, "finite"),
+        (points, faces, 0.0, "epsilon must be positive"),
+        (points, faces, math.nan, "epsilon must be positive"),
+        (points, faces, 0.6, "less than half the wall"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            surface.check_surface(bad_points, bad_faces, epsilon, 1.0)
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf])
+def test_bad_sizes_are_refused(size):
+    with pytest.raises(BadInput, match="size must be"):
+        tetrahedra(PAPER, size)
+    with pytest.raises(BadInput, match="tip_size must be"):
+        tetrahedra(PAPER, 1.0, tip_size=size)
+
+
+def test_no_magnet_to_mesh():
+    with pytest.raises(BadInput, match="no magnet"):
+        tetrahedra(PAPER.without_magnet(), 1.0)
+
+
+def test_a_child_that_dies_or_hangs(monkeypatch):
+    monkeypatch.setattr(meshing, "_CHILD", "import ctypes; ctypes.string_at(0)")
+    with pytest.raises(RuntimeError, match="failed with exit code"):
+        tetrahedra(PAPER, 2.0)
+    monkeypatch.setattr(meshing, "_CHILD", "raise ValueError('of the child')")
+    with pytest.raises(RuntimeError, match="of the child"):
+        tetrahedra(PAPER, 2.0)
+    monkeypatch.setattr(meshing, "_CHILD", "import time; time.sleep(60)")
+    with pytest.raises(RuntimeError, match=r"within 0\.5 s"):
+        tetrahedra(PAPER, 2.0, timeout=0.5)
