@@ -34,6 +34,7 @@ class Plate:
     shear : (dim - 1,) sideways motion of plate or grip since the points were tied.
     tied : (k, q) mask of the tied quadrature points, or None.
     targets : (k, q, dim - 1) tangential positions of the tied points at shear 0.
+    pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap.
     """
 
     height: float | None
@@ -41,6 +42,7 @@ class Plate:
     shear: Array
     tied: NDArray[np.bool_] | None = None
     targets: Array | None = None
+    pressed: NDArray[np.bool_] | None = None
 
 
 def positions(surface: Surface, elements: Elements, u: Array) -> Array:
@@ -70,7 +72,9 @@ def traction(surface: Surface, elements: Elements, u: Array, plate: Plate) -> tu
     en, last = plate.stiffness, surface.points.shape[-1] - 1
     if plate.height is not None:
         g = overlap(surface, elements, u, plate)
-        active = g > 0 if plate.tied is None else (g > 0) | plate.tied
+        active = g > 0 if plate.pressed is None else plate.pressed
+        if plate.tied is not None:
+            active = active | plate.tied
         residual[..., last] = np.where(active, en * g, 0.0)
         stiffness[..., last] = np.where(active, en, 0.0)
     if plate.tied is not None and plate.targets is not None:

@@ -48,9 +48,9 @@ class Accuracy:
     solid_size: float
 
 
-QUICK = Accuracy("quick", 0.13, 0.16)
-STANDARD = Accuracy("standard", 0.08, 0.12)
-FINE = Accuracy("fine", 0.04, 0.085)
+QUICK = Accuracy("quick", 0.12, 0.16)
+STANDARD = Accuracy("standard", 0.06, 0.12)
+FINE = Accuracy("fine", 0.035, 0.085)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 LONGEST_STEP = 0.125
@@ -314,9 +314,18 @@ class _Path:
         guess = self.q
         if self._before is not None and self._before[0] != now:
             guess = self.q + (self.q - self._before[1]) * ((target - now) / (now - self._before[0]))
-        answer = newton(self.d.system, self.solver, guess, self.plate(depth, shear))
+        answer = newton(self.d.system, self.solver, guess, self.plate(depth, shear), self._pressed(depth))
         self.iterations += answer.iterations
         return answer
+
+    def _pressed(self, depth: float) -> NDArray[np.bool_] | None:
+        """Where to expect contact: as before, or within Hertz's radius at first touch."""
+        if self.grip:
+            return None
+        if self.depth == 0:
+            return np.asarray(self._skin.points[..., -1] >= self.d.shape.L - depth / 2)
+        u = self.d.system.state(self.q).u
+        return contact.overlap(self._skin, self.d.elements, u, self.plate(self.depth, self.shear)) > 0
 
     def solution(self, load: Load, reason: str, seconds: float) -> Solution:
         """The current state in the user's units."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +40,12 @@ class Equilibrium:
         return not self.reason
 
 
-def newton(system: System, solver: Solver, q: Array, plate: Plate | None) -> Equilibrium:
-    """Solve residual(q) = 0 from a first guess.
+def newton(
+    system: System, solver: Solver, q: Array, plate: Plate | None, pressed: NDArray[np.bool_] | None = None
+) -> Equilibrium:
+    """Solve residual(q) = 0 from a first guess; the first iteration takes the points `pressed` as those in contact.
+
+    Without that, a guess that has sunk into the plate wakes too many springs, which then fall away one by one.
 
     Converged when the residual forces are below TOLERANCE of the reactions and the residual volumes below
     TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
@@ -51,11 +55,12 @@ def newton(system: System, solver: Solver, q: Array, plate: Plate | None) -> Equ
     if state is None:
         state = system.state(q)
         return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out", None)
-    assembly = system.assemble(state, plate)
+    frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
+    assembly = system.assemble(state, frozen)
     unstable: int | None = None
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
-        if force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
+        if (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
             return Equilibrium(state, assembly, iteration, "", unstable)
         try:
             solver.factorise(assembly.tangent)

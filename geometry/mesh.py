@@ -71,7 +71,7 @@ def tetrahedra(
     Raises
     ------
     BadInput
-        A size is not a positive number, or the shape has no magnet to mesh.
+        A size is not a positive number, or the shape has no magnet to mesh or one that sticks out.
     RuntimeError
         fTetWild failed, ran out of time, or twice gave a mesh that cannot be curved.
     """
@@ -82,6 +82,8 @@ def tetrahedra(
         shape = shape.without_magnet()
     elif not shape.has_magnet:
         raise BadInput('this shape has no magnet (its diameter is 0): choose magnet="none"')
+    if not shape.wall > 0:
+        raise BadInput(f"the magnet must lie inside the beam; got a wall of {shape.wall:.3g}: take a smaller magnet")
     factor = WORK_DIAMETER / shape.D
     work = shape.scaled(factor)
     sizes = Sizes.of(work, factor * size, None if tip_size is None else factor * tip_size)
@@ -202,6 +204,9 @@ def _curved(mesh: MeshTet1, shape: Shape, rounded: bool) -> MeshTet2 | None:
         on["edge"] = _nodes_on(mesh, facets[lid]) & _nodes_on(mesh, facets[~lid])
     n = mesh.nvertices
     p = surface.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape)
+    top = p[2].argmax()
+    if math.hypot(p[0, top], p[1, top]) < 0.01 * shape.R:
+        p[:, top] = 0, 0, shape.L  # what a plate touches first
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=p))
     x = surface.project(straight.doflocs, on, shape)
     x[:, :n] = p

@@ -29,6 +29,8 @@ Ints = NDArray[np.int64]
 
 TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 4, 1 / 5, 1 / 2
 """Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
+CORNER = 0.012
+"""Least edge length at a sharp corner, in D: finer elements there only follow the singularity and turn inside out."""
 FILLET, GAP = 0.75, 0.42
 """Largest edge length at a fillet, as a fraction of its radius, and in a thin layer, as one of its thickness."""
 TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
@@ -80,11 +82,10 @@ class _Sizing:
 
 @dataclass(frozen=True, slots=True)
 class _Border:
-    """The curves cut into segments: their ends, shape (m, 2), index `node`; curve, its name, middle: shape (m,)."""
+    """The curves cut into segments: ends, shape (m, 2), that index `node`; name and middle, shape (m,)."""
 
     node: Points
     segment: Ints
-    curve: Ints
     name: NDArray[np.str_]
     middle: Points
 
@@ -126,16 +127,8 @@ def section(
     cuts = [_cuts(curve, sizing) for curve in curves]
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
-    for _ in range(12):
-        silicone, core, missing = _triangles(domain, border, inner, sizing)
-        if not missing.any():
-            return _second_order(_border(_outline(shape, magnet), cuts), inner * shape.D, silicone, core)
-        for k in np.unique(border.curve[missing]):
-            halves = (cuts[k][1:] + cuts[k][:-1]) / 2
-            cuts[k] = np.sort(np.append(cuts[k], halves[missing[border.curve == k]]))
-        border = _border(curves, cuts)
-        inner = inner[_clear(border, inner)]
-    raise RuntimeError(f"the section's outline could not be meshed at size {size:g}: take a smaller size")
+    silicone, core = _triangles(domain, border, inner, sizing)
+    return _second_order(_border(_outline(shape, magnet), cuts), inner * shape.D, silicone, core)
 
 
 def _pairs(x: Points) -> Floats:
@@ -182,7 +175,7 @@ def _room(shape: Shape, x: Points) -> Floats:
 
 def _sizing(shape: Shape, curves: list[_Curve], size: float, tip_size: float, meshed: bool) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
-    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, CLAMP * size])]
+    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(CORNER, CLAMP * size))])]
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = np.full(len(x), min(size, curve.length))
@@ -192,7 +185,7 @@ def _sizing(shape: Shape, curves: list[_Curve], size: float, tip_size: float, me
                 want = np.minimum(want, min(ROUND_EDGE * size, FILLET * abs(curve.start - curve.centre)))
             elif shape.magnet_edge_radius < SMALLEST:
                 corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
-                want = np.where(corner, np.minimum(want, SHARP_EDGE * size), want)
+                want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * size)), want)
             if meshed:
                 want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
         source.append(x[want < size])
@@ -226,9 +219,8 @@ def _border(curves: list[_Curve], cuts: list[Floats]) -> _Border:
         segments.append(np.column_stack([index[:-1], index[1:]]))
         middles.append(curve.at((t[:-1] + t[1:]) / 2))
         total += len(nodes[-1])
-    owner = np.repeat(np.arange(len(curves)), [len(part) for part in segments])
-    names = np.array([curve.name for curve in curves])[owner]
-    return _Border(np.concatenate(nodes), np.concatenate(segments), owner, names, np.concatenate(middles))
+    names = np.repeat([curve.name for curve in curves], [len(part) for part in segments])
+    return _Border(np.concatenate(nodes), np.concatenate(segments), names, np.concatenate(middles))
 
 
 def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
@@ -259,7 +251,8 @@ def _delaunay(x: Points, sizing: _Sizing) -> Ints:
     image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
     t: Ints = Delaunay(_pairs(image)).simplices.astype(np.int64)
     sides = x[t] - x[np.roll(t, 1, axis=1)]
-    return t[(sides[:, 1].conj() * sides[:, 2]).imag > 1e-6 * np.abs(sides).max(axis=1) ** 2]
+    upright: Ints = t[(sides[:, 1].conj() * sides[:, 2]).imag > 1e-6 * np.abs(sides).max(axis=1) ** 2]
+    return upright
 
 
 def _edges(t: Ints) -> Ints:
@@ -320,17 +313,16 @@ def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
     return np.asarray(np.count_nonzero(cut, axis=1) % 2 == 1)
 
 
-def _triangles(
-    domain: Shape, border: _Border, inner: Points, sizing: _Sizing
-) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """Triangles of the silicone and of the magnet, shape (n, 3), and which segments are no edge of any."""
+def _triangles(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> tuple[Ints, Ints]:
+    """Triangles of the silicone and of the magnet, shape (n, 3)."""
     x, ends = np.concatenate([border.node, inner]), border.node[border.segment]
     t = _delaunay(x, sizing)
     t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
     core = _within(x[t].mean(axis=1), ends[border.name == "magnet"])
     silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
-    known = _keys(_edges(np.concatenate([silicone, magnet])))
-    return silicone, magnet, ~np.isin(_keys(border.segment), known)
+    if not np.isin(_keys(border.segment), _keys(_edges(np.concatenate([silicone, magnet])))).all():
+        raise RuntimeError("the section's outline could not be meshed: take a smaller size")
+    return silicone, magnet
 
 
 def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) -> Any:

@@ -40,7 +40,9 @@ class Sizes:
     def of(cls, shape: Shape, size: float, tip_size: float | None) -> Sizes:
         """The sizes that follow from the size in the bulk, which is at most half the radius."""
         bulk = min(size, shape.R / 2)
-        edge = bulk / 4 if shape.has_magnet else bulk / 2
+        edge = bulk / 2
+        if shape.has_magnet:
+            edge = min(edge, max(bulk / 4, shape.magnet_edge_radius / 2), 0.2 * shape.magnet_diameter)
         return cls(shape, bulk, min(tip_size or bulk / 2, bulk), bulk / 2, edge)
 
     def finer(self, factor: float) -> Sizes:
