@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from skfem.quadrature import get_quadrature
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -57,16 +58,23 @@ class Surface:
 
     Attributes
     ----------
-    cell : (k,) the element behind each facet.
-    shape : (k, q, a) values of that element's shape functions.
+    nodes : (k, f) the nodes of each facet: corners, then the middles of its edges (01 or 01, 12, 02).
+    shape : (q, f) their shape functions.
     weights : (k, q) with 2 pi r where axisymmetric.
     points : (k, q, dim) reference positions.
     """
 
-    cell: Index
+    nodes: Index
     shape: Array
     weights: Array
     points: Array
+
+
+_FACET_NODES = {
+    2: np.array([[1, 2, 4], [0, 2, 5], [0, 1, 3]]),
+    3: np.array([[1, 2, 3, 5, 9, 8], [0, 2, 3, 6, 9, 7], [0, 1, 3, 4, 8, 7], [0, 1, 2, 4, 5, 6]]),
+}
+"""Local nodes of the facet opposite to each corner; edges are numbered 01, 12, 02 and 03, 13, 23."""
 
 
 def _bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
@@ -95,8 +103,8 @@ def build(mesh: skfem.Mesh, *, axisymmetric: bool, order: int = 4) -> Elements:
                 B[:, :, 2 * i + j, i::2] = grad[..., j]
         components = AXISYMMETRIC if axisymmetric else AXISYMMETRIC[:4]
     if axisymmetric:
-        radius = np.asarray(basis.global_coordinates().value)[0]
-        shape = np.stack([np.broadcast_to(np.asarray(b[0].value), (m, q)) for b in basis.basis], axis=2)
+        radius = np.asarray(basis.global_coordinates())[0]
+        shape = np.stack([np.broadcast_to(np.asarray(b[0]), (m, q)) for b in basis.basis], axis=2)
         B[:, :, 4, 0::2] = shape / radius[..., None]
         weights = weights * 2 * np.pi * radius
     return Elements(
@@ -105,20 +113,32 @@ def build(mesh: skfem.Mesh, *, axisymmetric: bool, order: int = 4) -> Elements:
         components=components,
         B=B,
         weights=weights,
-        pressure_shape=np.stack([np.broadcast_to(np.asarray(b[0].value), (m, q))[0] for b in pressure.basis], axis=1),
+        pressure_shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in pressure.basis], axis=1),
     )
 
 
-def surface(mesh: skfem.Mesh, name: str, *, axisymmetric: bool, order: int) -> Surface:
+def surface(mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bool, order: int) -> Surface:
     """Quadrature points on the named boundary of a mesh."""
-    quadratic, _ = _bases(mesh.p.shape[0])
-    basis = skfem.FacetBasis(mesh, quadratic, facets=name, intorder=order)
-    points = np.moveaxis(np.asarray(basis.global_coordinates().value), 0, -1)
-    shape = np.stack([np.broadcast_to(np.asarray(b[0].value), points.shape[:2]) for b in basis.basis], axis=2)
-    weights = np.array(basis.dx)
+    dim = elements.dim
+    facets = np.asarray(mesh.boundaries[name])
+    cell = np.asarray(mesh.f2t)[0, facets]
+    corners = np.asarray(mesh.facets)[:, facets].T
+    own = elements.cells[cell]
+    opposite = np.argmin((own[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
+    nodes = np.take_along_axis(own, _FACET_NODES[dim][opposite], axis=1)
+    reference, w = get_quadrature(skfem.refdom.RefLine if dim == 2 else skfem.refdom.RefTri, order)
+    quadratic = skfem.ElementLineP2() if dim == 2 else skfem.ElementTriP2()
+    basis = [quadratic.lbasis(reference, i) for i in range(nodes.shape[1])]
+    shape = np.stack([np.ravel(value) for value, _ in basis], axis=1)
+    slope = np.stack([np.reshape(grad, (dim - 1, -1)).T for _, grad in basis], axis=1)  # (q, f, dim - 1)
+    X = elements.nodes[nodes]
+    points = shape @ X
+    tangents = np.einsum("qfs,kfi->kqis", slope, X)
+    normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
+    weights = np.linalg.norm(normal, axis=-1) * w
     if axisymmetric:
         weights = weights * 2 * np.pi * points[..., 0]
-    return Surface(cell=basis.tind.astype(np.int64), shape=shape, weights=weights, points=points)
+    return Surface(nodes=nodes, shape=shape, weights=weights, points=points)
 
 
 def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:

@@ -76,6 +76,7 @@ class Solution:
     ----------
     load : the load that this state carries; less than the one asked for when the solve stopped on the way.
     response, field : the answer, and what it was read from.
+    energy : stored in the deformed silicone, N mm; its derivative by the depth is the normal force.
     status, message : "ok", or why not and what to try.
     error_estimate : relative error of the force from the mesh, None where it was not estimated.
     dofs, newton_iterations, seconds : what it cost since the state before.
@@ -83,6 +84,7 @@ class Solution:
 
     load: Load
     response: Response
+    energy: float
     status: Status
     message: str
     model: str
@@ -211,7 +213,7 @@ def _follow(
     depths = [load.depth / design.D for load in loads if load.depth > FIRST_TOUCH * design.D]
     if name == "axisymmetric":
         size = accuracy.section_size * coarsening
-        tip = math.sqrt(shape.R * min(depths, default=1.0)) * accuracy.section_size / QUICK.section_size / 3
+        tip = math.sqrt(shape.R * min(depths, default=1.0)) * accuracy.section_size / QUICK.section_size / 6
         d = models.axisymmetric(shape, design.nu, magnet, size, min(size, tip * coarsening))
     else:
         d = models.half(shape, design.nu, magnet, accuracy.solid_size * coarsening)
@@ -243,6 +245,7 @@ class _Path:
         self.depth, self.shear = 0.0, 0.0
         self.q = np.zeros(d.system.size)
         self.iterations = 0
+        self.energy = 0.0
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
         self.grip = first.grip is not None
@@ -278,8 +281,8 @@ class _Path:
         if self.tied is None:
             u = self.d.system.state(self.q).u
             plate = self.plate(self.depth, 0.0)
-            self.tied = contact.overlap(self._skin, self.d.elements, u, plate) > 0
-            self.targets = contact.positions(self._skin, self.d.elements, u)[..., :-1]
+            self.tied = contact.overlap(self._skin, u, plate) > 0
+            self.targets = contact.positions(self._skin, u)[..., :-1]
         self._before = None
         return self._leg("shear", along)
 
@@ -294,7 +297,7 @@ class _Path:
             answer = self._try(what, now, target)
             if answer.converged:
                 self._before = (now, self.q)
-                self.q = answer.state.q
+                self.q, self.energy = answer.state.q, answer.assembly.energy
                 now = target
                 if what == "depth":
                     self.depth = now
@@ -325,7 +328,7 @@ class _Path:
         if self.depth == 0:
             return np.asarray(self._skin.points[..., -1] >= self.d.shape.L - depth / 2)
         u = self.d.system.state(self.q).u
-        return contact.overlap(self._skin, self.d.elements, u, self.plate(self.depth, self.shear)) > 0
+        return contact.overlap(self._skin, u, self.plate(self.depth, self.shear)) > 0
 
     def solution(self, load: Load, reason: str, seconds: float) -> Solution:
         """The current state in the user's units."""
@@ -351,6 +354,7 @@ class _Path:
         return Solution(
             load=load,
             response=response,
+            energy=self.energy * d.symmetry * self.design.E * D**3,
             status=status,
             message=message,
             model=d.model,
@@ -381,9 +385,9 @@ class _Path:
 
     def _forces(self, u: Array, plate: Plate) -> tuple[tuple[float, float], float]:
         """Force along the shear and normal force on the tip, and the contact radius."""
-        residual, _, _ = contact.traction(self._skin, self.d.elements, u, plate)
+        residual, _, _ = contact.traction(self._skin, u, plate)
         total = self.d.symmetry * np.einsum("kq,kqi->i", self._skin.weights, residual)
-        radius = 0.0 if self.grip else contact.contact_radius(self._skin, self.d.elements, u, plate)
+        radius = 0.0 if self.grip else contact.contact_radius(self._skin, u, plate)
         return (0.0 if len(total) == 2 else -float(total[0]), float(total[-1])), radius
 
     def _pose(self, u: Array) -> tuple[tuple[float, float], float]:

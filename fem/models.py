@@ -60,7 +60,7 @@ def axisymmetric(shape: Shape, nu: float, magnet: Magnet, size: float, tip_size:
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
     fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
-    skin = elements.surface(mesh, "skin", axisymmetric=True, order=5)
+    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
     return _discretise("axisymmetric", mesh, e, skin, fixed, shape, nu, rigid, 1.0)
 
 
@@ -72,7 +72,7 @@ def half(shape: Shape, nu: float, magnet: Magnet, size: float) -> Discretisation
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
     fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
-    skin = elements.surface(mesh, "skin", axisymmetric=False, order=4)
+    skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
     return _discretise("half", mesh, e, skin, fixed, shape, nu, rigid, 2.0)
 
 

@@ -70,7 +70,8 @@ class System:
     Attributes
     ----------
     size, n_free, n_rigid, n_pressure : numbers of unknowns.
-    eliminated : (nodes, dim) mask of the displacements that are fixed or follow the magnet.
+    free, eliminated : (nodes, dim) masks of the displacements that are unknowns, and
+        of those that are fixed or follow the magnet.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class System:
         self.corner_nodes = corners
         self._pressure = inverse.reshape(e.corners.shape)
         self.size = self.n_free + self.n_rigid + self.n_pressure
-        self._free = free
+        self.free = free
         self.eliminated = used & ~free
         touches = np.zeros(n, dtype=bool)
         touches[self.glued] = True
@@ -120,12 +121,16 @@ class System:
         outer = np.hstack([u[self._at_magnet], p[self._at_magnet], motion])
         self._dofs = np.hstack([u, p])
         single = np.arange(self.n_free, self.n_free + self.n_rigid, dtype=np.int64)[None]
-        self.pattern = Pattern([inner, outer, single], self.size)
+        groups = [inner, outer, single]
+        if self.surface is not None:
+            facets = self._reduced[self.surface.nodes]
+            groups += [np.ascontiguousarray(facets[..., i]) for i in range(dim)]
+        self.pattern = Pattern(groups, self.size)
 
     def state(self, q: Array) -> State:
         """Displacements and pressures of unknowns q."""
         u = np.zeros(self.elements.nodes.shape)
-        u[self._free] = q[: self.n_free]
+        u[self.free] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.rigid.displacement(self.motion(q))
         return State(q, u, q[self.n_free + self.n_rigid :])
@@ -166,37 +171,37 @@ class System:
         fp = (w * (k.Jm1 - p * self.inverse_K)) @ e.pressure_shape
         Kpp = -np.swapaxes(e.pressure_shape, 0, 1) @ ((w * self.inverse_K)[..., None] * e.pressure_shape)
         energy = float(np.sum(w * (W + p * k.Jm1 - p**2 * self.inverse_K / 2)))
-        if plate is not None and self.surface is not None:
-            energy += self._add_springs(state, plate, fu, Kuu)
         K = np.concatenate(
             [np.concatenate([Kuu, Kup], axis=2), np.concatenate([np.swapaxes(Kup, 1, 2), Kpp], axis=2)], axis=1
         )
-        residual, forces, matrix = self._reduce(state, np.hstack([fu, fp]), K)
-        return Assembly(residual, matrix, energy, forces, 1 + float(k.Jm1.min()))
+        nodal, springs, spring_energy = self._springs(state, plate)
+        residual, forces, blocks = self._reduce(state, np.hstack([fu, fp]), K, nodal)
+        matrix = self.pattern.assemble(blocks + springs)
+        return Assembly(residual, matrix, energy + spring_energy, forces, 1 + float(k.Jm1.min()))
 
-    def _add_springs(self, state: State, plate: Plate, fu: Array, Kuu: Array) -> float:
-        """Add the plate's springs to the element vectors and matrices in place; returns their energy."""
+    def _springs(self, state: State, plate: Plate | None) -> tuple[Array, list[Array], float]:
+        """Nodal forces, matrices per facet and direction, and energy of the plate's springs."""
+        nodal = np.zeros(self.elements.nodes.shape)
         s = self.surface
-        assert s is not None
-        residual, stiffness, energy = contact.traction(s, self.elements, state.u, plate)
-        touched = np.flatnonzero((stiffness != 0).any(axis=(1, 2)))
-        N, w, cell = s.shape[touched], s.weights[touched], s.cell[touched]
-        dim = self.elements.dim
-        for i in range(dim):
-            f = ((w * residual[touched, :, i])[:, None, :] @ N)[:, 0]
-            K = np.swapaxes(N, 1, 2) @ ((w * stiffness[touched, :, i])[..., None] * N)
-            np.add.at(fu[:, i::dim], cell, f)
-            np.add.at(Kuu[:, i::dim, i::dim], cell, K)
-        return energy
+        if s is None:
+            return nodal, [], 0.0
+        if plate is None:
+            none = np.zeros((*s.nodes.shape, s.nodes.shape[1]))
+            return nodal, [none] * self.elements.dim, 0.0
+        residual, stiffness, energy = contact.traction(s, state.u, plate)
+        np.add.at(nodal, s.nodes, np.swapaxes(s.shape, 0, 1) @ (s.weights[..., None] * residual))
+        pairs = s.shape[:, :, None] * s.shape[:, None, :]
+        blocks = np.tensordot(np.moveaxis(s.weights[..., None] * stiffness, -1, 0), pairs, axes=1)
+        return nodal, list(blocks), energy
 
-    def _reduce(self, state: State, f: Array, K: Array) -> tuple[Array, Array, sp.csr_matrix]:
-        """Eliminate fixed displacements and replace the magnet's nodes by its motion."""
+    def _reduce(self, state: State, f: Array, K: Array, nodal: Array) -> tuple[Array, Array, list[Array]]:
+        """Residual, nodal forces and matrices once the magnet's nodes follow its motion; `nodal` are the springs'."""
         e = self.elements
         dim, nd = e.dim, e.B.shape[-1]
-        forces = np.zeros(e.nodes.shape)
+        forces = nodal
         np.add.at(forces, e.cells, f[:, :nd].reshape(len(f), -1, dim))
         residual = np.zeros(self.size)
-        residual[: self.n_free] = forces[self._free]
+        residual[: self.n_free] = forces[self.free]
         p = self._pressure + self.n_free + self.n_rigid
         residual += np.bincount(p.ravel(), weights=f[:, nd:].ravel(), minlength=self.size)
         inner, outer = K[~self._at_magnet], K[self._at_magnet]
@@ -213,4 +218,4 @@ class System:
             bottom = np.concatenate([np.swapaxes(KT, 1, 2), np.swapaxes(Te, 1, 2) @ KT], axis=2)
             outer = np.concatenate([np.concatenate([outer, KT], axis=2), bottom], axis=1)
             own[0] = self.rigid.curvature(motion, forces[self.glued])
-        return residual, forces, self.pattern.assemble([inner, outer, own])
+        return residual, forces, [inner, outer, own]

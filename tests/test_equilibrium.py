@@ -1,0 +1,174 @@
+"""Whole solves: similarity, limits, agreement of the models, statuses."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.equilibrium import QUICK, STANDARD, solve, trace
+from geometry.design import BadInput, Design, paper
+from geometry.scene import Load
+
+ROUGH = replace(QUICK, solid_size=0.17)
+
+
+def normal(solution):
+    return solution.response.force[2]
+
+
+def test_force_is_proportional_to_E_and_the_pose_independent_of_it():
+    soft, stiff = (solve(Design(E=E), Load(depth=1.0), QUICK) for E in (1e-3, 1e3))
+    assert normal(stiff) == pytest.approx(1e6 * normal(soft), rel=1e-9)
+    assert stiff.response.shift == pytest.approx(soft.response.shift, rel=1e-9)
+    assert stiff.response.contact_radius == pytest.approx(soft.response.contact_radius, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1 / 8, 50 / 8])
+def test_similar_designs_under_similar_loads(factor):
+    small = paper()
+    names = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    large = replace(small, **{name: factor * getattr(small, name) for name in names}, l0=factor * small.l0)
+    one, other = solve(small, Load(depth=1.0), QUICK), solve(large, Load(depth=factor), QUICK)
+    assert normal(other) == pytest.approx(factor**2 * normal(one), rel=1e-9)
+    assert other.response.shift[2] == pytest.approx(factor * one.response.shift[2], rel=1e-9)
+
+
+@pytest.mark.parametrize("depth", [1e-9, 1e-6, 1e-3])
+def test_hertz_at_small_depth(depth):
+    """F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5; the body's own compliance takes 1 % at a micrometre."""
+    design = paper()
+    solution = solve(design, Load(depth=depth), STANDARD, magnet="ignored")
+    hertz = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * depth**1.5
+    assert solution.status == "ok"
+    assert normal(solution) == pytest.approx(hertz, rel=0.012)
+    assert solution.response.contact_radius == pytest.approx(math.sqrt(design.R * depth), rel=0.08)
+
+
+def test_hertz_slope():
+    forces = [normal(s) for s in trace(paper(), [Load(depth=d) for d in (1e-6, 1e-4)], STANDARD, magnet="ignored")]
+    assert math.log(forces[1] / forces[0]) / math.log(100) == pytest.approx(1.5, abs=0.003)
+
+
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_force_is_the_derivative_of_the_stored_energy(magnet):
+    step = 0.01
+    low, middle, high = trace(
+        paper(), [Load(depth=d) for d in (1 - step, 1.0, 1 + step)], QUICK, magnet=magnet, estimate=False
+    )
+    assert (high.energy - low.energy) / (2 * step) == pytest.approx(normal(middle), rel=2e-3)
+
+
+def test_the_base_carries_the_plate():
+    solution = solve(paper(), Load(depth=2.0), QUICK)
+    again = solve(paper(), Load(depth=2.0), replace(QUICK, name="once more"))
+    assert normal(solution) == normal(again)
+    assert solution.response.shift[2] < 0 < normal(solution)
+
+
+def test_refinement_moves_the_force_by_less_than_the_estimate():
+    for magnet in ("rigid", "ignored"):
+        coarse = solve(paper(), Load(depth=1.5), QUICK, magnet=magnet)
+        fine = solve(paper(), Load(depth=1.5), STANDARD, magnet=magnet)
+        assert abs(normal(coarse) / normal(fine) - 1) < 0.02
+        assert coarse.error_estimate is not None
+        assert 0 < coarse.error_estimate < 0.05
+
+
+def test_path_and_single_solve_agree():
+    whole = trace(paper(), [Load(depth=d) for d in (1.0, 1.5, 2.0)], QUICK, estimate=False)[-1]
+    straight = trace(paper(), [Load(depth=1.0), Load(depth=2.0)], QUICK, estimate=False)[-1]
+    assert normal(whole) == pytest.approx(normal(straight), rel=1e-7)
+
+
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_half_model_agrees_with_axisymmetric(magnet):
+    load = Load(depth=1.0)
+    solid = solve(paper(), load, replace(QUICK, solid_size=0.135), magnet=magnet, model="half")
+    section = solve(paper(), load, STANDARD, magnet=magnet)
+    assert normal(solid) == pytest.approx(normal(section), rel=0.01)
+    assert solid.response.shift[2] == pytest.approx(section.response.shift[2], rel=0.01)
+    assert abs(solid.response.tilt) < math.radians(0.3)
+
+
+def test_sticking_shear_pushes_and_tilts_towards_the_motion():
+    design = paper()
+    loads = [Load(depth=1.0, shear_x=s, friction="stick") for s in (0.0, 0.2)]
+    still, sheared = trace(design, loads, ROUGH, magnet="ignored", model="half")
+    fx, _, fz = sheared.response.force
+    assert 0.4 * 0.2 < fx < 1.0 * 0.2
+    assert fz == pytest.approx(normal(still), rel=0.02)
+    assert 0.05 < sheared.response.shift[0] < 0.2
+    assert 0.005 < sheared.response.tilt < 0.05
+
+
+def test_grip_shears_either_way_alike():
+    design = paper()
+    there, back = (solve(design, Load(shear_x=s, grip=2.0), ROUGH, magnet="ignored").response for s in (0.5, -0.5))
+    assert there.force[0] == pytest.approx(-back.force[0], rel=0.02)
+    assert there.tilt == pytest.approx(-back.tilt, rel=0.03)
+    assert there.force[2] == 0
+
+
+def test_shear_direction_only_turns_the_answer():
+    design = paper()
+    along, across = (
+        solve(design, load, ROUGH, magnet="ignored").response
+        for load in (Load(shear_x=0.5, grip=2.0), Load(shear_y=0.5, grip=2.0))
+    )
+    assert across.force[1] == pytest.approx(along.force[0], rel=1e-6)
+    assert across.shift[1] == pytest.approx(along.shift[0], rel=1e-6)
+    assert abs(across.force[0]) < 1e-12
+
+
+def test_a_solve_that_cannot_go_on_keeps_what_it_reached():
+    solutions = trace(paper(), [Load(depth=d) for d in (1.0, 6.5)], QUICK, estimate=False)
+    assert [s.status for s in solutions] == ["ok", "not_converged"]
+    last = solutions[-1]
+    assert 1.0 < last.load.depth < 6.5
+    assert f"{last.load.depth:.4g} mm" in last.message
+    assert normal(last) > normal(solutions[0])
+    assert np.isfinite(last.field.u).all()
+
+
+def test_a_patch_too_small_for_the_solid_mesh_is_never_a_silent_zero():
+    solution = solve(paper(), Load(depth=1e-9), ROUGH, magnet="ignored", model="half")
+    assert solution.status == "no_contact"
+    assert "axisymmetric" in solution.message
+
+
+def test_zero_depth_is_zero_force():
+    solution = solve(paper(), Load(), QUICK)
+    assert solution.status == "ok"
+    assert solution.response.force == (0.0, 0.0, 0.0)
+
+
+def test_frictionless_plate_slides():
+    solution = solve(paper(), Load(depth=0.5, shear_x=1.0), QUICK)
+    assert solution.response.force[0] == 0
+    assert "slides" in solution.message
+
+
+@pytest.mark.parametrize(
+    ("loads", "model", "text"),
+    [
+        ([Load(depth=7.0)], "auto", "silicone"),
+        ([Load(depth=1, shear_x=1, friction="stick")], "axisymmetric", "shear"),
+        ([Load(depth=1)], "harmonic", "not available"),
+        ([Load(depth=1)], "full", "not available"),
+        ([Load(depth=1, friction=0.3)], "auto", "Coulomb"),
+        ([Load(shear_x=1, friction="stick")], "auto", "in contact"),
+        ([Load(depth=1, shear_x=1, friction="stick"), Load(depth=2, friction="stick")], "auto", "glued"),
+        ([], "auto", "at least one"),
+    ],
+)
+def test_loads_that_cannot_be_answered(loads, model, text):
+    with pytest.raises(BadInput, match=text):
+        trace(paper(), loads, QUICK, model=model)
+
+
+def test_a_rigid_magnet_needs_a_magnet():
+    bare = Design(magnet_diameter=0, magnet_height=0, magnet_edge_radius=0)
+    with pytest.raises(BadInput, match="no magnet"):
+        solve(bare, Load(depth=1.0), QUICK)
+    assert solve(bare, Load(depth=1.0), QUICK, magnet="ignored").status == "ok"

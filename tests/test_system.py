@@ -1,0 +1,208 @@
+"""The discrete system: blocks with known answers, residual and tangent against finite differences."""
+
+import numpy as np
+import pytest
+import skfem
+
+from fem import elements
+from fem.contact import Plate
+from fem.linear import Solver, have_pardiso
+from fem.material import lame
+from fem.newton import newton
+from fem.rigid import RigidBody
+from fem.system import System
+from geometry.design import Design
+from geometry.section import section
+
+RNG = np.random.default_rng(2)
+NONE = np.empty(0, dtype=np.int64)
+
+
+def cylinder(nu=0.4998, n=2):
+    """A block of radius 1 and height 1 on (r, z), free to slip on its base, skin = top."""
+    mesh = skfem.MeshTri2.from_mesh(skfem.MeshTri.init_tensor(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
+    mesh = mesh.with_boundaries({"skin": lambda x: x[1] > 1 - 1e-9})
+    e = elements.build(mesh, axisymmetric=True)
+    fixed = np.stack([e.nodes[:, 0] < 1e-9, e.nodes[:, 1] < 1e-9], axis=1)
+    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
+    return System(e, skin, *lame(1.0, nu), fixed, NONE, np.zeros(2))
+
+
+def cube(nu=0.4998):
+    """A unit cube with three mirror planes, skin = top."""
+    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 2)] * 3))
+    mesh = mesh.with_boundaries({"skin": lambda x: x[2] > 1 - 1e-9})
+    e = elements.build(mesh, axisymmetric=False)
+    skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
+    return System(e, skin, *lame(1.0, nu), e.nodes < 1e-9, NONE, np.zeros(3))
+
+
+def half_ball():
+    """Silicone y >= 0 around a rigid core at the centre of a cube; skin = top."""
+    grid = np.linspace(-1, 1, 5)
+    mesh = skfem.MeshTet.init_tensor(grid, np.linspace(0, 1, 3), grid)
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    mesh = mesh.remove_elements(np.flatnonzero(np.abs(middle).max(axis=0) < 0.5))
+    mesh = skfem.MeshTet2.from_mesh(mesh).with_boundaries({"skin": lambda x: x[2] > 1 - 1e-9})
+    e = elements.build(mesh, axisymmetric=False)
+    fixed = np.zeros(e.nodes.shape, dtype=bool)
+    fixed[e.nodes[:, 2] < -1 + 1e-9] = True
+    fixed[e.nodes[:, 1] < 1e-9, 1] = True
+    core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < 0.5 + 1e-9)
+    skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
+    return System(e, skin, *lame(1.0, 0.49), fixed, core, np.zeros(3))
+
+
+def sensor():
+    mesh = section(Design().shape.scaled(1 / 8), 0.16)
+    e = elements.build(mesh, axisymmetric=True)
+    fixed = np.zeros(e.nodes.shape, dtype=bool)
+    fixed[elements.boundary_nodes(mesh, "base")] = True
+    fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
+    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
+    glued = elements.boundary_nodes(mesh, "magnet")
+    return System(e, skin, *lame(1.0, 0.4998), fixed, glued, np.array([0, 0.625]))
+
+
+PRESS = {"cylinder": 1.0, "cube": 1.0, "half ball": 1.0, "sensor": 1.125}
+SCENES = {"cylinder": cylinder, "cube": cube, "half ball": half_ball, "sensor": sensor}
+
+
+def plate(name, depth, shear=0.0):
+    system = SCENES[name]()
+    dim = system.elements.dim
+    return system, Plate(PRESS[name] - depth, 50.0, np.append(shear, np.zeros(dim - 2)))
+
+
+def smooth(system):
+    """Unknowns of a smooth displacement that inverts no element, and random pressures."""
+    x = system.elements.nodes
+    wave = 0.003 * np.sin(x @ RNG.normal(size=(x.shape[1], x.shape[1])) + 1)
+    q = 0.1 * RNG.normal(size=system.size)
+    q[: system.n_free] = wave[system.free]
+    q[system.n_free : system.n_free + system.n_rigid] = wave.mean(axis=0)[-1]
+    return q
+
+
+@pytest.mark.parametrize("make", [cylinder, cube])
+@pytest.mark.parametrize("depth", [1e-6, 0.2, 0.5])
+def test_uniaxial_press_of_a_block_has_its_closed_form(make, depth):
+    """Nominal stress mu (s - s^-2) of an incompressible block; the plate's penalty is part of the answer."""
+    system = make(nu=0.5)
+    spring = 1e6
+    flat = Plate(1 - depth, spring, np.zeros(system.elements.dim - 1))
+    answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
+    assert answer.converged
+    shortening = -answer.state.u[:, -1].min()
+    s = 1 - shortening
+    force = answer.assembly.forces[system.elements.nodes[:, -1] < 1e-9, -1].sum()
+    expected = shortening * (1 + s + s**2) / s**2 / 3 * system.surface.weights.sum()
+    assert force == pytest.approx(expected, rel=1e-8)
+
+
+def test_compressible_uniaxial_block():
+    """nu = 0.3: the free lateral stretch of P_rr = 0, solved by a scalar equation."""
+    from scipy.optimize import brentq
+
+    mu, inverse_K = lame(1.0, 0.3)
+
+    def stress(t, s):
+        J = t * t * s
+        I1 = 2 * t * t + s * s
+        W = mu * J ** (-2 / 3)
+        return [W * (x - I1 / 3 / x) + (J - 1) / inverse_K * J / x for x in (t, s)]
+
+    system = cylinder(nu=0.3)
+    flat = Plate(0.7, 1e7, np.zeros(1))
+    answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
+    s = 1 + answer.state.u[:, 1].min()
+    t = brentq(lambda x: stress(x, s)[0], 1.0, 1.5)
+    assert answer.state.u[:, 0].max() == pytest.approx(t - 1, rel=1e-9)
+    force = 1e7 * (s - 0.7) * np.pi
+    assert force == pytest.approx(-stress(t, s)[1] * np.pi, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(name):
+    system, flat = plate(name, 0.1, 0.05)
+    tied = RNG.random(system.surface.weights.shape) < 0.3
+    flat = Plate(flat.height, flat.stiffness, flat.shear, tied, system.surface.points[..., :-1])
+    q = smooth(system)
+    if system.n_rigid == 3:
+        q[system.n_free + 2] = 0.1
+    direction, step = RNG.normal(size=system.size), 1e-7
+    here = system.assemble(system.state(q), flat)
+    ahead = system.assemble(system.state(q + step * direction), flat)
+    behind = system.assemble(system.state(q - step * direction), flat)
+    assert (ahead.energy - behind.energy) / (2 * step) == pytest.approx(here.residual @ direction, rel=1e-6)
+    upper = here.tangent
+    full = upper + upper.T
+    full.setdiag(upper.diagonal())
+    slope = (ahead.residual - behind.residual) / (2 * step)
+    np.testing.assert_allclose(full @ direction, slope, atol=2e-5 * np.abs(slope).max())
+
+
+def test_rigid_body_motion_gives_no_forces():
+    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet())
+    e = elements.build(mesh, axisymmetric=False)
+    system = System(e, None, *lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool), NONE, np.zeros(3))
+    body = RigidBody(e.nodes - 0.3)
+    u = body.displacement(np.array([0.2, -0.1, 2.0]))
+    q = np.zeros(system.size)
+    q[: system.n_free] = u.ravel()
+    here = system.assemble(system.state(q), None)
+    assert np.abs(here.residual).max() < 1e-14
+    assert abs(here.energy) < 1e-14
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_rigid_motion_derivatives(size):
+    body = RigidBody(RNG.normal(size=(4, 2 if size == 1 else 3)))
+    q, force, step = RNG.normal(size=size), RNG.normal(size=body.arms.shape), 1e-6
+    for i in range(size):
+        e = step * np.eye(size)[i]
+        slope = (body.displacement(q + e) - body.displacement(q - e)) / (2 * step)
+        np.testing.assert_allclose(body.derivative(q)[..., i], slope, atol=1e-8)
+        curve = np.einsum("ni,nir->r", force, (body.derivative(q + e) - body.derivative(q - e)) / (2 * step))
+        np.testing.assert_allclose(body.curvature(q, force)[i], curve, atol=1e-8)
+
+
+def test_both_linear_solvers_agree():
+    system, flat = plate("sensor", 0.1)
+    q = smooth(system)
+    here = system.assemble(system.state(q), flat)
+    answers = []
+    for pardiso in {False, have_pardiso()}:
+        solver = Solver(pardiso=pardiso)
+        solver.factorise(here.tangent)
+        answers.append(solver.solve(here.residual))
+        solver.close()
+    np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
+
+
+def test_rigid_magnet_equals_a_very_stiff_one():
+    """The exact constraint against an elastic magnet 1e5 times stiffer, on one mesh."""
+    shape = Design().shape.scaled(1 / 8)
+    mu, inverse_K = lame(1.0, 0.4998)
+    forces, shifts = [], []
+    for magnet in ("hole", "meshed"):
+        mesh = section(shape, 0.1, tip_size=0.05, magnet=magnet)
+        e = elements.build(mesh, axisymmetric=True)
+        fixed = np.zeros(e.nodes.shape, dtype=bool)
+        fixed[elements.boundary_nodes(mesh, "base")] = True
+        fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
+        skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
+        stiff = np.ones(len(e.cells))
+        if magnet == "meshed":
+            stiff[mesh.subdomains["magnet"]] = 1e5
+        glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
+        system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, np.array([0, shape.H]))
+        flat = Plate(shape.L - 0.1, 5000.0, np.zeros(1))
+        guess = skin.points[..., 1] >= shape.L - 0.05
+        answer = newton(system, Solver(), np.zeros(system.size), flat, guess)
+        assert answer.converged
+        forces.append(answer.assembly.forces[fixed[:, 1], 1].sum())
+        centre = np.argmin(np.hypot(e.nodes[:, 0] - shape.magnet_diameter / 2, e.nodes[:, 1] - shape.H))
+        shifts.append(answer.state.u[centre, 1])
+    assert forces[0] == pytest.approx(forces[1], rel=2e-3)
+    assert shifts[0] == pytest.approx(shifts[1], rel=2e-3)
