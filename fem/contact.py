@@ -3,7 +3,8 @@
 The plate's lower face is the plane z = z_p. A skin point at z = Z + u_z overlaps it by g = z - z_p, and the plate
 pushes back with a pressure en <g> per reference area (energy en <g>^2 / 2: the force is the derivative of an
 energy). A glued point keeps its normal spring for both signs of g and gains a tangential spring towards a target
-that moves with the plate; a gripped point has the tangential spring alone.
+that moves with the plate; a gripped point has the tangential spring alone. Glued is every point within the contact
+radius, rather than every point with g > 0: on a coarse mesh some points inside the patch hang a little.
 
 With en = KAPPA E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate, the
 overlap is about 0.57 d / KAPPA on a Hertz contact: the force comes out 0.85 / KAPPA too small, whatever the depth.
@@ -34,6 +35,7 @@ class Plate:
     shear : (dim - 1,) sideways motion of plate or grip since the points were tied.
     tied : (k, q) mask of the tied quadrature points, or None.
     targets : (k, q, dim - 1) tangential positions of the tied points at shear 0.
+    gap : (k, q) distance to the plate at which each tied point was glued (0 where it was pressed).
     pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap.
     """
 
@@ -42,6 +44,7 @@ class Plate:
     shear: Array
     tied: NDArray[np.bool_] | None = None
     targets: Array | None = None
+    gap: Array | None = None
     pressed: NDArray[np.bool_] | None = None
 
 
@@ -73,8 +76,9 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
     if plate.height is not None:
         g = overlap(surface, u, plate)
         active = g > 0 if plate.pressed is None else plate.pressed
-        if plate.tied is not None:
+        if plate.tied is not None and plate.gap is not None:
             active = active | plate.tied
+            g = np.where(plate.tied, g + plate.gap, g)
         residual[..., last] = np.where(active, en * g, 0.0)
         stiffness[..., last] = np.where(active, en, 0.0)
     if plate.tied is not None and plate.targets is not None:
@@ -84,6 +88,15 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
         stiffness[..., :last] = np.where(plate.tied[..., None], en, 0.0)
     energy = float(np.sum(surface.weights[..., None] * residual**2) / (2 * en))
     return residual, stiffness, energy
+
+
+def from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Distance of the skin's points from the centre of pressure, along the plate, shape (k, q)."""
+    x = positions(surface, u)
+    if x.shape[-1] == 2:
+        return np.abs(x[..., 0])
+    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+    return np.hypot(x[..., 0] - np.sum(load * x[..., 0]) / np.sum(load), x[..., 1])
 
 
 def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
@@ -98,11 +111,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     pressed = g > 0
     if not pressed.any():
         return 0.0
-    x = positions(surface, u)
-    r = np.abs(x[..., 0])
-    if x.shape[-1] == 3:
-        load = surface.weights[pressed] * g[pressed]
-        r = np.hypot(x[..., 0] - np.sum(load * x[pressed][:, 0]) / np.sum(load), x[..., 1])
+    r = from_pressure_centre(surface, u, plate)
     outermost = radius = float(r[pressed].max())
     for _ in range(4):
         around = ~pressed & (r > 1.05 * radius) & (r < 1.35 * radius)

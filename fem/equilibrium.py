@@ -143,7 +143,9 @@ def trace(
     ----------
     loads : all of one kind (plate or grip, friction, direction of shear); under a glued plate the depth must not
         change once it has sheared.
-    estimate : also solve on a mesh coarser by half, to estimate the error of the force (axisymmetric only).
+    estimate : estimate the error of the force. Axisymmetric model and grip: twice the difference to a mesh coarser
+        by half. Half model under a plate: the difference of its normal force, before any shear, to the axisymmetric
+        model at the same depth, plus that one's own estimate.
     progress : called with a fraction of the path and a text.
 
     Returns
@@ -162,19 +164,54 @@ def trace(
         check_load(design, load, magnet)
     name = choose_model(loads, model)
     _check_path(loads)
-    solutions = _follow(design, loads, accuracy, magnet, name, 1.0, progress)
-    if estimate and name == "axisymmetric":
+    if not estimate:
+        return _follow(design, loads, accuracy, magnet, name, 1.0, progress)
+    if name == "axisymmetric" or loads[0].grip is not None:
+        solutions = _follow(design, loads, accuracy, magnet, name, 1.0, progress)
         coarse = _follow(design, loads, accuracy, magnet, name, 1.5, None)
-        solutions = [_with_estimate(s, c) for s, c in zip(solutions, coarse, strict=False)] + solutions[len(coarse) :]
-    return solutions
+        pairs = zip(solutions, coarse, strict=False)
+        return [_with_estimate(s, 2 * _difference(s, c), c) for s, c in pairs] + solutions[len(coarse) :]
+    return _estimated_half(design, loads, accuracy, magnet, progress)
 
 
-def _with_estimate(fine: Solution, coarse: Solution) -> Solution:
-    """Add the difference to a coarser mesh, an upper bound as long as the error falls at first order or better."""
-    if coarse.load != fine.load or fine.response.force[2] == 0:
-        return fine
-    difference = abs(coarse.response.force[2] / fine.response.force[2] - 1)
-    return replace(fine, error_estimate=2 * difference, seconds=fine.seconds + coarse.seconds)
+def _estimated_half(
+    design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, progress: Progress | None
+) -> list[Solution]:
+    """Solutions of the half model with the error of their normal force before the shear."""
+    pressed = replace(loads[0], shear_x=0.0, shear_y=0.0)
+    first = [] if loads[0] == pressed else [pressed]
+    solid = _follow(design, [*first, *loads], accuracy, magnet, "half", 1.0, progress)
+    depths = sorted({load.depth for load in loads})
+    section = trace(design, [Load(depth=d) for d in depths], accuracy, magnet=magnet, model="axisymmetric")
+    error: dict[float, float] = {}
+    for s in solid:
+        match = next((c for c in section if c.load.depth == s.load.depth and c.status == "ok"), None)
+        if match is not None and not _slides(s.load):
+            error[s.load.depth] = _difference(s, match) + (match.error_estimate or 0.0)
+    solid = [_with_estimate(s, error.get(s.load.depth)) for s in solid]
+    if len(solid) > len(first):
+        kept = solid[len(first) :]
+        return [replace(kept[0], seconds=sum(s.seconds for s in solid[: len(first) + 1])), *kept[1:]]
+    return solid
+
+
+def _difference(one: Solution, other: Solution) -> float:
+    """Relative difference of the forces, 0 where there are none; infinite where the loads differ."""
+    if (one.load.depth, one.load.shear_x, one.load.shear_y) != (
+        other.load.depth,
+        other.load.shear_x,
+        other.load.shear_y,
+    ):
+        return math.inf
+    size = math.hypot(*one.response.force)
+    return math.dist(one.response.force, other.response.force) / size if size else 0.0
+
+
+def _with_estimate(solution: Solution, error: float | None, companion: Solution | None = None) -> Solution:
+    if error is None or not math.isfinite(error):
+        return solution
+    extra = companion.seconds if companion else 0.0
+    return replace(solution, error_estimate=error, seconds=solution.seconds + extra)
 
 
 def _slides(load: Load) -> bool:
@@ -248,6 +285,7 @@ class _Path:
         self.energy = 0.0
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
+        self.gap: Array | None = None
         self.grip = first.grip is not None
         skin = self._skin
         if first.grip is not None:
@@ -266,7 +304,7 @@ class _Path:
         vector[0] = shear
         radius = self.d.shape.R if self.grip else math.sqrt(self.d.shape.R * max(depth, FIRST_TOUCH))
         height = None if self.grip else self.d.shape.L - depth
-        return Plate(height, KAPPA / radius, vector, self.tied, self.targets)
+        return Plate(height, KAPPA / radius, vector, self.tied, self.targets, self.gap)
 
     def go(self, load: Load) -> str:
         """Move to a load; returns an empty text or why it stopped on the way."""
@@ -279,10 +317,12 @@ class _Path:
         if reason or (along == 0 and self.shear == 0):
             return reason
         if self.tied is None:
-            u = self.d.system.state(self.q).u
-            plate = self.plate(self.depth, 0.0)
-            self.tied = contact.overlap(self._skin, u, plate) > 0
+            u, plate = self.d.system.state(self.q).u, self.plate(self.depth, 0.0)
+            radius = contact.contact_radius(self._skin, u, plate)
+            near = self._skin.points[..., -1] > self.d.shape.H
+            self.tied = near & (contact.from_pressure_centre(self._skin, u, plate) < radius)
             self.targets = contact.positions(self._skin, u)[..., :-1]
+            self.gap = np.maximum(-contact.overlap(self._skin, u, plate), 0.0)
         self._before = None
         return self._leg("shear", along)
 
