@@ -22,6 +22,7 @@ from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
 from geometry.design import BadInput, Shape
+from geometry.outline import SMALLEST, Curve, outline, room
 
 Points = NDArray[np.complex128]
 Floats = NDArray[np.float64]
@@ -36,34 +37,8 @@ FILLET, GAP = 0.75, 0.42
 TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
 """Growth of the edge length with distance from the tip and from other features; below this size (in D) it shrinks
 with the size, so that halving the size halves every edge length."""
-SPACING, STEPS, SMALLEST = 0.85, 10, 1e-9
-"""Least distance of points as a fraction of the edge length; smoothing steps; lengths in D that count as zero."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Curve:
-    """A straight line, or an arc about `centre` from `bearing[0]` to `bearing[1]`, angles from +z towards +r."""
-
-    name: str
-    start: complex
-    end: complex
-    centre: complex | None = None
-    bearing: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def length(self) -> float:
-        if self.centre is None:
-            return abs(self.end - self.start)
-        return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
-
-    def at(self, t: Floats) -> Points:
-        """The points at the fractions t of the length, exact at both ends."""
-        if self.centre is None:
-            inner = self.start + (self.end - self.start) * t
-        else:
-            angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
-            inner = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
-        return np.where(t == 0, self.start, np.where(t == 1, self.end, inner)).astype(np.complex128)
+SPACING, STEPS = 0.85, 10
+"""Least distance of points as a fraction of the edge length; smoothing steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,65 +97,27 @@ def section(
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
     domain = unit.without_magnet() if magnet == "meshed" else unit
-    curves = _outline(unit, magnet)
+    curves = outline(unit, magnet)
     sizing = _sizing(unit, curves, size_D, tip_D, magnet == "meshed")
     cuts = [_cuts(curve, sizing) for curve in curves]
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
-    return _second_order(_border(_outline(shape, magnet), cuts), inner * shape.D, silicone, core)
+    return _second_order(_border(outline(shape, magnet), cuts), inner * shape.D, silicone, core)
 
 
 def _pairs(x: Points) -> Floats:
     return np.column_stack([x.real, x.imag])
 
 
-def _outline(shape: Shape, magnet: str) -> list[_Curve]:
-    """The curves around the silicone, and around the magnet from its top."""
-    R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
-    tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
-    curves = [
-        _Curve("base", 0j, complex(R)),
-        _Curve("skin", complex(R), equator),
-        _Curve("skin", equator, tip, complex(0, H), (math.pi / 2, 0.0)),
-    ]
-    if magnet == "none":
-        return [*curves, _Curve("axis", tip, 0j)]
-    curves += [_Curve("axis", tip, top), _Curve("axis", bottom, 0j)]
-    if magnet == "meshed":
-        curves.append(_Curve("axis", top, bottom))
-    tiny = SMALLEST * shape.D
-    rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
-    up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
-    parts = [
-        _Curve("magnet", top, up),
-        _Curve("magnet", up, complex(a, upper), complex(a - rho, upper), (0.0, math.pi / 2)),
-        _Curve("magnet", complex(a, upper), complex(a, lower)),
-        _Curve("magnet", complex(a, lower), down, complex(a - rho, lower), (math.pi / 2, math.pi)),
-        _Curve("magnet", down, bottom),
-    ]
-    return curves + [part for part in parts if part.length >= tiny]
-
-
-def _room(shape: Shape, x: Points) -> Floats:
-    """Distance of points, shape (n,), from base, skin and magnet, negative outside the silicone."""
-    dome = shape.R - np.abs(x - 1j * shape.H)
-    room: Floats = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
-    if not shape.has_magnet:
-        return room
-    a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
-    dr, dz = x.real - (a - rho), np.abs(x.imag - shape.H) - (b - rho)
-    return np.minimum(room, np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.minimum(np.maximum(dr, dz), 0) - rho)
-
-
-def _sizing(shape: Shape, curves: list[_Curve], size: float, tip_size: float, meshed: bool) -> _Sizing:
+def _sizing(shape: Shape, curves: list[Curve], size: float, tip_size: float, meshed: bool) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
     source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(CORNER, CLAMP * size))])]
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = np.full(len(x), min(size, curve.length))
         if curve.name == "magnet":
-            want = np.minimum(want, GAP * _room(shape.without_magnet(), x))
+            want = np.minimum(want, GAP * room(shape.without_magnet(), x))
             if curve.centre is not None:
                 want = np.minimum(want, min(ROUND_EDGE * size, FILLET * abs(curve.start - curve.centre)))
             elif shape.magnet_edge_radius < SMALLEST:
@@ -194,7 +131,7 @@ def _sizing(shape: Shape, curves: list[_Curve], size: float, tip_size: float, me
     return _Sizing(size, np.concatenate(source), np.concatenate(least), growth)
 
 
-def _cuts(curve: _Curve, sizing: _Sizing) -> Floats:
+def _cuts(curve: Curve, sizing: _Sizing) -> Floats:
     """Fractions of a curve's length, from 0 to 1, that cut it into steps of the local size."""
     near = np.geomspace(1e-10, 0.5, 200)
     t = np.unique(np.concatenate([near, 1 - near, np.linspace(0, 1, 201)]))
@@ -205,7 +142,7 @@ def _cuts(curve: _Curve, sizing: _Sizing) -> Floats:
     return cuts
 
 
-def _border(curves: list[_Curve], cuts: list[Floats]) -> _Border:
+def _border(curves: list[Curve], cuts: list[Floats]) -> _Border:
     """Number the nodes on the curves; curves that meet share theirs."""
     corner: dict[complex, int] = {}
     nodes, segments, middles, total = [], [], [], 0
@@ -233,7 +170,7 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
         side /= 2
         cells = (cells[coarse, None] + side / 2 * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])).ravel()
     x = np.concatenate(leaves)
-    x = x[_room(domain, x) > 0]
+    x = x[room(domain, x) > 0]
     far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / sizing(x)
     return _thinned(x[np.argsort(far, kind="stable")][np.count_nonzero(far <= SPACING) :], sizing)
 
@@ -300,8 +237,8 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> t
         move = np.zeros(len(x), dtype=np.complex128)
         np.add.at(move, free.T.ravel(), np.concatenate([-push, push]))
         moved = inner + 0.2 * move[fixed:]
-        room = np.minimum(_room(domain, moved), moved.real)
-        inner = np.where(room > 0.3 * sizing(inner), moved, inner)
+        clear = np.minimum(room(domain, moved), moved.real)
+        inner = np.where(clear > 0.3 * sizing(inner), moved, inner)
     return inner, bars
 
 

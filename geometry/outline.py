@@ -1,0 +1,81 @@
+"""The outline of the (r, z) section as curves, and distances from it. A point (r, z) is the number r + 1j z."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import Shape
+
+Points = NDArray[np.complex128]
+Floats = NDArray[np.float64]
+
+SMALLEST = 1e-9
+"""Lengths in D that count as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A straight line, or an arc about `centre` from `bearing[0]` to `bearing[1]`, angles from +z towards +r."""
+
+    name: str
+    start: complex
+    end: complex
+    centre: complex | None = None
+    bearing: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def length(self) -> float:
+        if self.centre is None:
+            return abs(self.end - self.start)
+        return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
+
+    def at(self, t: Floats) -> Points:
+        """The points at the fractions t of the length, exact at both ends."""
+        if self.centre is None:
+            inner = self.start + (self.end - self.start) * t
+        else:
+            angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
+            inner = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
+        return np.where(t == 0, self.start, np.where(t == 1, self.end, inner)).astype(np.complex128)
+
+
+def outline(shape: Shape, magnet: str) -> list[Curve]:
+    """The curves around the silicone, and around the magnet from its top."""
+    R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
+    curves = [
+        Curve("base", 0j, complex(R)),
+        Curve("skin", complex(R), equator),
+        Curve("skin", equator, tip, complex(0, H), (math.pi / 2, 0.0)),
+    ]
+    if magnet == "none":
+        return [*curves, Curve("axis", tip, 0j)]
+    curves += [Curve("axis", tip, top), Curve("axis", bottom, 0j)]
+    if magnet == "meshed":
+        curves.append(Curve("axis", top, bottom))
+    tiny = SMALLEST * shape.D
+    rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
+    up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
+    parts = [
+        Curve("magnet", top, up),
+        Curve("magnet", up, complex(a, upper), complex(a - rho, upper), (0.0, math.pi / 2)),
+        Curve("magnet", complex(a, upper), complex(a, lower)),
+        Curve("magnet", complex(a, lower), down, complex(a - rho, lower), (math.pi / 2, math.pi)),
+        Curve("magnet", down, bottom),
+    ]
+    return curves + [part for part in parts if part.length >= tiny]
+
+
+def room(shape: Shape, x: Points) -> Floats:
+    """Distance of points, shape (n,), from base, skin and magnet, negative outside the silicone."""
+    dome = shape.R - np.abs(x - 1j * shape.H)
+    room: Floats = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
+    if not shape.has_magnet:
+        return room
+    a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
+    dr, dz = x.real - (a - rho), np.abs(x.imag - shape.H) - (b - rho)
+    return np.minimum(room, np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.minimum(np.maximum(dr, dz), 0) - rho)
