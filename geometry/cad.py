@@ -149,6 +149,8 @@ def magnet_volume(shape: Shape) -> float:
     >>> round(magnet_volume(Shape(8, 9, 4, 4, 2)) / (4 / 3 * math.pi * 2**3), 12)
     1.0
     """
+    if not shape.has_magnet:
+        return 0.0
     return rounded_cylinder_volume(shape.magnet_diameter / 2, shape.magnet_height, shape.magnet_edge_radius, edges=2)
 
 
