@@ -139,7 +139,15 @@ def _tetwild(
         )
         command = [sys.executable, "-c", _CHILD, str(given), str(found)]
         try:
-            ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout, check=False)
+            ended = subprocess.run(
+                command,
+                cwd=folder,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                timeout=timeout,
+                check=False,
+            )
         except subprocess.TimeoutExpired:
             raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size or timeout") from None
         if ended.returncode or not found.exists():

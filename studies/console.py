@@ -1,0 +1,128 @@
+"""What a command shows: JSON lines or tables on standard output, progress on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from studies.files import json_line
+
+Progress = Callable[[float, str], None]
+
+UNITS = {
+    "mm": ("mm", 1.0),
+    "mm3": ("mm³", 1.0),
+    "N": ("N", 1.0),
+    "rad": ("rad", 1.0),
+    "MPa": ("MPa", 1.0),
+    "T": ("mT", 1e3),
+    "V": ("V", 1.0),
+    "percent": ("%", 1.0),
+}
+"""Unit that a key's last word stands for, as it is shown, and its size in it."""
+
+WIDTH = 160
+"""Columns of a table that is not shown in a terminal."""
+
+
+def report(
+    records: Sequence[Mapping[str, Any]], *, as_json: bool, title: str = "", brief: Sequence[str] = ()
+) -> None:
+    """Print each record as one line of JSON; or all as a table, one record upright, several one to a row.
+
+    Rows leave out the keys in `brief`, and those that are empty in all of them.
+    """
+    if as_json:
+        for record in records:
+            print(json_line(record), flush=True)
+        return
+    if len(records) == 1:
+        rows = [[*_heading(key), _text(key, value)] for key, value in records[0].items()]
+        table(title, ["", "unit", "value"], [[name, value, unit] for name, unit, value in rows])
+    elif records:
+        filled = {key for record in records for key, value in record.items() if value not in (None, "")}
+        keys = [key for key in records[0] if key in filled and key not in brief]
+        heads = [" ".join(filter(None, (name, f"({unit})" if unit else ""))) for name, unit in map(_heading, keys)]
+        table(title, heads, [[_text(key, record.get(key), 4) for key in keys] for record in records])
+
+
+def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table; the heads ["", "unit", "value"] stand for name, value and unit side by side."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    upright = list(heads) == ["", "unit", "value"]
+    shown = Table(title=title or None, box=box.SIMPLE, show_header=not upright, title_justify="left")
+    for head in heads:
+        shown.add_column(head, overflow="fold")
+    for row in rows:
+        shown.add_row(*map(Text, row))
+    Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False).print(shown)
+
+
+def say(text: str) -> None:
+    """One line on standard error."""
+    print(" ".join(text.split()), file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def progress(*, as_json: bool) -> Iterator[Progress]:
+    """A callback that takes a fraction and a text: a bar in a terminal, else a line for each new text.
+
+    With JSON and no terminal there is nothing.
+    """
+    if not sys.stderr.isatty():
+        yield _silent if as_json else _Lines()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
+
+
+class _Lines:
+    """A line for each new text."""
+
+    def __init__(self) -> None:
+        self.last = ""
+
+    def __call__(self, fraction: float, text: str) -> None:
+        if text != self.last:
+            say(f"{100 * fraction:3.0f} %  {text}")
+        self.last = text
+
+
+def _silent(fraction: float, text: str) -> None:
+    """No progress."""
+
+
+def _heading(key: str) -> tuple[str, str]:
+    """What a key names, and the unit its values are shown in."""
+    name, _, last = key.rpartition("_")
+    if name and last in UNITS:
+        return name.replace("_", " "), UNITS[last][0]
+    return key.replace("_", " "), ""
+
+
+def _text(key: str, value: Any, digits: int = 5) -> str:
+    factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_text(key, item, digits) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float) and value == value:
+        return f"{factor * value + 0.0:.{digits}g}"
+    return "-" if value is None or value == "" or value != value else str(value)

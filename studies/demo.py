@@ -1,0 +1,228 @@
+"""The main job: the paper's sensor from CAD to the comparison of formulas and finite elements, in one folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import platform
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from fem.equilibrium import STANDARD, Accuracy, Solution
+from geometry.design import Design, paper
+from studies import compare, describe, files, report
+from studies.compare import Comparison, Outcome, Progress, Row, part
+
+PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild", "build123d", "trimesh", "pyvista", "pandas", "matplotlib")
+
+FILES = {
+    "cad/": "beam, silicone, magnet and the mould's parts A and B, each as .step, .stl and .3mf; mm",
+    "mesh.vtu": "curved tetrahedra of silicone (region 0) and magnet (region 1), mm",
+    "press.vtu, shear.vtu": "the deepest press and the farthest shear: displacement and pressure",
+    "press.csv, shear.csv": "all states: finite elements and formulas side by side, errors in %",
+    "press.png, shear.png": "the same as plots",
+    "press_section.png, shear_section.png": "the deformed sections",
+}
+
+MODELLING = (
+    "The silicone is neo-Hookean, nearly incompressible and without hysteresis; E and nu hold at all strains.",
+    "The magnet is rigid and bonded on all its faces; the pocket's second pour is silicone like the first.",
+    "The base disc is clamped; the plate is flat, rigid and, in the press, free of friction.",
+    "For the shear the patch in contact is glued to the pressed plate, which then moves sideways at constant depth.",
+    "An axisymmetric press cannot buckle sideways; skin that folds onto the base or onto itself passes through.",
+    "Readings are the component of B that each Hall element senses, from the exact field of a sharp-edged cylinder.",
+    "The paper leaves l_t open: the bar is taken as uniform, so the magnet moves by H/L of the tip's motion.",
+    "The magnet's height decides the press force too: a taller one leaves less silicone to yield above and below it.",
+    "The paper does not give that height, so its own agreement with F(d) may be a coincidence.",
+)
+
+INTRODUCTION = (
+    "Beam D = {D:g} mm, L = {L:g} mm, E = {E:g} MPa; magnet {magnet_diameter:g} x {magnet_height:g} mm. The formulas "
+    "are equations (5) to (7) of Chathuranga et al. 2016. Errors are formula against finite elements; those of "
+    "readings are in % of full scale (FS), the largest change from rest in these tables."
+)
+
+
+def run(
+    folder: Path,
+    *,
+    accuracy: Accuracy = STANDARD,
+    depths: Sequence[float] | None = None,
+    shears: Sequence[float] | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Do the whole job on the paper's sensor and write everything into an existing folder.
+
+    Parameters
+    ----------
+    accuracy, depths, shears : as in `compare.run`.
+    progress : called with the fraction done and what is being done.
+
+    Returns
+    -------
+    "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
+    """
+    design, show = paper(), progress or _silent
+    cad = describe.build_cad(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
+    mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
+    found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
+    show(0.93, "tables and plots")
+    compare.write(folder, design, found)
+    for name, states in (("press", found.pressed), ("shear", found.sheared)):
+        show(0.95, f"picture: {name}")
+        _write_last(folder, name, design, states)
+    files.write_text(folder / "REPORT.md", document(design, found, cad, mesh))
+    show(1.0, "done")
+    done = [cad, mesh, *found.press, *found.shear]
+    worst = next((record for record in done if record["status"] != "ok"), {"status": "ok", "message": ""})
+    return {
+        "status": worst["status"],
+        "message": worst["message"],
+        "summary": found.summary,
+        "parts": cad["parts"],
+        "checks": cad["checks"],
+        "mesh": mesh,
+    }
+
+
+def _silent(fraction: float, text: str) -> None:
+    """No progress."""
+
+
+def _part(show: Progress, low: float, high: float, name: str) -> Progress:
+    return part(show, low, high, name) or _silent
+
+
+def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcome]) -> None:
+    """The last state that was reached, as .vtu and as a picture."""
+    from studies.pictures import section_picture
+
+    reached: list[Solution] = [state.solution for state in states if state.solution is not None]
+    if reached:
+        files.write_field(folder / f"{name}.vtu", reached[-1].field)
+        section_picture(folder / f"{name}_section.png", design, reached[-1])
+
+
+# REPORT.md
+
+
+def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> str:
+    """The text of REPORT.md: findings in sentences, small tables, what is assumed, what was made and with what."""
+    summary = found.summary
+    press = [row for row in found.press if row["status"] == "ok"]
+    shear = [row for row in found.shear if row["status"] == "ok"]
+    blocks = [
+        "# The paper's sensor: formulas against finite elements",
+        INTRODUCTION.format(**dataclasses.asdict(design)),
+        "## Press",
+        _bullets(report.press_sentences(summary)),
+        _table(press[1::2] if len(press) > 6 else press, _PRESS_COLUMNS),
+        "![Force, error, shift and reading against depth](press.png)",
+        "## Shear",
+        _bullets(report.shear_sentences(summary)),
+        _table(shear, _SHEAR_COLUMNS),
+        "![Force, error, shift, tilt and readings against shear](shear.png)",
+        "## How far to trust the finite elements",
+        _bullets(report.trust_sentences(summary)),
+        "| pressed | sheared |\n|---|---|\n| ![pressed](press_section.png) | ![sheared](shear_section.png) |",
+        "## What is assumed",
+        "The paper does not give these values; change them with `--set NAME=VALUE`.",
+        _assumed(design),
+        _bullets(MODELLING),
+        "## Parts, mould and mesh",
+        _bullets(_made(cad, mesh)),
+        "## Files",
+        _bullets([f"`{name}`: {text}" for name, text in FILES.items()]),
+        "## Made with",
+        f"`magtip demo`, on Python {platform.python_version()} with {_versions()}.",
+    ]
+    return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+_PRESS_COLUMNS = {
+    "depth (mm)": ("depth_mm", ".2f"),
+    "F, FEM with magnet (N)": ("fem_force_N", ".2f"),
+    "F, FEM all silicone (N)": ("fem_homogeneous_force_N", ".2f"),
+    "F, paper (N)": ("analytic_force_N", ".2f"),
+    "error with magnet (%)": ("force_error_percent", "+.0f"),
+    "error all silicone (%)": ("homogeneous_force_error_percent", "+.0f"),
+    "magnet sinks, FEM (mm)": ("fem_shift_z_mm", ".2f"),
+    "paper (mm)": ("analytic_shift_z_mm", ".2f"),
+    "S1 error (% FS)": ("analytic_S1_error_percent_FS", "+.0f"),
+}
+_SHEAR_COLUMNS = {
+    "shear (mm)": ("shear_mm", ".2f"),
+    "F, FEM with magnet (N)": ("fem_force_x_N", ".2f"),
+    "F, FEM all silicone (N)": ("fem_homogeneous_force_x_N", ".2f"),
+    "F, paper (N)": ("analytic_force_x_N", ".2f"),
+    "error with magnet (%)": ("force_x_error_percent", "+.0f"),
+    "error all silicone (%)": ("homogeneous_force_x_error_percent", "+.0f"),
+    "S2 error, paper (% FS)": ("analytic_S2_error_percent_FS", "+.0f"),
+    "S2 error, tilt left out (% FS)": ("untilted_S2_error_percent_FS", "+.1f"),
+}
+
+
+def _bullets(lines: Sequence[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _table(rows: Sequence[Row], columns: Mapping[str, tuple[str, str]]) -> str:
+    if not rows:
+        return ""
+    lines = [list(columns), ["---:"] * len(columns)]
+    for row in rows:
+        values = [(row[name], form) for name, form in columns.values()]
+        lines.append([_number(value, form) for value, form in values])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _number(value: float, form: str) -> str:
+    """The number as text, nothing for NaN, and no sign on a zero.
+
+    >>> _number(-0.001, "+.1f")
+    '0.0'
+    """
+    text = "" if value != value else f"{value:{form}}"
+    return text.lstrip("+-") if text and float(text) == 0 else text
+
+
+def _assumed(design: Design) -> str:
+    lines = ["| value | assumed | meaning |", "|---|---:|---|"]
+    for spec in dataclasses.fields(design):
+        if describe.origin(spec.name, design) == "assumed":
+            unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
+            lines.append(f"| {spec.name} | {getattr(design, spec.name):g}{unit} | {spec.metadata['text']} |")
+    return "\n".join(lines)
+
+
+def _made(cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> list[str]:
+    """What became of parts, mould and mesh."""
+    parts, checks = cad["parts"], cad["checks"]
+    passed = sum(check["passed"] for check in checks)
+    lines = [f"Mould: {passed} of {len(checks)} checks passed."]
+    if cad["status"] != "ok":
+        lines.append(f"CAD: {cad['message']}")
+    if parts:
+        worst = max(abs(record["relative_error"]) for record in parts)
+        lines.append(
+            f"{len(parts)} parts, all watertight; their triangles miss the exact volumes by {worst:.1g} at most."
+        )
+    if mesh["status"] != "ok":
+        return [*lines, f"Mesh: {mesh['message']}"]
+    error = max(abs(value) for name, value in mesh.items() if name.endswith("_volume_error"))
+    lines.append(
+        f"Mesh: {mesh['cells']} tetrahedra of second order; volumes right to {error:.1g}; "
+        f"least radius ratio {mesh['least_shape']:.2f}, mean {mesh['mean_shape']:.2f} (1 is best)."
+    )
+    return lines
+
+
+def _versions() -> str:
+    found = []
+    for name in ("magtip", *PACKAGES):
+        try:
+            found.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            continue
+    return ", ".join(found)

@@ -1,0 +1,152 @@
+"""A design in numbers, as solids with a mould, and as a mesh: the records of `magtip design`, `cad` and `mesh`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput, Design, paper
+from studies import console, files
+from studies.console import Progress
+
+
+def origin(name: str, design: Design) -> str:
+    """Where a field's value comes from: "paper", "assumed" (the paper leaves it open) or "changed"."""
+    spec = next(spec for spec in dataclasses.fields(Design) if spec.name == name)
+    if getattr(design, name) != getattr(paper(), name):
+        return "changed"
+    return "assumed" if spec.metadata["assumed"] else "paper"
+
+
+def design_record(design: Design) -> dict[str, Any]:
+    """Every field, what follows from them, the names of the assumed ones, and warnings."""
+    fields = dataclasses.asdict(design)
+    derived, failed = derived_values(design)
+    return {
+        **fields,
+        "derived": derived,
+        "assumed": [name for name in fields if origin(name, design) == "assumed"],
+        "warnings": [*design.warnings(), *failed],
+    }
+
+
+def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
+    """Heights, volumes, places and readings at rest of the Hall elements; and why a reading is missing."""
+    from analytic import hall
+    from geometry.cad import beam_volume, magnet_volume
+
+    body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
+    positions, _ = hall.elements(design)
+    places = dict(zip(("S1_mm", "S2_mm", "S3_mm"), positions.tolist(), strict=True))
+    at_rest: dict[str, Any] = {"rest_readings_T": None, "rest_readings_V": None, "rest_saturated": None}
+    failed = []
+    try:
+        seen = hall.readings(design)
+        values = (seen.B_T, seen.V, seen.saturated)
+        at_rest = dict(zip(at_rest, map(list, values), strict=True))
+        failed = [f"S{k + 1} is saturated at rest" for k, full in enumerate(seen.saturated) if full]
+    except BadInput as error:
+        failed = [f"no readings at rest: {error}"]
+    return {
+        "H_mm": design.H,
+        "tip_radius_mm": design.R,
+        "wall_mm": design.shape.wall,
+        "beam_volume_mm3": body,
+        "magnet_volume_mm3": magnet,
+        "silicone_volume_mm3": body - magnet,
+        **places,
+        **at_rest,
+    }, failed
+
+
+def show(design: Design, *, as_json: bool) -> None:
+    """Print a design."""
+    record = design_record(design)
+    if as_json:
+        console.report([record], as_json=True)
+        return
+    rows = []
+    for spec in dataclasses.fields(Design):
+        unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
+        value = f"{getattr(design, spec.name):g}"
+        rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
+    console.table("Design", ["field", "value", "unit", "source", "meaning"], rows)
+    console.report([record["derived"]], as_json=False, title="Derived")
+    for warning in record["warnings"]:
+        print(f"Warning: {warning}.")
+
+
+def build_cad(design: Design, out: Path, progress: Progress) -> dict[str, Any]:
+    """Make the solids and the mould, check the mould, and write all parts if it passes."""
+    from geometry import cad, mold
+
+    choices = mold.Mold()
+    mold.sizes(design, choices)
+    folder = files.output_folder(out)
+    progress(0.0, "solids")
+    parts = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
+    if design.shape.has_magnet:
+        parts["magnet"] = cad.magnet(design)
+    progress(0.2, "mould")
+    parts["mold_a"], parts["mold_b"] = mold.parts(design, choices)
+    checks = mold.checks(design, choices, parts["mold_a"], parts["mold_b"])
+    record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": []}
+    record["checks"] = [dataclasses.asdict(check) for check in checks]
+    bad = [check for check in checks if not check.passed]
+    try:
+        if bad:
+            raise RuntimeError(
+                f"the mould fails its check '{bad[0].name}': {bad[0].value:.3g}, must be {bad[0].bound}; "
+                "no file is written: change the design"
+            )
+        progress(0.5, "files")
+        record["parts"] = [dataclasses.asdict(part) for part in cad.export(parts, folder)]
+    except RuntimeError as error:
+        record["status"], record["message"] = "failed", str(error)
+    return record
+
+
+def show_cad(record: dict[str, Any], *, as_json: bool) -> None:
+    """Print what `build_cad` made."""
+    if as_json:
+        console.report([record], as_json=True)
+        return
+    if record["parts"]:
+        console.report(record["parts"], as_json=False, title=f"Parts in {record['folder']}, each .step .stl .3mf")
+    rows = [
+        [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
+        for check in record["checks"]
+    ]
+    console.table("Checks of the mould", ["check", "value", "bound", "unit", "passed"], rows)
+
+
+def build_mesh(design: Design, out: Path, size: float | None, progress: Progress) -> dict[str, Any]:
+    """Mesh the whole sensor, write the mesh, and measure it."""
+    file = files.check_output_file(out, ".vtu")
+    length = design.D / 8 if size is None else size
+    if not 0.02 * design.D <= length <= design.D:
+        raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
+    from geometry.mesh import quality, tetrahedra
+
+    progress(0.0, "tetrahedra")
+    try:
+        made = tetrahedra(design.shape, length, half=False, magnet="regions" if design.shape.has_magnet else "none")
+    except RuntimeError as error:
+        return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
+    files.write_mesh(file, made)
+    found = quality(made, design.shape)
+    return {
+        "status": "ok",
+        "message": "",
+        "file": str(file),
+        "size_mm": length,
+        "cells": found.cells,
+        "nodes": found.nodes,
+        **{f"{name}_volume_mm3": value for name, value in found.volumes.items()},
+        **{f"{name}_volume_error": value for name, value in found.volume_errors.items()},
+        "base_error": found.base_error,
+        "least_shape": found.least_shape,
+        "mean_shape": found.mean_shape,
+        "least_jacobian": found.least_jacobian,
+    }

@@ -1,0 +1,188 @@
+"""Files, written whole or not at all, and the meshes and fields in them.
+
+A file gets a temporary name in its own folder and is renamed when it is complete.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput
+
+if TYPE_CHECKING:
+    import skfem
+
+    from fem.equilibrium import Field
+
+
+def output_folder(path: str | Path) -> Path:
+    """The folder, made if it does not exist, and found fit to write into before any work starts.
+
+    Raises
+    ------
+    BadInput
+        It cannot be made or written.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (FileExistsError, NotADirectoryError):
+        raise BadInput(f"the output folder {str(path)!r} is, or lies in, a file: choose another name") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"cannot write to the folder {str(path)!r} ({_cause(error)}): choose another folder") from None
+    return folder
+
+
+def check_output_file(path: str | Path, *suffixes: str) -> Path:
+    """A file that can be written later: right ending, and an existing folder fit to write into. Writes nothing.
+
+    Raises
+    ------
+    BadInput
+        It cannot be written.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in suffixes:
+        raise BadInput(f"the file {str(path)!r} must end in {' or '.join(suffixes)}")
+    try:
+        if file.is_dir():
+            raise BadInput(f"{str(path)!r} is a folder: give a file's name")
+        if not file.parent.is_dir():
+            raise BadInput(f"there is no folder {str(file.parent)!r} for {file.name!r}: make it or choose another")
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        where = str(file.parent)
+        raise BadInput(f"cannot write to the folder {where!r} ({_cause(error)}): choose another folder") from None
+    return file
+
+
+@contextlib.contextmanager
+def atomic(path: str | Path) -> Iterator[Path]:
+    """A temporary name of the same ending in the same folder, to be written; it becomes `path` if all goes well."""
+    file = Path(path)
+    with tempfile.TemporaryDirectory(prefix=".writing-", dir=file.parent) as folder:
+        temporary = Path(folder, f"part{file.suffix}")
+        yield temporary
+        os.replace(temporary, file)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file, UTF-8."""
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_json(path: str | Path, record: Mapping[str, Any]) -> None:
+    """Write one object, indented."""
+    write_text(path, json.dumps(clean(record), indent=2, allow_nan=False) + "\n")
+
+
+def json_line(record: Mapping[str, Any]) -> str:
+    """One object on one line.
+
+    >>> json_line({"force_N": (0.0, math.nan)})
+    '{"force_N": [0.0, null]}'
+    """
+    return json.dumps(clean(record), allow_nan=False)
+
+
+def clean(value: Any) -> Any:
+    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None."""
+    if isinstance(value, Mapping):
+        return {str(key): clean(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [clean(item) for item in value]
+    if hasattr(value, "tolist"):
+        return clean(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def write_mesh(path: str | Path, mesh: skfem.Mesh) -> None:
+    """Write a second-order mesh as .vtu, with the number of each cell's region (0 silicone, 1 magnet)."""
+    import numpy as np
+
+    grid = grid_of(mesh)
+    regions = mesh.subdomains or {}
+    region = np.zeros(mesh.nelements, dtype=np.int64)
+    region[regions.get("magnet", slice(0))] = 1
+    grid.cell_data["region"] = region
+    _save(path, grid)
+
+
+def write_field(path: str | Path, field: Field) -> None:
+    """Write the deformed body as .vtu with displacement_mm, pressure_MPa and region at its undeformed nodes moved.
+
+    The undeformed place of a point is its own less displacement_mm. Pressure is positive in compression; in the
+    middle of an edge it is the mean of those at its ends.
+    """
+    import numpy as np
+
+    grid = grid_of(field.mesh)
+    moved = spatial(field.u)
+    grid.points = grid.points + moved
+    grid.point_data["displacement_mm"] = moved
+    grid.point_data["pressure_MPa"] = nodal_pressure(field)
+    grid.cell_data["region"] = np.zeros(field.mesh.nelements, dtype=np.int64)
+    _save(path, grid)
+
+
+def grid_of(mesh: skfem.Mesh) -> Any:
+    """PyVista's grid of quadratic cells of a second-order mesh; its points are numbered as the mesh's `doflocs`.
+
+    The (r, z) section lies in the plane y = 0 with x = r. scikit-fem and VTK number the nodes of a cell alike
+    (corners, then the edges 01, 12, 02 and, in a tetrahedron, 03, 13, 23), but VTK wants positive volumes.
+    """
+    import numpy as np
+    import pyvista as pv
+
+    nodes = np.asarray(mesh.dofs.element_dofs)
+    corners = mesh.doflocs[:, nodes[: mesh.dim() + 1]]
+    slopes = corners[:, 1:] - corners[:, :1]
+    turned = np.linalg.det(np.moveaxis(slopes, 2, 0)) < 0
+    # change the places of corners 1 and 2, and of the edges that this changes
+    other = [0, 2, 1, 5, 4, 3] if mesh.dim() == 2 else [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+    nodes = np.where(turned, nodes[other], nodes)
+    kind = pv.CellType.QUADRATIC_TRIANGLE if mesh.dim() == 2 else pv.CellType.QUADRATIC_TETRA
+    return pv.UnstructuredGrid({kind: np.ascontiguousarray(nodes.T)}, spatial(mesh.doflocs.T))
+
+
+def spatial(vectors: Any) -> Any:
+    """Vectors (n, 2) of the section as (n, 3), with 0 along y; vectors (n, 3) as they are."""
+    import numpy as np
+
+    return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
+
+
+def nodal_pressure(field: Field) -> Any:
+    """Pressure at every node, shape (n,), MPa, positive in compression; linear along the edges."""
+    import numpy as np
+
+    pressure = np.zeros(len(field.u))
+    # the unknown p of the elements is the mean stress
+    pressure[field.vertices] = -field.p
+    nodes, corners = np.asarray(field.mesh.dofs.element_dofs), field.mesh.dim() + 1
+    ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    for row, (a, b) in zip(nodes[corners:], ends, strict=False):
+        pressure[row] = (pressure[nodes[a]] + pressure[nodes[b]]) / 2
+    return pressure
+
+
+def _save(path: str | Path, grid: Any) -> None:
+    with atomic(path) as temporary:
+        grid.save(temporary)
+
+
+def _cause(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)

@@ -1,0 +1,29 @@
+"""Fixtures that several test files share: running a command line, reading the JSON that it prints."""
+
+import json
+
+import pytest
+
+from studies import cli
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run a command line in an empty folder; returns its exit status, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*tokens):
+        status = cli.main([str(token) for token in tokens])
+        return (status, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture
+def strict():
+    """Read JSON objects, one per line, without NaN or Infinity."""
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return lambda text: [json.loads(line, parse_constant=refuse) for line in text.splitlines()]

@@ -1,0 +1,184 @@
+"""The command line: its contract of flags, JSON keys and exit statuses, and one sentence for all bad input."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+from studies import cli, console, files, states
+
+QUICK = ("--magnet", "ignored", "--accuracy", "quick")
+
+
+BAD = [
+    ("solve", "paper"),
+    ("solve", "papre", "--depth", 1),
+    ("solve", "missing.toml", "--depth", 1),
+    ("solve", ".", "--depth", 1),
+    ("solve", "paper", "--depth", "nan"),
+    ("solve", "paper", "--depth", "-1"),
+    ("solve", "paper", "--depth", "one"),
+    ("solve", "paper", "--depth"),
+    ("solve", "paper", "--depth", 1, "--depth", 2),
+    ("solve", "paper", "--depth", 7.5),
+    ("solve", "paper", "--depth", 9, "--magnet", "ignored"),
+    ("solve", "paper", "--depth", 1, "--magnet", "soft"),
+    ("solve", "paper", "--depth", 1, "--set", "magnet_diameter=0", "--set", "magnet_height=0"),
+    ("solve", "paper", "--depth", 1, "--set", "magnet_hieght=1"),
+    ("solve", "paper", "--depth", 1, "--set", "D"),
+    ("solve", "paper", "--depth", 1, "--depths", "1,2"),
+    ("solve", "paper", "--depths", "1,,2"),
+    ("solve", "paper", "--depths", ""),
+    ("solve", "paper", "--depths", "1,2", "--steps", 2),
+    ("solve", "paper", "--depths", "1,2", "--shear", 1),
+    ("solve", "paper", "--depth", 1, "--steps", 0),
+    ("solve", "paper", "--depth", 1, "--steps", 1.5),
+    ("solve", "paper", "--depth", 1, "--steps", "nan"),
+    ("solve", "paper", "--depth", 1, "--steps", 1e9),
+    ("solve", "paper", "--depth", 1, "--shear", "inf"),
+    ("solve", "paper", "--depth", 1, "--shear", 100),
+    ("solve", "paper", "--depth", 0, "--shear", 1),
+    ("solve", "paper", "--depth", 1, "--friction", "glue"),
+    ("solve", "paper", "--depth", 1, "--friction", -0.1),
+    ("solve", "paper", "--depth", 1, "--friction", "nan"),
+    ("solve", "paper", "--shear", 1),
+    ("solve", "paper", "--grip", 2),
+    ("solve", "paper", "--grip", 0, "--shear", 1),
+    ("solve", "paper", "--grip", 9, "--shear", 1),
+    ("solve", "paper", "--grip", 2, "--shear", 1, "--depth", 1),
+    ("solve", "paper", "--grip", 2, "--shear", 1, "--friction", "stick"),
+    ("solve", "paper", "--depth", 1, "--harmonics", 3),
+    ("solve", "paper", "--depth", 1, "--model", "harmonic"),
+    ("solve", "paper", "--depth", 1, "--model", "spherical"),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--model", "axisymmetric"),
+    ("solve", "paper", "--depth", 1, "--accuracy", "best"),
+    ("solve", "paper", "--depth", 1, "--out", "field.txt"),
+    ("solve", "paper", "--depth", 1, "--out", "nowhere/field.vtu"),
+    ("solve", "paper", "--depth", 1, "--out", "/proc/field.vtu"),
+    ("solve", "paper", "--depth", 1, "--picture", "field.jpg"),
+    ("analytic", "paper"),
+    ("analytic", "paper", "--depth", 5),
+    ("analytic", "paper", "--depth", "nan"),
+    ("analytic", "paper", "--depth", 1, "--level", "best"),
+    ("design",),
+    ("design", "paper", "extra"),
+    ("design", "paper", "--set", "D=nan"),
+    ("cad", "paper"),
+    ("cad", "paper", "--out", "/proc/parts"),
+    ("mesh", "paper", "--out", "mesh.msh"),
+    ("mesh", "paper", "--out", "mesh.vtu", "--size", 0),
+    ("mesh", "paper", "--out", "mesh.vtu", "--size", "nan"),
+    ("mesh", "paper", "--out", "mesh.vtu", "--size", 0.01),
+    ("sweep",),
+    ("sweep", "paper"),
+    ("sweep", "paper", "--axis", "D=6,8"),
+    ("sweep", "paper", "--axis", "depths=1", "--depth", 1),
+    ("sweep", "paper", "--axis", "depth=1", "--depth", 1),
+    ("sweep", "paper", "--axis", "D=6,8", "--depth", "nan"),
+    ("sweep", "paper", "--design", "paper", "--axis", "D=6,8", "--depth", 1),
+    ("compare", "papre"),
+    ("compare", "paper", "--out", "/proc/results"),
+    ("demo", "--out", "/proc/results"),
+    ("slove",),
+    ("--depth", 1),
+]
+
+
+@pytest.mark.parametrize("tokens", BAD, ids=lambda tokens: " ".join(map(str, tokens)))
+def test_bad_input_is_one_sentence(run, tmp_path, tokens):
+    status, out, err = run(*tokens)
+    assert (status, out) == (2, "")
+    assert err.startswith("magtip: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("tokens", "part"),
+    [
+        (("slove",), 'Did you mean "solve"?'),
+        (("solve", "paper", "--dpeth", 1), "Did you mean --depth?"),
+        (("solve", "papre", "--depth", 1), "did you mean paper?"),
+        (("design", "paper", "--set", "magnet_hieght=3"), "did you mean magnet_height?"),
+        (("solve", "paper", "--depth", 1, "--accuracy", "best"), '"quick", "standard", "fine"'),
+        (("solve", "paper", "--depth", 7.5), "less than the 7 mm of silicone"),
+    ],
+)
+def test_remedies(run, tokens, part):
+    assert part in run(*tokens)[2]
+
+
+def test_file_in_place_of_a_folder(run, tmp_path):
+    (tmp_path / "taken").write_text("")
+    for tokens in (("cad", "paper", "--out", "taken"), ("cad", "paper", "--out", "taken/parts")):
+        status, out, err = run(*tokens)
+        assert (status, out) == (2, "")
+        assert "is, or lies in, a file" in err
+    assert (tmp_path / "taken").read_text() == ""
+
+
+def test_study_and_axes_exclude_each_other(run, tmp_path):
+    (tmp_path / "study.toml").write_text("[axes]\nD = [6, 8]\n")
+    assert "leave --axis out" in run("sweep", "study.toml", "--axis", "E=1,2", "--depth", 1)[2]
+    assert "needs a depth" in run("sweep", "study.toml")[2]
+
+
+def test_interrupt(run, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(states, "analytic", interrupt)
+    status, out, err = run("analytic", "paper", "--depth", 1)
+    assert (status, out, err.count("\n")) == (130, "", 1)
+
+
+def test_a_bug_is_not_hidden(run, monkeypatch):
+    def bug(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(states, "analytic", bug)
+    with pytest.raises(ZeroDivisionError):
+        run("analytic", "paper", "--depth", 1)
+
+
+def test_full_disk_is_a_sentence(run, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "field.vtu")
+
+    monkeypatch.setattr(files, "write_field", full)
+    status, out, err = run("solve", "paper", "--depth", 0.5, "--json", "--out", "field.vtu", *QUICK)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "No space left on device" in err
+
+
+def test_help_is_quick():
+    best = 9.0
+    for _ in range(3):
+        begin = time.perf_counter()
+        code = "import sys; from studies.cli import main; sys.exit(main(['--help']))"
+        shown = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+        best = min(best, time.perf_counter() - begin)
+    assert best < 0.5
+    for verb in ("demo", "design", "cad", "mesh", "solve", "analytic", "compare", "sweep"):
+        assert verb in shown.stdout.decode()
+
+
+def test_a_reader_that_goes_away():
+    code = "import sys; from studies.cli import main; sys.exit(main(['design', 'paper', '--json']))"
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == cli.BROKEN_PIPE
+
+
+def test_json_line_has_no_nan(strict):
+    record = {"a": float("nan"), "b": [float("inf"), 1.0], "c": (1, "x", None, True)}
+    assert strict(files.json_line(record)) == [{"a": None, "b": [None, 1.0], "c": [1, "x", None, True]}]
+
+
+def test_report_of_nothing(capsys):
+    console.report([], as_json=False)
+    assert capsys.readouterr().out == ""

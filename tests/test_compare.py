@@ -1,0 +1,218 @@
+import csv
+import dataclasses
+import math
+
+import pytest
+
+from analytic import beam, hall
+from fem import equilibrium
+from fem.equilibrium import QUICK
+from geometry.design import Design, paper
+from geometry.scene import Load
+from studies import compare, report
+
+DEPTHS = (0.5, 1.0)
+BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("compare")
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return compare.run(paper(), folder, accuracy=QUICK, depths=DEPTHS, shears=(0.0, 1.0), shear_depth=0.8)
+
+
+def test_press_rows_are_the_models_own_answers(found):
+    loads = [Load(depth=depth) for depth in DEPTHS]
+    for magnet, model in (("rigid", "fem"), ("ignored", "fem_homogeneous")):
+        states = equilibrium.trace(paper(), loads, QUICK, magnet=magnet)
+        for row, state in zip(found["press"], states, strict=True):
+            assert row[f"{model}_force_N"] == pytest.approx(state.response.force[2], rel=1e-9)
+            assert row[f"{model}_shift_z_mm"] == pytest.approx(state.response.shift[2], rel=1e-9)
+    for row, load in zip(found["press"], loads, strict=True):
+        formula = beam.solve(paper(), load)
+        assert row["analytic_force_N"] == formula.force[2]
+        assert row["force_error_percent"] == pytest.approx(100 * (formula.force[2] / row["fem_force_N"] - 1))
+        seen = hall.readings(paper(), formula)
+        assert row["analytic_S1_mT"] == pytest.approx(1e3 * seen.B_T[0])
+        assert row["analytic_S1_V"] == pytest.approx(seen.V[0])
+        assert row["status"] == "ok"
+
+
+def test_shear_rows_carry_the_tilt_and_its_absence(found):
+    still, moved = found["shear"]
+    assert math.isnan(still["force_x_error_percent"])
+    assert math.isnan(still["shift_x_error_percent"])
+    assert moved["fem_tilt_rad"] > 0.02
+    assert moved["analytic_tilt_rad"] == 0
+    assert moved["analytic_force_x_N"] == pytest.approx(beam.shear_stiffness(paper()))
+    shift = (moved["fem_shift_x_mm"], 0.0, moved["fem_shift_z_mm"])
+    for name, tilt in (("fem", moved["fem_tilt_rad"]), ("untilted", 0.0)):
+        seen = hall.readings(paper(), shift=shift, tilt=(0.0, tilt))
+        for k in (1, 2, 3):
+            assert moved[f"{name}_S{k}_mT"] == pytest.approx(1e3 * seen.B_T[k - 1])
+            assert moved[f"{name}_S{k}_V"] == pytest.approx(seen.V[k - 1])
+
+
+def test_full_scale_is_the_largest_change_from_rest(found):
+    rest = [1e3 * value for value in hall.readings(paper()).B_T]
+    rows = [*found["press"], *found["shear"]]
+    first = max(abs(row["fem_S1_mT"] - rest[0]) for row in rows)
+    others = [row[f"fem_S{k}_mT"] for row in rows for k in (2, 3) if f"fem_S{k}_mT" in row]
+    second = max(abs(value - rest[1]) for value in others)
+    for k, scale in ((1, first), (2, second), (3, second)):
+        row = found["shear"][1]
+        for model in ("untilted", "analytic"):
+            error = 100 * (row[f"{model}_S{k}_mT"] - row[f"fem_S{k}_mT"]) / scale
+            assert row[f"{model}_S{k}_error_percent_FS"] == pytest.approx(error)
+
+
+def test_tables_name_their_units_and_hold_six_digits(found, folder):
+    assert sorted(path.name for path in folder.iterdir()) == ["press.csv", "press.png", "shear.csv", "shear.png"]
+    units = ("_mm", "_N", "_mT", "_V", "_rad", "_percent", "_percent_FS")
+    for name in ("press", "shear"):
+        with open(folder / f"{name}.csv", newline="", encoding="utf-8") as file:
+            table = list(csv.DictReader(file))
+        assert list(table[0]) == list(found[name][0])
+        plain = {"error_estimate", "homogeneous_error_estimate", "status", "message"}
+        assert all(column.endswith(units) for column in set(table[0]) - plain)
+        for line, row in zip(table, found[name], strict=True):
+            for key, value in row.items():
+                if isinstance(value, float):
+                    assert line[key] == ("" if math.isnan(value) else f"{value:.6g}")
+
+
+def test_states_out_of_reach_keep_their_rows(monkeypatch):
+    real = equilibrium.trace
+
+    def stops(design, loads, *args, **kwargs):
+        last = real(design, loads[:1], *args, **kwargs)[0]
+        return [last, dataclasses.replace(last, status="not_converged", message="stopped at depth 0.9 mm: why")]
+
+    monkeypatch.setattr(equilibrium, "trace", stops)
+    loads = [Load(depth=depth) for depth in (7.5, 0.5, 1.0, 1.5)]
+    outcomes = compare.follow(paper(), loads, QUICK, "rigid")
+    assert [outcome.status for outcome in outcomes] == ["bad_input", "ok", "not_converged", "not_converged"]
+    rows = compare.press_rows(paper(), loads, outcomes, outcomes)
+    assert [math.isnan(row["fem_force_N"]) for row in rows] == [True, False, True, True]
+    assert [math.isnan(row["analytic_force_N"]) for row in rows] == [True, False, False, False]
+    assert "7.5 mm" in rows[0]["message"]
+    assert "stopped at depth 0.9 mm" in rows[3]["message"]
+    assert report.findings(paper(), rows, [])["missing_states"] == 3
+
+
+def test_a_mesh_that_fails_is_a_status(monkeypatch):
+    def fails(*args, **kwargs):
+        raise RuntimeError("the section could not be meshed")
+
+    monkeypatch.setattr(equilibrium, "trace", fails)
+    (outcome,) = compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
+    assert (outcome.solution, outcome.status, outcome.message) == (
+        None,
+        "not_converged",
+        "the section could not be meshed",
+    )
+
+
+def test_a_beam_without_a_magnet_has_forces_but_no_readings(tmp_path):
+    result = compare.run(BARE, tmp_path, accuracy=QUICK, depths=(0.5,), shears=(0.0,), shear_depth=0.5)
+    (row,) = result["press"]
+    assert row["fem_force_N"] == row["fem_homogeneous_force_N"]
+    assert math.isnan(row["fem_S1_mT"])
+    text = " ".join(report.press_sentences(result["summary"]))
+    assert "Readings" not in text
+    assert "Voltage" not in text
+    assert "nan" not in text
+
+
+def press_row(depth, rigid, homogeneous, volt=0.0):
+    design = paper()
+    row = {"depth_mm": depth, "force_error_percent": rigid, "homogeneous_force_error_percent": homogeneous}
+    row |= {"shift_error_percent": 50.0, "analytic_S1_error_percent_FS": 9.0, "analytic_S2_error_percent_FS": -8.0}
+    force = beam.solve(design, Load(depth=depth)).force[2]
+    volts = hall.readings(design, beam.solve(design, Load(depth=depth))).V[0]
+    row |= {"analytic_force_N": force, "fem_force_N": force, "analytic_S1_V": volts + volt, "fem_S1_V": volts}
+    return row | {"error_estimate": 0.01, "homogeneous_error_estimate": math.nan, "status": "ok"}
+
+
+def test_sentences_about_the_press_follow_the_figures():
+    rows = [press_row(0.5, -60.0, -30.0), press_row(1.0, -40.0, -8.0), press_row(1.5, -30.0, 4.0)]
+    found = report.findings(paper(), rows, [])
+    bare, rigid, *_ = report.press_sentences(found)
+    assert "within 5 % of the finite elements at 1.5 mm, and within 10 % at 1 to 1.5 mm" in bare
+    assert "worst error is -30 %, at 0.5 mm" in bare
+    assert "never within 10 %" in rigid
+    assert found["press_error_estimate_percent"] == pytest.approx(1.0)
+    good = [press_row(depth, 1.0, 7.0) for depth in (0.5, 1.0)]
+    bare, rigid, *_ = report.press_sentences(report.findings(paper(), good, []))
+    assert "within 5 % of the finite elements at none of the depths, and within 10 % at all depths (0.5 to 1" in bare
+    assert "within 5 % of the finite elements at all depths (0.5 to 1 mm)" in rigid
+
+
+def test_the_papers_claim_about_the_voltage_is_judged():
+    agreeing = [press_row(depth, 0.0, 0.0) for depth in (1.0, 2.0, 3.0)]
+    found = report.findings(paper(), agreeing, [])
+    assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(0.0, abs=1e-9)
+    assert "agrees with the paper" in " ".join(report.press_sentences(found))
+    wrong = [press_row(depth, 0.0, 0.0, volt=0.1) for depth in (1.0, 2.0, 3.0)]
+    found = report.findings(paper(), wrong, [])
+    rest, last = hall.readings(paper()).V[0], wrong[-1]["fem_S1_V"]
+    assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(100 * 0.1 / (last - rest))
+    assert "do not confirm" in " ".join(report.press_sentences(found))
+
+
+def test_the_secant_law_is_told_with_its_work_integral():
+    found = report.findings(paper(), [press_row(3.0, 0.0, 0.0)], [])
+    assert found["secant_force_N"] == pytest.approx(5 * math.pi)
+    assert found["tangent_force_N"] == pytest.approx(3 * math.pi)
+    assert found["area_over_hertz"] == pytest.approx(1.25)
+
+
+def shear_row(way, stiffness, untilted, analytic):
+    row = {"shear_mm": way, "depth_mm": 1.0, "status": "ok", "analytic_shift_x_mm": 0.5 * way}
+    for model in ("fem", "fem_homogeneous"):
+        row |= {
+            f"{model}_force_x_N": stiffness * way,
+            f"{model}_tilt_rad": 0.1 * way,
+            f"{model}_shift_x_mm": 0.4 * way,
+        }
+    row |= {"force_x_error_percent": 30.0, "homogeneous_force_x_error_percent": 50.0, "fem_force_z_N": 4.0}
+    row |= {"error_estimate": 0.02, "homogeneous_error_estimate": math.nan}
+    row |= {f"untilted_S{k}_error_percent_FS": untilted for k in (1, 2, 3)}
+    return row | {f"analytic_S{k}_error_percent_FS": analytic for k in (1, 2, 3)}
+
+
+def test_sentences_about_the_shear_follow_the_figures():
+    blameless = report.findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
+    text = " ".join(report.shear_sentences(blameless))
+    assert "0.827 N/mm" in text
+    assert "0.600 N/mm" in text
+    assert "tilts by 5.7°" in text
+    assert "alone does not explain" in text
+    guilty = report.findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
+    assert "explains most of" in " ".join(report.shear_sentences(guilty))
+    assert "2.0 %" in " ".join(report.trust_sentences(guilty))
+    nothing = report.findings(paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan) | {"status": "unstable"}])
+    assert "reached no state" in " ".join(report.shear_sentences(nothing))
+    assert "1 state was not reached" in " ".join(report.trust_sentences(nothing))
+
+
+def test_default_states_suit_the_design(monkeypatch):
+    asked = []
+
+    def nothing(design, loads, *args, **kwargs):
+        asked.append(loads)
+        raise RuntimeError("not now")
+
+    monkeypatch.setattr(equilibrium, "trace", nothing)
+    compare.run(paper(), None)
+    assert [load.depth for load in asked[0]] == pytest.approx([0.25 * k for k in range(1, 13)])
+    assert [load.shear_x for load in asked[2]] == pytest.approx([0.5 * k for k in range(7)])
+    assert {load.depth for load in asked[2]} == {1.0}
+    del asked[:]
+    flat = Design(L=4.3, magnet_diameter=0.0, magnet_height=0.0)
+    compare.run(flat, None)
+    assert max(load.depth for load in asked[0]) < 0.61 * flat.L

@@ -1,0 +1,68 @@
+"""What `magtip design`, `cad` and `mesh` say of a design, and the files that they write."""
+
+import pytest
+
+from geometry.design import Design
+
+
+def test_design_json(run, strict):
+    status, out, err = run("design", "paper", "--set", "E=2", "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    fields = {key: record.pop(key) for key in Design.__slots__}
+    assert Design(**fields).E == 2.0
+    assert set(record) == {"derived", "assumed", "warnings"}
+    assert "magnet_height" in record["assumed"]
+    assert not {"D", "E"} & set(record["assumed"])
+    assert record["derived"]["H_mm"] == 5.0
+    assert record["derived"]["rest_readings_V"][0] == pytest.approx(2.87, abs=0.01)
+
+
+def test_design_table_tells_the_source(run):
+    out = run("design", "paper", "--set", "E=2", "--set", "l0=4")[1]
+    lines = {line.split()[0]: line for line in out.splitlines() if line.split()}
+    assert "changed" in lines["E"]
+    assert "paper" in lines["D"]
+    assert "assumed" in lines["nu"]
+    assert "Warning: S1 would lie inside the beam" in out
+
+
+def test_design_without_magnet_has_nulls(run, strict):
+    status, out, _ = run("design", "paper", "--set", "magnet_diameter=0", "--set", "magnet_height=0", "--json")
+    (record,) = strict(out)
+    assert status == 0
+    assert record["derived"]["wall_mm"] is None
+    assert record["derived"]["magnet_volume_mm3"] == 0.0
+    assert record["derived"]["rest_readings_T"] is None
+
+
+def test_cad(run, tmp_path, strict):
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    names = ["beam", "silicone", "magnet", "mold_a", "mold_b"]
+    assert [part["name"] for part in record["parts"]] == names
+    assert all(check["passed"] for check in record["checks"])
+    written = {path.name for path in (tmp_path / "parts").iterdir()}
+    assert written == {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
+
+
+def test_cad_that_fails_a_check_writes_nothing(run, tmp_path, monkeypatch, strict):
+    from geometry import mold
+
+    failed = [mold.Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
+    monkeypatch.setattr(mold, "checks", lambda *_: failed)
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 3
+    assert strict(out)[0]["status"] == "failed"
+    assert "overlap of A and B, closed" in err
+    assert not list((tmp_path / "parts").iterdir())
+
+
+def test_mesh(run, tmp_path, strict):
+    status, out, err = run("mesh", "paper", "--out", "mesh.vtu", "--size", 2.5, "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    assert (record["status"], record["size_mm"]) == ("ok", 2.5)
+    assert abs(record["silicone_volume_error"]) < 1e-3
+    assert [path.name for path in tmp_path.iterdir()] == ["mesh.vtu"]

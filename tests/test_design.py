@@ -1,0 +1,146 @@
+"""Designs: every field's range, what must fit together, derived values, warnings, similarity."""
+
+import dataclasses
+import math
+
+import pytest
+
+from geometry.design import LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
+
+FIELDS = dataclasses.fields(Design)
+NAMES = [spec.name for spec in FIELDS]
+
+
+def changed(**values):
+    return dataclasses.replace(paper(), **values)
+
+
+def sentence(raised):
+    text = str(raised.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize("spec", FIELDS, ids=NAMES)
+def test_out_of_range(spec):
+    for value in (spec.metadata["low"] - 1e-3, spec.metadata["high"] * (1 + 1e-9) + 1e-9):
+        with pytest.raises(BadInput, match=rf"^{spec.name} must lie between .* and .*; got ") as raised:
+            changed(**{spec.name: value})
+        assert f"{spec.metadata['high']:g}" in sentence(raised)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("name", NAMES)
+def test_not_finite(name, value):
+    with pytest.raises(BadInput, match=f"^{name} must lie between"):
+        changed(**{name: value})
+
+
+@pytest.mark.parametrize("value", [True, "8", None, [8.0], 8j])
+@pytest.mark.parametrize("name", NAMES)
+def test_not_a_number(name, value):
+    with pytest.raises(BadInput, match=f"^{name} must be a number"):
+        changed(**{name: value})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_metadata_is_complete_and_default_in_range(name):
+    spec = FIELDS[NAMES.index(name)]
+    assert set(spec.metadata) == {"unit", "low", "high", "text", "assumed"}
+    assert spec.metadata["low"] <= spec.default <= spec.metadata["high"]
+    assert isinstance(getattr(paper(), name), float)
+
+
+def test_whole_numbers_become_floats():
+    assert isinstance(changed(D=10).D, float)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"L": 4.0}, "L must exceed the tip radius D/2 = 4 mm; got 4 mm"),
+        ({"L": 161.0}, "L must not exceed 20 D = 160 mm; got 161 mm"),
+        ({"magnet_height": 0.0}, "both"),
+        ({"magnet_diameter": 0.0}, "both"),
+        ({"magnet_diameter": 7.9}, "wall"),
+        ({"magnet_height": 9.0}, "wall"),
+        ({"magnet_edge_radius": 1.1}, "magnet_edge_radius must not exceed half the magnet's smaller side = 1 mm"),
+        ({"l0": 1.0}, "l0 must exceed half the magnet's height = 1 mm; got 1 mm"),
+        ({"hall_low": 3.0}, "hall_null must lie between hall_low and hall_high"),
+        ({"hall_high": 2.5}, "hall_null must lie between hall_low and hall_high"),
+    ],
+)
+def test_what_does_not_fit_together(values, text):
+    with pytest.raises(BadInput) as raised:
+        changed(**values)
+    assert text in sentence(raised)
+
+
+def test_wall_of_the_paper():
+    # with the edge rounded by rho the nearest point of the magnet lies on the fillet, on the ray to its centre
+    shape = paper().shape
+    rho = shape.magnet_edge_radius
+    assert math.isclose(shape.wall, 4 - (math.hypot(2 - rho, 1 - rho) + rho), rel_tol=1e-14)
+    assert Shape(8, 9, 4, 2, 0).wall == pytest.approx(4 - math.sqrt(5), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("shape", "wall"),
+    [
+        (Shape(8, 20, 7, 0.2, 0.0), 4 - math.hypot(3.5, 0.1)),
+        (Shape(8, 5, 4, 1.6, 0.0), 0.2),  # below: H - h/2 = 1 - 0.8
+        (Shape(8, 9, 0, 0, 0), math.inf),
+    ],
+)
+def test_wall_beside_and_below(shape, wall):
+    assert shape.wall == pytest.approx(wall, rel=1e-12)
+
+
+@pytest.mark.parametrize(("wall", "fits"), [(LEAST_WALL, True), (0.999 * LEAST_WALL, False)])
+def test_least_wall(wall, fits):
+    # a magnet whose lower face lies `wall` above the base
+    values = {"L": 5.0, "magnet_height": 2 * (1 - wall), "magnet_edge_radius": 0.0}
+    if fits:
+        assert changed(**values).shape.wall == pytest.approx(wall, rel=1e-9)
+    else:
+        with pytest.raises(BadInput, match=r"leaves a wall of 0\.0999 mm of silicone and needs 0\.1 mm"):
+            changed(**values)
+
+
+def test_derived():
+    design = changed(D=10.0, L=12.0)
+    assert (design.R, design.H) == (5.0, 7.0) == (design.shape.R, design.shape.H)
+    assert design.shape.has_magnet
+    assert not design.shape.without_magnet().has_magnet
+    assert design.shape.without_magnet().L == 12.0
+
+
+@pytest.mark.parametrize("factor", [1 / 8, 1.0, 37.0])
+def test_similarity(factor):
+    shape = paper().shape
+    scaled = shape.scaled(factor)
+    assert scaled.wall == pytest.approx(factor * shape.wall, rel=1e-12)
+    assert math.isclose(scaled.H, factor * shape.H, rel_tol=1e-14)
+    assert dataclasses.astuple(scaled.scaled(1 / factor)) == pytest.approx(dataclasses.astuple(shape), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        ({}, []),
+        ({"l0": 4.0, "f": 9.0}, ["S1 would lie inside"]),
+        ({"l0": 6.0, "f": 3.0}, ["S2 and S3 would lie inside"]),
+        ({"f": 4.5}, ["only 0.5 mm between"]),
+        ({"L": 25.0, "l0": 24.0}, ["buckle"]),
+    ],
+)
+def test_warnings(values, found):
+    warnings = changed(**values).warnings()
+    assert len(warnings) == len(found)
+    assert all(part in text for part, text in zip(found, warnings, strict=True))
+
+
+def test_frozen_and_presets():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        paper().D = 3.0
+    assert PRESETS["paper"]() == Design() == paper()

@@ -1,0 +1,136 @@
+"""Files are whole or absent; meshes and fields come back from .vtu as they were; pictures show what they must."""
+
+import math
+
+import numpy as np
+import pytest
+import skfem
+
+from fem.equilibrium import QUICK, Field, trace
+from geometry.design import BadInput, paper
+from geometry.scene import Load
+from studies import files
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    return trace(paper(), [Load(depth=1.0)], QUICK, magnet="ignored", estimate=False)[0]
+
+
+def quadratic(kind, refine):
+    """A straight second-order mesh of the unit square or cube."""
+    straight = (skfem.MeshTri if kind is skfem.MeshTri2 else skfem.MeshTet)().refined(refine)
+    return kind.from_mesh(straight)
+
+
+def half_written(path):
+    with files.atomic(path) as temporary:
+        assert (temporary.suffix, temporary.parent.parent) == (path.suffix, path.parent)
+        temporary.write_text("half")
+        raise ZeroDivisionError
+
+
+def test_atomic_leaves_nothing_behind(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        half_written(tmp_path / "a.vtu")
+    assert not list(tmp_path.iterdir())
+
+
+def test_atomic_keeps_the_old_file_until_the_new_is_whole(tmp_path):
+    path = tmp_path / "a.json"
+    files.write_json(path, {"x": 1.0})
+    with pytest.raises(ZeroDivisionError):
+        half_written(path)
+    assert path.read_text() == '{\n  "x": 1.0\n}\n'
+    assert [found.name for found in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_output_folder(tmp_path):
+    made = files.output_folder(tmp_path / "a" / "b")
+    assert made.is_dir()
+    assert not list(made.iterdir())
+    with pytest.raises(BadInput, match=r"^cannot write to the folder '/proc/x' .*: choose another folder$"):
+        files.output_folder("/proc/x")
+
+
+def test_output_file(tmp_path):
+    assert files.check_output_file(tmp_path / "a.VTU", ".vtu").name == "a.VTU"
+    (tmp_path / "b.vtu").mkdir()
+    with pytest.raises(BadInput, match="is a folder"):
+        files.check_output_file(tmp_path / "b.vtu", ".vtu")
+    assert [found.name for found in tmp_path.iterdir()] == ["b.vtu"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "measure"), [(skfem.MeshTri2, "Area"), (skfem.MeshTet2, "Volume")], ids=["triangles", "tetrahedra"]
+)
+def test_cells_are_positive_and_nodes_in_vtk_order(tmp_path, kind, measure):
+    import pyvista as pv
+
+    mesh = quadratic(kind, 2)
+    mesh = type(mesh)(mesh.doflocs, mesh.t, _subdomains={"magnet": np.array([0, 1])})
+    files.write_mesh(tmp_path / "mesh.vtu", mesh)
+    grid = pv.read(tmp_path / "mesh.vtu")
+    sizes = grid.compute_cell_sizes()[measure]
+    assert sizes.min() > 0
+    assert sizes.sum() == pytest.approx(1.0, rel=1e-12)
+    assert grid["region"].sum() == 2
+    corners, ends = mesh.dim() + 1, [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    cells = grid.cells.reshape(mesh.nelements, -1)[:, 1:]
+    for column, (a, b) in zip(range(corners, cells.shape[1]), ends, strict=False):
+        middle = (grid.points[cells[:, a]] + grid.points[cells[:, b]]) / 2
+        assert np.abs(grid.points[cells[:, column]] - middle).max() < 1e-12
+
+
+@pytest.mark.parametrize("kind", [skfem.MeshTri2, skfem.MeshTet2])
+def test_linear_fields_come_back(tmp_path, kind):
+    import pyvista as pv
+
+    mesh = quadratic(kind, 1)
+    dim = mesh.dim()
+    x = mesh.doflocs.T
+    u = 0.1 * x @ np.arange(1, dim * dim + 1).reshape(dim, dim)
+    vertices = np.unique(mesh.dofs.element_dofs[: dim + 1])
+    field = Field(mesh=mesh, u=u, p=1 + x[vertices].sum(axis=1), vertices=vertices)
+    files.write_field(tmp_path / "field.vtu", field)
+    grid = pv.read(tmp_path / "field.vtu")
+    rest = grid.points - grid["displacement_mm"]
+    # the pressure in the file is positive in compression, that of the elements in tension
+    assert np.abs(grid["pressure_MPa"] + 1 + rest.sum(axis=1)).max() < 1e-12
+    assert np.abs(np.delete(rest, 1, axis=1) - x if dim == 2 else rest - x).max() < 1e-12
+
+
+def test_solution_in_a_file(tmp_path, pressed):
+    import pyvista as pv
+
+    files.write_field(tmp_path / "field.vtu", pressed.field)
+    grid = pv.read(tmp_path / "field.vtu")
+    assert grid.n_cells == pressed.field.mesh.nelements
+    assert grid.compute_cell_sizes()["Area"].min() > 0
+    assert np.linalg.norm(grid["displacement_mm"], axis=1).max() == pytest.approx(1.0, abs=0.05)
+    # nearly incompressible: by Pappus the deformed section encloses the beam's volume
+    sizes, centres = grid.compute_cell_sizes()["Area"], grid.cell_centers().points
+    volume = 2 * math.pi * (sizes * centres[:, 0]).sum()
+    assert volume == pytest.approx(math.pi * 16 * (5 + 8 / 3), rel=0.01)
+    assert grid["pressure_MPa"][np.argmax(grid.points[:, 2])] > 0
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "pressure"])
+def test_picture(tmp_path, pressed, quantity):
+    from matplotlib.image import imread
+
+    from studies.pictures import SIZE, section_picture
+
+    section_picture(tmp_path / "a.png", paper(), pressed, magnet="ignored", quantity=quantity)
+    image = imread(tmp_path / "a.png")[..., :3]
+    assert image.shape[:2] == (SIZE[1], SIZE[0])
+    assert (image[[0, -1]] == 1).all()
+    assert (image[:, [0, -1]] == 1).all()
+    saturation = image.max(axis=2) - image.min(axis=2)
+    coloured = (saturation > 0.1).mean()
+    assert 0.15 < coloured < 0.7
+    # the section is mirrored: its left and right half are alike
+    columns = np.flatnonzero((saturation[300:900, :1150] > 0.1).any(axis=0))
+    half = image[300:900, columns[0] : columns[-1] + 1]
+    assert np.abs(half - half[:, ::-1]).mean() < 0.02
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]

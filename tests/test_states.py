@@ -1,0 +1,186 @@
+"""What `magtip solve`, `analytic`, `compare`, `sweep` and `demo` make of their options, call and print."""
+
+import math
+import sys
+import types
+from typing import get_args
+
+import pytest
+
+import studies
+from analytic import beam
+from geometry.design import paper
+from geometry.scene import Load
+from studies import cli, states
+
+SOLVE_KEYS = {
+    "status",
+    "message",
+    "model",
+    "depth_mm",
+    "shear_mm",
+    "force_N",
+    "shift_mm",
+    "tilt_rad",
+    "contact_radius_mm",
+    "error_estimate",
+    "dofs",
+    "newton_iterations",
+    "seconds",
+}
+QUICK = ("--magnet", "ignored", "--accuracy", "quick")
+
+
+def test_solve_json_has_the_contract_keys(run, strict):
+    status, out, err = run("solve", "paper", "--depth", 1, "--json", *QUICK)
+    assert (status, err) == (0, "")
+    (state,) = strict(out)
+    assert set(state) == SOLVE_KEYS
+    assert (state["status"], state["model"], state["depth_mm"], state["shear_mm"]) == ("ok", "axisymmetric", 1.0, 0.0)
+    assert [len(state[key]) for key in ("force_N", "shift_mm")] == [3, 3]
+    assert state["force_N"][2] > 0 > state["shift_mm"][2]
+    assert 0 < state["contact_radius_mm"] < 4
+    assert 0 < state["error_estimate"] < 0.2
+
+
+@pytest.mark.parametrize("flag", [("--depth", 1, "--steps", 2), ("--depths", "0.5,1")])
+def test_states_are_lines(run, flag, strict):
+    status, out, _ = run("solve", "paper", *flag, "--json", *QUICK)
+    assert status == 0
+    assert [state["depth_mm"] for state in strict(out)] == [0.5, 1.0]
+
+
+def test_failed_solve_keeps_its_states(run, tmp_path, strict):
+    flags = ("--json", "--out", "last.vtu", *QUICK)
+    status, out, err = run("solve", "paper", "--depths", "1,8.9", *flags)
+    assert status == 3
+    reached, last = strict(out)
+    assert reached["status"] == "ok"
+    assert last["status"] == "not_converged"
+    assert 1 < last["depth_mm"] < 8.9
+    assert last["message"] in err
+    assert err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["last.vtu"]
+
+
+def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
+    from fem import equilibrium
+
+    def fail(*_, **__):
+        raise RuntimeError("fTetWild failed: try another size")
+
+    monkeypatch.setattr(equilibrium, "trace", fail)
+    status, out, err = run("solve", "paper", "--depth", 1, "--json")
+    assert (status, err) == (3, "magtip: fTetWild failed: try another size\n")
+    (state,) = strict(out)
+    assert set(state) == SOLVE_KEYS
+    assert (state["status"], state["force_N"]) == ("not_converged", None)
+
+
+def test_table_names_units(run):
+    status, out, _ = run("solve", "paper", "--depth", 0.5, *QUICK)
+    assert status == 0
+    for part in ("force", "N", "contact radius", "mm", "tilt", "rad"):
+        assert part in out
+
+
+@pytest.mark.parametrize("shear", [0.0, -0.5])
+def test_analytic_json(run, shear, strict):
+    status, out, err = run("analytic", "paper", "--depth", 2, "--shear", shear, "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    expected = beam.solve(paper(), Load(depth=2.0, shear_x=shear, friction="stick"))
+    assert tuple(record["force_N"]) == expected.force
+    assert tuple(record["shift_mm"]) == expected.shift
+    assert len(record["readings_T"]) == len(record["readings_V"]) == 3
+    assert (record["status"], record["level"], record["shear_mm"]) == ("ok", "paper", shear)
+
+
+@pytest.mark.parametrize(
+    ("options", "loads"),
+    [
+        ({"depth": 1.0}, [Load(1.0)]),
+        ({"depth": 1.0, "steps": 2}, [Load(0.5), Load(1.0)]),
+        ({"depths": "1,2"}, [Load(1.0), Load(2.0)]),
+        ({"depth": 1.0, "shear": -0.5}, [Load(1.0, -0.5, friction="stick")]),
+        ({"depth": 1.0, "shear": 1.0, "friction": "none"}, [Load(1.0, 1.0)]),
+        ({"depth": 1.0, "shear": 1.0, "friction": "0.5"}, [Load(1.0, 1.0, friction=0.5)]),
+        (
+            {"depth": 1.0, "shear": 1.0, "steps": 2},
+            [Load(1.0, 0.5, friction="stick"), Load(1.0, 1.0, friction="stick")],
+        ),
+        ({"grip": 2.0, "shear": 1.0}, [Load(0.0, 1.0, grip=2.0)]),
+    ],
+)
+def test_options_as_loads(options, loads):
+    assert states.loads_of(**options) == loads
+
+
+def test_choices_match_the_solver():
+    from fem import equilibrium
+    from studies.inputs import AccuracyName
+
+    assert get_args(cli.Model) == get_args(equilibrium.Model)
+    assert set(get_args(AccuracyName)) == set(equilibrium.LEVELS)
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """Replace the `run` of a study by one that notes its arguments and gives an answer."""
+
+    def replace(name, answer):
+        calls = []
+
+        def pretend(*args, progress, **options):
+            progress(0.5, "half way")
+            calls.append((*args, options))
+            return answer
+
+        module = types.ModuleType(f"studies.{name}")
+        module.run = pretend
+        monkeypatch.setitem(sys.modules, f"studies.{name}", module)
+        monkeypatch.setattr(studies, name, module, raising=False)
+        return calls
+
+    return replace
+
+
+def test_sweep_of_a_study(run, fake, tmp_path, strict):
+    from fem.equilibrium import FINE, QUICK
+
+    (tmp_path / "study.toml").write_text('depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n')
+    calls = fake("sweep", [{"D_mm": 3.0, "status": "not_converged"}, {"D_mm": 8.0, "status": "ok"}])
+    status, out, err = run("sweep", "study.toml", "--set", "E=2", "--out", "rows", "--json")
+    assert (status, err) == (0, "")
+    assert [row["status"] for row in strict(out)] == ["not_converged", "ok"]
+    design, axes, folder, options = calls[0]
+    assert (design.E, axes, folder.name) == (2.0, {"D": [3.0, 8.0]}, "rows")
+    assert options == {"depth": 1.0, "magnet": "ignored", "accuracy": FINE}
+    run("sweep", "study.toml", "--depth", 2, "--accuracy", "quick", "--magnet", "rigid")
+    assert calls[1][3] == {"depth": 2.0, "magnet": "rigid", "accuracy": QUICK}
+
+
+def test_sweep_of_axes(run, fake, tmp_path):
+    (tmp_path / "sensor.toml").write_text("D = 10\nL = 12\n")
+    calls = fake("sweep", [{"status": "not_converged"}])
+    for flags in (("sensor.toml",), ("--design", "sensor.toml")):
+        assert run("sweep", *flags, "--axis", "E=1,2", "--axis", "depth=1", "--json")[0] == 3
+    assert [call[0].D for call in calls] == [10.0, 10.0]
+    assert calls[0][1] == {"E": [1.0, 2.0], "depth": [1.0]}
+
+
+def test_compare(run, fake, strict):
+    rows = [{"depth_mm": 1.0, "fem_force_N": 2.0, "error_percent": math.nan, "status": "ok", "message": ""}]
+    calls = fake("compare", {"press": rows, "shear": rows, "summary": {}})
+    status, out, err = run("compare", "paper", "--json")
+    assert (status, err, calls[0][1]) == (0, "", None)
+    assert strict(out)[0]["press"][0]["error_percent"] is None
+    status, out, err = run("compare", "paper")
+    assert (status, err) == (0, "50 % half way\n")
+    assert "fem force" in out
+
+
+def test_demo_writes_where_told(run, fake, tmp_path):
+    calls = fake("demo", {})
+    assert run("demo")[0] == 0
+    assert calls[0][0].resolve() == tmp_path / "out" / "demo"

@@ -1,0 +1,142 @@
+import csv
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from analytic import beam, hall
+from fem import equilibrium
+from fem.equilibrium import QUICK
+from geometry.design import BadInput, Design, paper
+from geometry.scene import Load
+from studies import sweep
+
+BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
+
+
+@pytest.fixture
+def traced(monkeypatch):
+    """Counts the solves."""
+    calls = []
+    real = equilibrium.trace
+
+    def counted(*args, **kwargs):
+        calls.append(args)
+        return real(*args, **kwargs)
+
+    monkeypatch.setattr(equilibrium, "trace", counted)
+    return calls
+
+
+def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(traced, tmp_path):
+    axes = {"D": [4.0, 8.0], "L": [4.5, 9.0], "E": [1.0, 3.0], "depth": [0.25, 0.5]}
+    rows = sweep.run(BARE, axes, tmp_path, depth=9.9, magnet="ignored", accuracy=QUICK)
+    columns = ("D_mm", "L_mm", "E_MPa", "depth_mm")
+    assert [tuple(row[name] for name in columns) for row in rows] == list(itertools.product(*axes.values()))
+    assert {row["status"] for row in rows} == {"ok"}
+    # (4, 4.5) and (8, 9) are similar
+    assert len(traced) == 3
+    assert {row["solve"] for row in rows} == {1, 2, 3}
+    similar = {row["solve"] for row in rows if row["L_mm"] / row["D_mm"] == 9 / 8}
+    assert len(similar) == 1
+    with open(tmp_path / "sweep.csv", newline="", encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(rows)
+    assert float(table[5]["fem_force_N"]) == pytest.approx(rows[5]["fem_force_N"], rel=1e-5)
+    assert (tmp_path / "sweep.png").stat().st_size > 10_000
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.csv", "sweep.png"]
+
+
+def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(traced):
+    big = Design(D=16.0, L=18.0, E=2.5, magnet_diameter=8.0, magnet_height=4.0, magnet_edge_radius=0.2, l0=14.4, f=9)
+    depths = [1.0, 2.0]
+    own = equilibrium.trace(big, [Load(depth=depth) for depth in depths], QUICK)
+    del traced[:]
+    case = sweep.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
+    small = sweep.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
+    solved = sweep._solve([small, case], "rigid", QUICK, None)
+    assert len(traced) == 1
+    for got, want in ((solved[1].response, own[1].response),):
+        assert got.force == pytest.approx(want.force, rel=1e-9)
+        assert got.shift == pytest.approx(want.shift, rel=1e-9)
+        assert got.contact_radius == pytest.approx(want.contact_radius, rel=1e-9)
+    assert solved[0].response.force[2] * 2.5 * 4 == pytest.approx(own[0].response.force[2], rel=1e-9)
+
+
+def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
+    rows = sweep.run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, None, depth=1.0, accuracy=QUICK)
+    assert len(traced) == 1
+    soft, soft_far, hard, _ = rows
+    assert hard["fem_force_N"] == pytest.approx(4 * soft["fem_force_N"], rel=1e-12)
+    assert hard["analytic_force_N"] == pytest.approx(4 * soft["analytic_force_N"], rel=1e-12)
+    assert hard["force_error_percent"] == pytest.approx(soft["force_error_percent"], rel=1e-9)
+    for name in ("fem_shift_z_mm", "fem_S1_mT", "fem_S2_mT", "analytic_S1_V"):
+        assert hard[name] == soft[name]
+    assert soft_far["fem_S1_mT"] == soft["fem_S1_mT"]
+    assert soft_far["fem_S2_mT"] != soft["fem_S2_mT"]
+    pose = equilibrium.solve(paper(), Load(depth=1.0), QUICK).response
+    seen, formula = hall.readings(paper(), pose), beam.solve(paper(), Load(depth=1.0))
+    assert soft["fem_S1_mT"] == pytest.approx(1e3 * seen.B_T[0], rel=1e-9)
+    assert soft["fem_S1_V"] == pytest.approx(seen.V[0], rel=1e-9)
+    assert soft["force_error_percent"] == pytest.approx(100 * (formula.force[2] / pose.force[2] - 1), rel=1e-9)
+
+
+def test_the_hall_elements_stay_where_they_are():
+    base = paper()
+    for fields in ({"L": 11.0}, {"D": 7.0}, {"D": 10.0, "L": 9.5}):
+        before, after = hall.elements(base)[0], hall.elements(sweep.varied(base, fields))[0]
+        assert np.allclose(before, after, atol=1e-12)
+
+
+def test_cases_that_cannot_be_solved_stay_rows():
+    axes = {"D": [3.0, 8.0], "depth": [1.0, 7.0]}
+    rows = sweep.run(paper(), axes, None, depth=1.0, accuracy=QUICK)
+    assert [row["status"] for row in rows] == ["bad_input", "bad_input", "ok", "bad_input"]
+    assert "magnet" in rows[0]["message"]
+    assert "depth" in rows[3]["message"]
+    for row in (rows[0], rows[3]):
+        assert row["solve"] == 0
+        assert all(
+            math.isnan(row[name]) for name in ("fem_force_N", "analytic_force_N", "fem_S1_mT", "error_estimate")
+        )
+
+
+def test_the_formulas_end_at_the_tip_radius():
+    rows = sweep.run(BARE, {"depth": [1.0, 4.2]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+    assert math.isfinite(rows[1]["fem_force_N"])
+    assert math.isnan(rows[1]["analytic_force_N"])
+    assert math.isnan(rows[1]["force_error_percent"])
+    assert "D/2" in rows[1]["message"]
+
+
+def test_a_solve_that_stops_keeps_what_it_reached(monkeypatch):
+    real = equilibrium.trace
+
+    def stops(design, loads, *args, **kwargs):
+        import dataclasses
+
+        found = real(design, loads[:2], *args, **kwargs)
+        return [found[0], dataclasses.replace(found[1], status="not_converged", message="stopped at depth 0.7 mm")]
+
+    monkeypatch.setattr(equilibrium, "trace", stops)
+    rows = sweep.run(BARE, {"depth": [1.5, 0.5, 1.0]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+    assert [row["status"] for row in rows] == ["not_converged", "ok", "not_converged"]
+    assert math.isnan(rows[0]["fem_force_N"])
+    assert math.isfinite(rows[0]["analytic_force_N"])
+    assert "stopped" in rows[0]["message"]
+
+
+def test_unknown_axes_are_refused():
+    for axes in ({}, {"nu": [0.4]}):
+        with pytest.raises(BadInput, match="axes"):
+            sweep.run(paper(), axes, None, depth=1.0)
+
+
+def test_progress_never_falls_and_stays_within_its_range():
+    seen = []
+    axes = {"L": [9.0, 10.0]}
+    sweep.run(BARE, axes, None, depth=0.5, magnet="ignored", accuracy=QUICK, progress=lambda f, _: seen.append(f))
+    assert seen == sorted(seen)
+    assert 0 <= seen[0] <= seen[-1] <= 1
