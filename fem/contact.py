@@ -103,9 +103,9 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     """Radius of the patch in contact, from the opening of the gap around it.
 
     Beside a smooth contact the gap opens as (r - a)^(3/2), so gap^(2/3) is smooth there: a quadratic in r through
-    the points between 1.05 a and 1.35 a is followed to its zero. That is far less sensitive to the mesh than the
-    last point under pressure. r is the distance from the centre of pressure, over all directions: the patch of a
-    sheared tip is answered by its mean radius.
+    the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), is followed to its zero. That is
+    far less sensitive to the mesh than the last point under pressure. r is the distance from the centre of
+    pressure, over all directions: the patch of a sheared tip is answered by its mean radius.
     """
     g = overlap(surface, u, plate)
     pressed = g > 0
@@ -113,8 +113,11 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         return 0.0
     r = from_pressure_centre(surface, u, plate)
     outermost = radius = float(r[pressed].max())
+    reach = float(surface.points[..., 0].max())
+    ahead = np.hypot(surface.points[..., 0], surface.points[..., -1] - surface.points[..., -1].max()) < 1.4 * reach
     for _ in range(4):
-        around = ~pressed & (r > 1.05 * radius) & (r < 1.35 * radius)
+        width = min(radius, 0.6 * reach)
+        around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
         if np.count_nonzero(around) < 4:
             return outermost
         opening = (-g[around]) ** (2 / 3)
