@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -91,46 +92,81 @@ def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
 
 
 def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> None:
-    """Force of both models and the formula's error against the first axis; a line for each combination of others."""
-    from matplotlib import colormaps
+    """Force of both models and the formula's error against the first axis.
+
+    A column of panels for each value of one axis (the depth, if it has at most four), a colour for each value of the
+    next, a marker for each combination of what is left.
+    """
     from matplotlib.lines import Line2D
 
     first, *others = axes
-    x_name = _column(first)
-    groups: dict[tuple[float, ...], list[Row]] = {}
-    for row in sorted(rows, key=lambda row: row[x_name]):
-        if not math.isnan(row["fem_force_N"]) or not math.isnan(row["analytic_force_N"]):
-            groups.setdefault(tuple(row[_column(name)] for name in others), []).append(row)
-    names, members = sorted(groups), [groups[name] for name in sorted(groups)]
-    few = len(names) <= len(COLOURS)
-    spread = [colormaps["viridis"](0.92 * k / max(len(names) - 1, 1)) for k in range(len(names))]
-    looks: list[dict[str, Any]] = [{"color": colour, "marker": "o"} for colour in (COLOURS if few else spread)][
-        : len(names)
-    ]
-    with _figure(path, 2, 1) as (figure, (force, error)):
-        for k, (group, look) in enumerate(zip(members, looks, strict=True)):
-            x = [row[x_name] for row in group]
-            force.plot(x, [row["fem_force_N"] for row in group], **look)
-            force.plot(x, [row["analytic_force_N"] for row in group], linestyle="--", color=look["color"])
-            # errors may coincide, so each line leaves the one before visible
-            size = 1 - k / max(len(names) - 1, 1)
-            thinner = {"linewidth": 1.4 + 2.6 * size, "markersize": 4.5 + 5 * size, "markerfacecolor": "white"}
-            error.plot(x, [row["force_error_percent"] for row in group], **look, **thinner)
-        _bands(error)
-        _label(force, "a", "press force (N)")
-        _label(error, "b", "formula's error (%)")
-        error.set_xlabel(f"{_symbol(first)} ({_unit(first).strip()})")
-        lost = sum(math.isnan(row["fem_force_N"]) for row in rows)
+    panel = _panel_axis(axes, others)
+    others = [name for name in others if name != panel]
+    columns: list[float] = sorted(set(axes[panel])) if panel else [math.nan]
+    found = [row for row in rows if not (math.isnan(row["fem_force_N"]) and math.isnan(row["analytic_force_N"]))]
+    colour = _looks("color", [(v,) for v in sorted(set(axes[others[0]]))] if others else [()])
+    marker = _looks("marker", sorted({tuple(row[_column(n)] for n in others[1:]) for row in found}) or [()])
+    with _figure(path, 2, len(columns)) as (figure, panels):
+        for k, value in enumerate(columns):
+            force, error = panels[k], panels[k + len(columns)]
+            for hue, shape in itertools.product(colour, marker):
+                wanted = dict(zip(others, (*hue, *shape), strict=True)) | ({panel: value} if panel else {})
+                line = [row for row in found if all(row[_column(n)] == v for n, v in wanted.items())]
+                _sweep_lines(
+                    force,
+                    error,
+                    sorted(line, key=lambda row: row[_column(first)]),
+                    _column(first),
+                    {"color": colour[hue], "marker": marker[shape]},
+                )
+            _bands(error)
+            error.set_xlabel(f"{_symbol(first)} ({_unit(first).strip()})")
+            if panel:
+                force.set_title(f"{_symbol(panel)} = {value:.4g}{_unit(panel)}", fontsize=11)
+        errors = panels[len(columns) :]
+        limits = [axis.get_ylim() for axis in errors]
+        for axis in errors:
+            axis.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        panels[0].set_ylabel("press force (N)")
+        errors[0].set_ylabel("formula's error (%)")
+        handles = [
+            Line2D([], [], color="#555555", label="FEM"),
+            Line2D([], [], color="#555555", linestyle="--", label="paper"),
+        ]
+        for name, values in ((others[:1], colour), (others[1:], marker)):
+            for key, look in values.items() if name else ():
+                text = ", ".join(f"{_symbol(n)} = {v:.4g}{_unit(n)}" for n, v in zip(name, key, strict=True))
+                own = {"color": look} if values is colour else {"color": "#555555", "marker": look, "linestyle": ""}
+                handles.append(Line2D([], [], label=text, **own))
+        lost = len(rows) - sum(not math.isnan(row["fem_force_N"]) for row in rows)
         if lost:
-            force.set_title(f"{lost} of {len(rows)} cases have no FEM result", loc="right", fontsize=10)
-        kinds: Any = (("FEM", {"marker": "o"}), ("paper", {"linestyle": "--"}))
-        handles = [Line2D([], [], color="#555555", label=text, **look) for text, look in kinds]
-        shown = range(len(names)) if few else sorted({round(k * (len(names) - 1) / 6) for k in range(7)})
-        for k in shown if others else ():
-            text = ", ".join(f"{_symbol(a)} = {v:.4g}{_unit(a)}" for a, v in zip(others, names[k], strict=True))
-            handles.append(Line2D([], [], label=text, **looks[k]))
-        columns = max(1, 4 - len(others)) if others else 2
-        figure.legend(handles=handles, loc="outside upper center", ncols=columns, frameon=False)
+            figure.supxlabel(f"{lost} of {len(rows)} cases have no FEM result", fontsize=10, color="#555555")
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
+
+
+def _panel_axis(axes: Mapping[str, Sequence[float]], others: Sequence[str]) -> str | None:
+    """The axis whose values get panels of their own, where there is more than one axis besides the first."""
+    fits = [name for name in others if len(set(axes[name])) <= 4]
+    if len(others) < 2 or not fits:
+        return None
+    return "depth" if "depth" in fits else fits[-1]
+
+
+def _looks(kind: str, keys: Sequence[tuple[float, ...]]) -> dict[tuple[float, ...], Any]:
+    """A colour or a marker for each key; beyond the set of distinct colours, shades in order."""
+    from matplotlib import colormaps
+
+    choice: Sequence[Any] = COLOURS if kind == "color" else "os^Dv<>pX*"
+    if kind == "color" and len(keys) > len(COLOURS):
+        choice = [colormaps["viridis"](0.92 * k / (len(keys) - 1)) for k in range(len(keys))]
+    return {key: choice[k % len(choice)] for k, key in enumerate(keys)}
+
+
+def _sweep_lines(force: Any, error: Any, rows: Sequence[Row], x_name: str, look: Mapping[str, Any]) -> None:
+    x = [row[x_name] for row in rows]
+    force.plot(x, [row["fem_force_N"] for row in rows], **look)
+    force.plot(x, [row["analytic_force_N"] for row in rows], linestyle="--", color=look["color"])
+    error.plot(x, [row["force_error_percent"] for row in rows], markerfacecolor="white", **look)
 
 
 def _column(axis: str) -> str:
