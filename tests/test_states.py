@@ -181,6 +181,16 @@ def test_compare(run, fake, strict):
 
 
 def test_demo_writes_where_told(run, fake, tmp_path):
-    calls = fake("demo", {})
-    assert run("demo")[0] == 0
+    summary = {"sentences": ["The formula holds nowhere."]}
+    calls = fake("demo", {"status": "ok", "message": "", "summary": summary})
+    status, out, _ = run("demo")
+    assert status == 0
+    assert summary["sentences"][0] in out
     assert calls[0][0].resolve() == tmp_path / "out" / "demo"
+
+
+def test_demo_that_lost_a_state_says_so(run, fake):
+    fake("demo", {"status": "not_converged", "message": "stopped at 2 mm", "summary": {"sentences": []}})
+    status, _, err = run("demo")
+    assert status == 3
+    assert "stopped at 2 mm" in err
