@@ -6,7 +6,7 @@ element: an element with such nodes sees the magnet's unknowns beside its own.
 
 The residual is the derivative of the potential
 
-    Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs,
+    Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs - work of dead loads,
 
 which is stationary, not least, at a solution.
 """
@@ -66,6 +66,7 @@ class System:
     fixed : (nodes, dim) mask of the displacements that are zero.
     glued : nodes on the magnet's face (empty without a rigid magnet).
     centre : (dim,) the magnet's centre.
+    dead : (nodes, dim) nodal forces that do not change with the deformation.
 
     Attributes
     ----------
@@ -83,8 +84,10 @@ class System:
         fixed: NDArray[np.bool_],
         glued: Index,
         centre: Array,
+        dead: Array | None = None,
     ) -> None:
         self.elements, self.surface = elements, surface
+        self.dead = np.zeros(elements.nodes.shape) if dead is None else dead
         m = len(elements.cells)
         self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[:, None]
         self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[:, None]
@@ -175,6 +178,8 @@ class System:
             [np.concatenate([Kuu, Kup], axis=2), np.concatenate([np.swapaxes(Kup, 1, 2), Kpp], axis=2)], axis=1
         )
         nodal, springs, spring_energy = self._springs(state, plate)
+        nodal -= self.dead
+        energy -= float(np.sum(self.dead * state.u))
         residual, forces, blocks = self._reduce(state, np.hstack([fu, fp]), K, nodal)
         matrix = self.pattern.assemble(blocks + springs)
         return Assembly(residual, matrix, energy + spring_energy, forces, 1 + float(k.Jm1.min()))
