@@ -1,7 +1,7 @@
 """From a design and a path of loads to solutions: steps, statuses, scaling.
 
-Every scene is solved with lengths divided by D and stresses by E, so designs that differ only in E, f or scale are
-the same problem: pose and depth over D are shared, forces are proportional to E D^2.
+Every scene is solved with lengths divided by D and stresses by E, so designs of one law that differ only in E, f or
+scale are the same problem: pose and depth over D are shared, forces are proportional to E D^2.
 
 Signs: the plate's lower face starts at z = L and comes down by `depth`; the reported force is the load on the tip,
 positive in compression and along the shear.
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from fem import contact, elements, models
 from fem.contact import KAPPA, Plate
 from fem.linear import Solver
+from fem.material import law
 from fem.models import Discretisation
 from fem.newton import Equilibrium, newton
 from geometry.design import BadInput, Design
@@ -248,12 +249,13 @@ def _follow(
     begin = time.perf_counter()
     shape = design.shape.scaled(1 / design.D)
     depths = [load.depth / design.D for load in loads if load.depth > FIRST_TOUCH * design.D]
+    silicone = law(design.law, design.law_numbers)
     if name == "axisymmetric":
         size = accuracy.section_size * coarsening
         tip = math.sqrt(shape.R * min(depths, default=1.0)) * accuracy.section_size / QUICK.section_size / 6
-        d = models.axisymmetric(shape, design.nu, magnet, size, min(size, tip * coarsening))
+        d = models.axisymmetric(shape, design.nu, magnet, size, min(size, tip * coarsening), silicone)
     else:
-        d = models.half(shape, design.nu, magnet, accuracy.solid_size * coarsening)
+        d = models.half(shape, design.nu, magnet, accuracy.solid_size * coarsening, silicone)
     path = _Path(d, design, loads[0])
     solutions: list[Solution] = []
     for i, load in enumerate(loads):

@@ -9,10 +9,15 @@ Near incompressibility is treated by a perturbed Lagrangian with an independent 
 
 whose stationary point in p is p = K (J - 1), that is a volumetric energy K/2 (J - 1)^2. 1/K = 0 (nu = 0.5) is
 allowed. W is isochoric, so p is minus the mean Cauchy pressure.
+
+Every law has the shear modulus mu at small strain as its scale; what else it takes are pure numbers, so stresses are
+proportional to mu at any strain.
 """
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +26,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _DELTA9 = np.eye(9)
+_LEAST = 1e-15 - 1
 
 
 class Kinematics(NamedTuple):
@@ -32,6 +38,24 @@ class Kinematics(NamedTuple):
     """J - 1 to full relative precision, shape (...)."""
     H: Array
     """F^-T, shape (..., 3, 3)."""
+
+
+Law = Callable[[Kinematics, Array | float], tuple[Array, Array, Array]]
+"""A law with its numbers: from kinematics and mu to W, P and dP/dF, as `neo_hookean`."""
+
+
+def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
+    """The law of a name of `geometry.design.LAWS`, with its numbers in the order given there."""
+    match name, numbers:
+        case "neo-hookean", ():
+            return neo_hookean
+        case "mooney-rivlin", (share,):
+            return functools.partial(mooney_rivlin, share=share)
+        case "yeoh", (c2, c3):
+            return functools.partial(yeoh, c2=c2, c3=c3)
+        case "ogden", (alpha1, alpha2, share):
+            return functools.partial(ogden, alphas=(alpha1, alpha2), shares=(1 - share, share))
+    raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
 def kinematics(G: Array) -> Kinematics:
@@ -72,8 +96,13 @@ def lame(E: float, nu: float) -> tuple[float, float]:
 
 def _cross(H: Array) -> Array:
     """H_iL H_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9)."""
-    product = H[..., :, None, None, :] * np.swapaxes(H, -1, -2)[..., None, :, :, None]
-    return np.asarray(product.reshape(*H.shape[:-2], 9, 9))
+    return _pairs(H, H)
+
+
+def _pairs(X: Array, Y: Array) -> Array:
+    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9)."""
+    product = X[..., :, None, None, :] * np.swapaxes(Y, -1, -2)[..., None, :, :, None]
+    return np.asarray(product.reshape(*X.shape[:-2], 9, 9))
 
 
 def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
@@ -104,6 +133,131 @@ def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
     A = left[..., :, None] * H9[..., None, :]
     A = A + np.swapaxes(A, -1, -2) + s[..., None, None] * _DELTA9 + (s * I1 / 3)[..., None, None] * _cross(H)
     return W, P, A
+
+
+def mooney_rivlin(k: Kinematics, mu: Array | float, share: float) -> tuple[Array, Array, Array]:
+    """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
+
+    I2'(F) = I1'(F^-T), so the second term is the neo-Hookean law of H = F^-T, with Q its stress:
+    P = -H Q^T H, and dH = -H dF^T H gives the tangent. H - 1 = -G^T H keeps the digits of small strain.
+
+    Parameters
+    ----------
+    share : C01 / (C10 + C01), with C10 + C01 = mu / 2.
+
+    Returns
+    -------
+    As `neo_hookean`.
+    """
+    W1, P1, A1 = neo_hookean(k, mu)
+    H = k.H
+    inverse = Kinematics(-np.swapaxes(k.G, -1, -2) @ H, -k.Jm1 / (1 + k.Jm1), k.G + np.eye(3))
+    W2, Q, B = neo_hookean(inverse, mu)
+    P2 = -H @ np.swapaxes(Q, -1, -2) @ H
+    cross = _cross(H)
+    mixed = _pairs(H, P2)
+    A2 = cross @ B @ cross - mixed - np.swapaxes(mixed, -1, -2)
+    return (1 - share) * W1 + share * W2, (1 - share) * P1 + share * P2, (1 - share) * A1 + share * A2
+
+
+def yeoh(k: Kinematics, mu: Array | float, c2: float, c3: float) -> tuple[Array, Array, Array]:
+    """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
+
+    Parameters
+    ----------
+    c2, c3 : C20 / C10 and C30 / C10, with C10 = mu / 2.
+
+    Returns
+    -------
+    As `neo_hookean`.
+    """
+    half, slope, A = neo_hookean(k, 1.0)
+    x = 2 * half
+    first = mu * (1 + 2 * c2 * x + 3 * c3 * x**2)
+    second = mu * (2 * c2 + 6 * c3 * x)
+    slope9 = slope.reshape(*slope.shape[:-2], 9)
+    bend = (2 * second)[..., None, None] * slope9[..., :, None] * slope9[..., None, :]
+    W = mu / 2 * x * (1 + c2 * x + c3 * x**2)
+    return W, first[..., None, None] * slope, first[..., None, None] * A + bend
+
+
+def ogden(
+    k: Kinematics, mu: Array | float, alphas: tuple[float, ...], shares: tuple[float, ...]
+) -> tuple[Array, Array, Array]:
+    """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
+
+    In logarithms h of the stretches, less their mean, the principal Kirchhoff stresses are
+    tau_a = t_a - mean(t), t_a = sum_i 2 mu_i / alpha_i (exp(alpha_i h_a) - 1). The tangent in the principal frame
+    holds divided differences of S_a = tau_a / l_a^2, sums of exponentials of h_a, over l_a^2: these are quotients of
+    hyperbolic sines, exact for equal and nearly equal stretches alike.
+
+    Parameters
+    ----------
+    alphas, shares : exponents, not 0, and mu_i / mu, which add up to 1.
+
+    Returns
+    -------
+    As `neo_hookean`.
+    """
+    G = k.G
+    twice = G + np.swapaxes(G, -1, -2) + np.swapaxes(G, -1, -2) @ G
+    e, N = np.linalg.eigh(twice)
+    h = np.log1p(np.maximum(e, _LEAST)) / 2
+    middle = h.mean(axis=-1, keepdims=True)
+    own = h - middle
+    scale = np.asarray(mu, dtype=np.float64)[..., None]
+    W, t, s = np.zeros_like(h), np.zeros_like(h), np.zeros_like(h)
+    theta = np.zeros((*h.shape, 3))
+    d, around = h[..., :, None] - h[..., None, :], h[..., :, None] + h[..., None, :]
+    for alpha, share in zip(alphas, shares, strict=True):
+        power = np.expm1(alpha * own)
+        W += 2 * share / alpha**2 * power
+        t += 2 * share / alpha * power
+        s += 2 * share * (1 + power)
+        weight = 2 * share / alpha * np.exp(-alpha * middle)[..., None]
+        theta += weight * _quotient(alpha - 2, d, around)
+    mean = t.mean(axis=-1, keepdims=True)
+    constant = mean + sum(2 * share / alpha for alpha, share in zip(alphas, shares, strict=True))
+    theta -= constant[..., None] * _quotient(-2.0, d, around)
+    inverse = np.exp(-2 * h)
+    S = (t - mean) * inverse
+    centred = np.eye(3) - 1 / 3
+    D = centred @ (s[..., :, None] * centred)
+    n = N + G @ N
+    frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
+    A = frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2)
+    P = (n * S[..., None, :]) @ np.swapaxes(N, -1, -2)
+    return (scale * W).sum(axis=-1), scale[..., None] * P, scale[..., None] * A
+
+
+def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
+    """dP/dF over pairs of principal directions (spatial, material), shape (..., 9, 9).
+
+    Parameters
+    ----------
+    S : principal second Piola-Kirchhoff stresses, shape (..., 3).
+    D : derivative of the Kirchhoff stresses by the logarithmic strains, shape (..., 3, 3).
+    theta : divided differences of S by the Green strains, shape (..., 3, 3).
+    inverse : 1 / l^2, shape (..., 3).
+    """
+    M = np.zeros((*S.shape[:-1], 3, 3, 3, 3))
+    for a in range(3):
+        for b in range(3):
+            M[..., a, a, b, b] += D[..., a, b] * inverse[..., a] * inverse[..., b]
+            M[..., a, b, a, b] += S[..., b] * inverse[..., a]
+            if a == b:
+                M[..., a, a, a, a] -= 2 * S[..., a] * inverse[..., a]
+            else:
+                M[..., a, b, a, b] += theta[..., a, b] / 2
+                M[..., a, b, b, a] += theta[..., a, b] / 2
+    return np.asarray(M.reshape(*S.shape[:-1], 9, 9))
+
+
+def _quotient(beta: float, d: Array, around: Array) -> Array:
+    """(exp(beta x) - exp(beta y)) / (exp(2 x) - exp(2 y)) * 2 with d = x - y, around = x + y; d = 0 is its limit."""
+    safe = np.where(d == 0, 1.0, d)
+    ratio = np.where(d == 0, beta / 2, np.sinh(beta * safe / 2) / np.sinh(safe))
+    return 2 * np.exp((beta / 2 - 1) * around) * ratio
 
 
 def pressure_terms(k: Kinematics, p: Array) -> tuple[Array, Array, Array]:

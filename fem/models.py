@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fem import elements
 from fem.elements import Elements
-from fem.material import lame
+from fem.material import Law, lame, neo_hookean
 from fem.system import System
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
@@ -52,7 +52,9 @@ class Discretisation:
         return self.system.elements
 
 
-def axisymmetric(shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float) -> Discretisation:
+def axisymmetric(
+    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean
+) -> Discretisation:
     """Section model with clamped base; size and tip_size are edge lengths in units of D."""
     rigid = magnet == "rigid"
     mesh = section(shape, size, tip_size=tip_size, magnet="hole" if rigid else "none")
@@ -61,10 +63,10 @@ def axisymmetric(shape: Shape, nu: float, magnet: Magnet, size: float, tip_size:
     fixed[elements.boundary_nodes(mesh, "base")] = True
     fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-    return _discretise("axisymmetric", mesh, e, skin, fixed, shape, nu, rigid, 1.0)
+    return _discretise("axisymmetric", mesh, e, skin, fixed, shape, nu, law, rigid, 1.0)
 
 
-def half(shape: Shape, nu: float, magnet: Magnet, size: float) -> Discretisation:
+def half(shape: Shape, nu: float, magnet: Magnet, size: float, law: Law = neo_hookean) -> Discretisation:
     """Tetrahedra in y >= 0 with clamped base; size is the edge length in units of D."""
     rigid = magnet == "rigid"
     mesh = _half_mesh(shape, size, "hole" if rigid else "none")
@@ -73,7 +75,7 @@ def half(shape: Shape, nu: float, magnet: Magnet, size: float) -> Discretisation
     fixed[elements.boundary_nodes(mesh, "base")] = True
     fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return _discretise("half", mesh, e, skin, fixed, shape, nu, rigid, 2.0)
+    return _discretise("half", mesh, e, skin, fixed, shape, nu, law, rigid, 2.0)
 
 
 @functools.lru_cache(maxsize=4)
@@ -89,6 +91,7 @@ def _discretise(
     fixed: NDArray[np.bool_],
     shape: Shape,
     nu: float,
+    law: Law,
     rigid: bool,
     symmetry: float,
 ) -> Discretisation:
@@ -96,4 +99,5 @@ def _discretise(
     centre = np.zeros(e.dim)
     centre[-1] = shape.H
     glued = elements.boundary_nodes(mesh, "magnet") if rigid else np.empty(0, dtype=np.int64)
-    return Discretisation(model, mesh, System(e, skin, mu, inverse_K, fixed, glued, centre), symmetry, shape)
+    system = System(e, skin, mu, inverse_K, fixed, glued, centre, law=law)
+    return Discretisation(model, mesh, system, symmetry, shape)

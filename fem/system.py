@@ -67,6 +67,7 @@ class System:
     glued : nodes on the magnet's face (empty without a rigid magnet).
     centre : (dim,) the magnet's centre.
     dead : (nodes, dim) nodal forces that do not change with the deformation.
+    law : the silicone's, isochoric.
 
     Attributes
     ----------
@@ -85,7 +86,9 @@ class System:
         glued: Index,
         centre: Array,
         dead: Array | None = None,
+        law: material.Law = material.neo_hookean,
     ) -> None:
+        self.law = law
         self.elements, self.surface = elements, surface
         self.dead = np.zeros(elements.nodes.shape) if dead is None else dead
         m = len(elements.cells)
@@ -159,7 +162,7 @@ class System:
         e = self.elements
         k = material.kinematics(self.gradient(state))
         p = (e.pressure_shape @ state.p[self._pressure][..., None])[..., 0]
-        W, P, A = material.neo_hookean(k, self.mu)
+        W, P, A = self.law(k, self.mu)
         Pp, Ap, C = material.pressure_terms(k, p)
         w, comp = e.weights, e.components
         m, nq, _, nd = e.B.shape

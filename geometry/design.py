@@ -10,12 +10,26 @@ z = H - l0 + c.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 LEAST_WALL = 0.1
 """Least thickness of silicone between the magnet and any outer face, mm."""
+
+
+LAWS: dict[str, tuple[str, ...]] = {
+    "neo-hookean": (),
+    "mooney-rivlin": ("mooney_share",),
+    "yeoh": ("yeoh_2", "yeoh_3"),
+    "ogden": ("ogden_alpha1", "ogden_alpha2", "ogden_share"),
+}
+"""The silicone's laws, and the fields of `Design` that shape each; all of them are pure numbers beside E and nu."""
+
+LEAST_ALPHA = 0.01
+"""Least magnitude of an exponent of Ogden's law."""
 
 
 class BadInput(ValueError):
@@ -27,6 +41,10 @@ def _quantity(default: float, unit: str, low: float, high: float, text: str, *, 
         default=default,
         metadata={"unit": unit, "low": low, "high": high, "text": text, "assumed": assumed},
     )
+
+
+def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -> Any:
+    return field(default=default, metadata={"unit": "1", "choices": tuple(choices), "text": text, "assumed": assumed})
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +100,12 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A sensor. Every field is a float; what the paper does not give is marked assumed in the field's metadata.
+    """A sensor. Every field but the law is a float; what the paper does not give is marked assumed in its metadata.
 
     Raises
     ------
     BadInput
-        A field is not a finite number, lies outside its range, or the magnet does not fit.
+        A field is not a finite number, lies outside its range, the law is unknown, or the magnet does not fit.
 
     >>> Design(L=3.0)
     Traceback (most recent call last):
@@ -102,6 +120,13 @@ class Design:
     nu: float = _quantity(
         0.4998, "1", 0.0, 0.5, "Poisson's ratio (0.4998: bulk modulus 0.83 GPa at E = 1 MPa)", assumed=True
     )
+    law: str = _choice("neo-hookean", LAWS, f"law of the silicone: {', '.join(LAWS)}", assumed=True)
+    mooney_share: float = _quantity(0.0, "1", 0.0, 1.0, "Mooney-Rivlin: C01 / (C10 + C01)", assumed=True)
+    yeoh_2: float = _quantity(0.0, "1", -100, 100, "Yeoh: C20 / C10", assumed=True)
+    yeoh_3: float = _quantity(0.0, "1", -100, 100, "Yeoh: C30 / C10", assumed=True)
+    ogden_alpha1: float = _quantity(2.0, "1", -30, 30, "Ogden: first exponent", assumed=True)
+    ogden_alpha2: float = _quantity(-2.0, "1", -30, 30, "Ogden: second exponent", assumed=True)
+    ogden_share: float = _quantity(0.0, "1", 0.0, 1.0, "Ogden: mu_2 / (mu_1 + mu_2)", assumed=True)
     magnet_diameter: float = _quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
     magnet_height: float = _quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
     magnet_edge_radius: float = _quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
@@ -125,6 +150,10 @@ class Design:
                 "hall_null must lie between hall_low and hall_high; got "
                 f"{self.hall_low:g} < {self.hall_null:g} < {self.hall_high:g} V"
             )
+        for name in ("ogden_alpha1", "ogden_alpha2"):
+            alpha = getattr(self, name)
+            if not abs(alpha) >= LEAST_ALPHA:
+                raise BadInput(f"{name} must be at least {LEAST_ALPHA:g} or at most -{LEAST_ALPHA:g}; got {alpha:g}")
         self._check_magnet()
 
     def _check_magnet(self) -> None:
@@ -167,6 +196,15 @@ class Design:
         """The lengths that the mechanics sees, mm."""
         return Shape(self.D, self.L, self.magnet_diameter, self.magnet_height, self.magnet_edge_radius)
 
+    @property
+    def law_numbers(self) -> tuple[float, ...]:
+        """The numbers that shape the law, in the order of `LAWS`."""
+        return tuple(getattr(self, name) for name in LAWS[self.law])
+
+    def idle(self) -> list[str]:
+        """Names of the fields that shape other laws than this design's."""
+        return [name for law, names in LAWS.items() if law != self.law for name in names]
+
     def warnings(self) -> list[str]:
         """What is possible to compute but not to build, or likely not meant."""
         found = []
@@ -181,10 +219,33 @@ class Design:
             )
         if self.L > 3 * self.D:
             found.append(f"L/D = {self.L / self.D:.3g}: under a plate such a slender beam may buckle sideways")
+        standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
+        set_in_vain = [name for name in self.idle() if getattr(self, name) != standard[name]]
+        if set_in_vain:
+            found.append(f"{', '.join(set_in_vain)} has no effect: the law is {self.law}")
         return found
 
 
-def _checked(spec: dataclasses.Field[float], value: object) -> float:
+def nearest(word: str, words: Iterable[str]) -> str:
+    """The remedy for an unknown word: the nearest known one, or all of them if none is near.
+
+    >>> nearest("magnet_hieght", ["D", "magnet_height"])
+    'did you mean magnet_height?'
+    """
+    known = list(words)
+    same = [other for other in known if other.casefold() == word.casefold()]
+    close = same or difflib.get_close_matches(word, known, n=1)
+    return f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}"
+
+
+def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
+    if "choices" in spec.metadata:
+        choices = spec.metadata["choices"]
+        if not isinstance(value, str):
+            raise BadInput(f"{spec.name} must be a text, one of {', '.join(choices)}; got {value!r}")
+        if value not in choices:
+            raise BadInput(f"there is no {spec.name} {value!r}: {nearest(value, choices)}")
+        return value
     low, high, unit = spec.metadata["low"], spec.metadata["high"], spec.metadata["unit"]
     unit = "" if unit == "1" else f" {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -190,9 +190,10 @@ def _number(value: float, form: str) -> str:
 def _assumed(design: Design) -> str:
     lines = ["| value | assumed | meaning |", "|---|---:|---|"]
     for spec in dataclasses.fields(design):
-        if describe.origin(spec.name, design) == "assumed":
+        if describe.origin(spec.name, design) == "assumed" and spec.name not in design.idle():
             unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
-            lines.append(f"| {spec.name} | {getattr(design, spec.name):g}{unit} | {spec.metadata['text']} |")
+            value = describe.shown(getattr(design, spec.name))
+            lines.append(f"| {spec.name} | {value}{unit} | {spec.metadata['text']} |")
     return "\n".join(lines)
 
 

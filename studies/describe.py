@@ -19,6 +19,11 @@ def origin(name: str, design: Design) -> str:
     return "assumed" if spec.metadata["assumed"] else "paper"
 
 
+def shown(value: float | str) -> str:
+    """A field's value as a table shows it."""
+    return value if isinstance(value, str) else f"{value:g}"
+
+
 def design_record(design: Design) -> dict[str, Any]:
     """Every field, what follows from them, the names of the assumed ones, and warnings."""
     fields = dataclasses.asdict(design)
@@ -26,7 +31,7 @@ def design_record(design: Design) -> dict[str, Any]:
     return {
         **fields,
         "derived": derived,
-        "assumed": [name for name in fields if origin(name, design) == "assumed"],
+        "assumed": [name for name in fields if origin(name, design) == "assumed" and name not in design.idle()],
         "warnings": [*design.warnings(), *failed],
     }
 
@@ -69,7 +74,7 @@ def show(design: Design, *, as_json: bool) -> None:
     rows = []
     for spec in dataclasses.fields(Design):
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
-        value = f"{getattr(design, spec.name):g}"
+        value = shown(getattr(design, spec.name))
         rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
     console.table("Design", ["field", "value", "unit", "source", "meaning"], rows)
     console.report([record["derived"]], as_json=False, title="Derived")

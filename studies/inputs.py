@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from geometry.design import PRESETS, BadInput, Design
+from geometry.design import PRESETS, BadInput, Design, nearest
 from geometry.scene import Magnet
 
 AXES = ("D", "L", "f", "E", "depth")
@@ -22,7 +22,11 @@ AXES = ("D", "L", "f", "E", "depth")
 
 AccuracyName = Literal["quick", "standard", "fine"]
 
+Value = float | str
+"""Of a field of `Design`."""
+
 _FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
+_KINDS: dict[str, type] = {name: str if "choices" in spec.metadata else float for name, spec in _FIELDS.items()}
 _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 
 
@@ -39,7 +43,7 @@ class Study:
     """
 
     design: str
-    fields: dict[str, float]
+    fields: dict[str, Value]
     axes: dict[str, list[float]]
     depth: float | None
     magnet: Magnet | None
@@ -67,7 +71,7 @@ def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigi
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
     """The design of a study, with overrides KEY=VALUE."""
-    changed = [f"{key}={value!r}" for key, value in study.fields.items()]
+    changed = [f"{key}={value}" for key, value in study.fields.items()]
     return read_design(study.design, [*changed, *sets], magnet=magnet)
 
 
@@ -123,7 +127,7 @@ def read_study(path: str) -> Study:
         raise BadInput(f"{path}: a study needs a table [axes], with one or more of {', '.join(AXES)}")
     found = _validated(path, table, kinds)
     design: Any = found.get("design", "paper")
-    fields: dict[str, float] = {}
+    fields: dict[str, Value] = {}
     if isinstance(design, dict):
         design, fields = _design_table(f"{path}: design", design)
     elif design not in PRESETS:
@@ -134,24 +138,12 @@ def read_study(path: str) -> Study:
     return Study(design, fields, _checked_axes(found["axes"]), depth, found.get("magnet"), found.get("accuracy"))
 
 
-def nearest(word: str, words: Iterable[str]) -> str:
-    """The remedy for an unknown word: the nearest known one, or all of them if none is near.
-
-    >>> nearest("magnet_hieght", ["D", "magnet_height"])
-    'did you mean magnet_height?'
-    """
-    known = list(words)
-    same = [other for other in known if other.casefold() == word.casefold()]
-    close = same or difflib.get_close_matches(word, known, n=1)
-    return f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}"
-
-
-def _preset_or_file(source: str) -> tuple[str, dict[str, float]]:
+def _preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
     return (source, {}) if source in PRESETS else _design_table(source, _table(source, "preset or file"))
 
 
-def _made(base: str, values: Mapping[str, float], magnet: Magnet) -> Design:
-    given = {**dataclasses.asdict(PRESETS[base]()), **values}
+def _made(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
+    given: dict[str, Any] = {**dataclasses.asdict(PRESETS[base]()), **values}
     try:
         return Design(**given)
     except BadInput:
@@ -161,15 +153,15 @@ def _made(base: str, values: Mapping[str, float], magnet: Magnet) -> Design:
         return Design(**{**given, **dict.fromkeys(_MAGNET, 0.0)})
 
 
-def _overrides(sets: Sequence[str]) -> dict[str, float]:
-    found = {}
+def _overrides(sets: Sequence[str]) -> dict[str, Value]:
+    found: dict[str, Value] = {}
     for text in sets:
         key, equals, value = text.partition("=")
         key = key.strip()
         if not equals or not key:
             raise BadInput(f"--set takes KEY=VALUE, such as D=10; got {text!r}")
         _known("--set", [key], _FIELDS)
-        found[key] = _number(key, value.strip())
+        found[key] = value.strip() if _KINDS[key] is str else _number(key, value.strip())
     return found
 
 
@@ -183,9 +175,9 @@ def _number(name: str, text: str) -> float:
     return value
 
 
-def _design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, float]]:
+def _design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
     """Name of the base preset, and the fields that a table gives."""
-    kinds: dict[str, Any] = {"base": str, **dict.fromkeys(_FIELDS, float)}
+    kinds: dict[str, Any] = {"base": str, **_KINDS}
     _known(name, table, kinds)
     values = _validated(name, table, kinds)
     base = values.pop("base", "paper")

@@ -24,7 +24,7 @@ from studies.compare import NAN, Outcome, Progress, Row, follow, formulas, part,
 DIGITS = 12
 """Decimal digits of lengths over D that must agree for two cases to be one problem."""
 
-Key = tuple[float, ...]
+Key = tuple[float | str, ...]
 
 UNITS = {"D": "mm", "L": "mm", "f": "mm", "E": "MPa"}
 
@@ -118,14 +118,15 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
     9.2
     """
     height = fields.get("L", base.L) - fields.get("D", base.D) / 2
-    return dataclasses.replace(base, **fields, l0=base.l0 + height - base.H)
+    changed: dict[str, Any] = {**fields, "l0": base.l0 + height - base.H}
+    return dataclasses.replace(base, **changed)
 
 
 def _key(design: Design, magnet: Magnet) -> Key:
     """What a dimensionless press depends on; accuracy and kind of magnet are the same for a whole sweep."""
     shape = design.shape if magnet == "rigid" else design.shape.without_magnet()
     scaled = dataclasses.astuple(shape.scaled(1 / design.D))
-    return (*(round(length, DIGITS) for length in scaled), design.nu)
+    return (*(round(length, DIGITS) for length in scaled), design.nu, design.law, *design.law_numbers)
 
 
 def _solve(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None) -> list[Solved]:

@@ -7,7 +7,7 @@ import pytest
 
 from geometry.design import LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
 
-FIELDS = dataclasses.fields(Design)
+FIELDS = [spec for spec in dataclasses.fields(Design) if spec.name != "law"]
 NAMES = [spec.name for spec in FIELDS]
 
 
@@ -68,6 +68,10 @@ def test_whole_numbers_become_floats():
         ({"l0": 1.0}, "l0 must exceed half the magnet's height = 1 mm; got 1 mm"),
         ({"hall_low": 3.0}, "hall_null must lie between hall_low and hall_high"),
         ({"hall_high": 2.5}, "hall_null must lie between hall_low and hall_high"),
+        ({"law": "yeo"}, "there is no law 'yeo': did you mean yeoh?"),
+        ({"law": "Yeoh"}, "there is no law 'Yeoh': did you mean yeoh?"),
+        ({"law": 3.0}, "law must be a text, one of neo-hookean, mooney-rivlin, yeoh, ogden; got 3.0"),
+        ({"ogden_alpha1": 0.0}, "ogden_alpha1 must be at least 0.01 or at most -0.01; got 0"),
     ],
 )
 def test_what_does_not_fit_together(values, text):
@@ -144,3 +148,12 @@ def test_frozen_and_presets():
     with pytest.raises(dataclasses.FrozenInstanceError):
         paper().D = 3.0
     assert PRESETS["paper"]() == Design() == paper()
+
+
+def test_numbers_of_a_law_and_those_set_in_vain():
+    assert changed(law="yeoh", yeoh_3=2).law_numbers == (0.0, 2.0)
+    assert changed(law="ogden").law_numbers == (2.0, -2.0, 0.0)
+    assert paper().law_numbers == ()
+    assert not paper().warnings()
+    assert "yeoh_2 has no effect: the law is neo-hookean" in changed(yeoh_2=1.0).warnings()
+    assert not changed(law="yeoh", yeoh_2=1.0).warnings()

@@ -172,3 +172,42 @@ def test_a_rigid_magnet_needs_a_magnet():
     with pytest.raises(BadInput, match="no magnet"):
         solve(bare, Load(depth=1.0), QUICK)
     assert solve(bare, Load(depth=1.0), QUICK, magnet="ignored").status == "ok"
+
+
+LAWS = [
+    {"law": "mooney-rivlin", "mooney_share": 0.4},
+    {"law": "yeoh", "yeoh_2": 0.3, "yeoh_3": 0.1},
+    {"law": "ogden", "ogden_alpha1": 6.0, "ogden_alpha2": -3.0, "ogden_share": 0.4},
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law["law"])
+def test_a_press_with_each_law(law):
+    """It converges, is proportional to E, conserves energy, and is neo-Hookean at first touch but not deep down."""
+    path = [Load(depth=depth) for depth in (1.495, 1.5, 1.505)]
+    soft, stiff = (trace(Design(E=E, **law), path, QUICK, magnet="ignored", estimate=False) for E in (1.0, 1e3))
+    low, one, high = soft
+    assert one.status == "ok"
+    assert (high.energy - low.energy) / 0.01 == pytest.approx(normal(one), rel=2e-3)
+    assert normal(stiff[1]) == pytest.approx(1e3 * normal(one), rel=1e-9)
+    # the strain at first touch is about sqrt(depth / R) = 2e-5
+    for depth, bound in ((1e-9, (0, 1e-5)), (1.5, (1e-3, 1))):
+        forces = [
+            normal(trace(design, [Load(depth=depth)], QUICK, magnet="ignored", estimate=False)[0])
+            for design in (Design(**law), paper())
+        ]
+        assert bound[0] <= abs(forces[0] / forces[1] - 1) < bound[1]
+
+
+@pytest.mark.parametrize("law", ["mooney-rivlin", "yeoh", "ogden"])
+def test_each_law_is_neo_hookean_by_default(law):
+    one, other = (solve(Design(law=name), Load(depth=1.0), QUICK) for name in (law, "neo-hookean"))
+    assert normal(one) == pytest.approx(normal(other), rel=1e-9)
+
+
+def test_shear_of_the_half_model_with_ogdens_law():
+    load = Load(depth=1.0, shear_x=0.3, friction="stick")
+    design = Design(law="ogden", ogden_alpha1=3.0, ogden_share=0.3)
+    found = trace(design, [load], ROUGH, estimate=False)[0]
+    assert found.status == "ok"
+    assert 0 < found.response.force[0] < found.response.force[2]

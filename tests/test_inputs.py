@@ -202,3 +202,18 @@ def test_bad_studies(toml, text, parts):
 def test_nearest():
     assert nearest("papre", ["paper"]) == "did you mean paper?"
     assert nearest("zzz", ["D", "L"]) == "choose one of D, L"
+
+
+def test_law_by_option_by_file_and_by_study(tmp_path):
+    assert read_design("paper", ["law=yeoh", "yeoh_2=0.5"]).law_numbers == (0.5, 0.0)
+    file = tmp_path / "design.toml"
+    file.write_text('law = "ogden"\nogden_share = 0.25\n')
+    assert read_design(str(file)).law_numbers == (2.0, -2.0, 0.25)
+    study = tmp_path / "study.toml"
+    study.write_text('[design]\nlaw = "mooney-rivlin"\nmooney_share = 0.125\n[axes]\nE = [1, 2]\n')
+    assert study_design(read_study(str(study))).law_numbers == (0.125,)
+    with pytest.raises(BadInput, match=r"there is no law 'ogdn': did you mean ogden\?"):
+        read_design("paper", ["law=ogdn"])
+    file.write_text("law = 3\n")
+    with pytest.raises(BadInput, match="law must be a text; got 3"):
+        read_design(str(file))

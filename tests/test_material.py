@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fem.material import kinematics, lame, neo_hookean, pressure_terms
+from fem.material import kinematics, lame, law, neo_hookean, pressure_terms
 
 RNG = np.random.default_rng(1)
 
@@ -14,7 +14,7 @@ def rotation(axis, angle):
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
-def law(G, p=0.7):
+def both(G, p=0.7):
     k = kinematics(G)
     W, P, A = neo_hookean(k, 1.3)
     Pp, Ap, C = pressure_terms(k, np.full(G.shape[:-2], p))
@@ -33,40 +33,40 @@ def test_inverse_transpose():
 
 def test_stress_is_the_derivative_of_the_energy():
     G, step = 0.3 * RNG.normal(size=(3, 3)), 1e-6
-    P = law(G)[1]
+    P = both(G)[1]
     for i in range(3):
         for j in range(3):
             E = np.zeros((3, 3))
             E[i, j] = step
-            slope = (law(G + E)[0] - law(G - E)[0]) / (2 * step)
+            slope = (both(G + E)[0] - both(G - E)[0]) / (2 * step)
             assert slope == pytest.approx(P[i, j], rel=1e-7, abs=1e-8)
 
 
 def test_tangent_is_the_derivative_of_the_stress():
     G, step = 0.3 * RNG.normal(size=(3, 3)), 1e-6
-    A = law(G)[2]
+    A = both(G)[2]
     for column in range(9):
         E = np.zeros(9)
         E[column] = step
-        slope = (law(G + E.reshape(3, 3))[1] - law(G - E.reshape(3, 3))[1]).ravel() / (2 * step)
+        slope = (both(G + E.reshape(3, 3))[1] - both(G - E.reshape(3, 3))[1]).ravel() / (2 * step)
         np.testing.assert_allclose(slope, A[:, column], rtol=1e-6, atol=1e-7)
 
 
 def test_pressure_derivative_of_the_stress():
     G = 0.2 * RNG.normal(size=(3, 3))
-    np.testing.assert_allclose(law(G, 1.7)[1] - law(G, 0.7)[1], law(G)[3], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(both(G, 1.7)[1] - both(G, 0.7)[1], both(G)[3], rtol=1e-12, atol=1e-12)
 
 
 def test_a_rotation_stores_no_energy_and_gives_no_stress():
     G = rotation([1, 2, 3], 1.1) - np.eye(3)
-    W, P, _, _ = law(G, p=0.0)
+    W, P, _, _ = both(G, p=0.0)
     assert abs(W) < 1e-14
     np.testing.assert_allclose(P, 0, atol=1e-14)
 
 
 def test_stress_turns_with_the_body():
     Q, F = rotation([3, 1, 2], 0.8), np.eye(3) + 0.3 * RNG.normal(size=(3, 3))
-    np.testing.assert_allclose(law(Q @ F - np.eye(3))[1], Q @ law(F - np.eye(3))[1], rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(both(Q @ F - np.eye(3))[1], Q @ both(F - np.eye(3))[1], rtol=1e-12, atol=1e-13)
 
 
 def test_uniaxial_incompressible_nominal_stress():
@@ -85,3 +85,126 @@ def test_small_strain_tangent_is_hookes_law():
     A = neo_hookean(k, mu)[2] + 1 / inverse_K * np.outer(np.eye(3).ravel(), np.eye(3).ravel())
     strain = np.diag([-0.3, -0.3, 1.0])
     np.testing.assert_allclose((A @ strain.ravel()).reshape(3, 3), np.diag([0, 0, 2.0]), atol=1e-12)
+
+
+CASES = {
+    "neo-hookean": (),
+    "mooney-rivlin": (0.3,),
+    "yeoh": (0.4, 0.2),
+    "ogden": (4.5, -3.0, 0.35),
+}
+STATES = {
+    "rest": np.zeros((3, 3)),
+    "generic": 0.3 * np.random.default_rng(5).normal(size=(3, 3)),
+    "uniaxial": np.diag([1.8**-0.5, 1.8**-0.5, 1.8]) - np.eye(3),
+    "equibiaxial": np.diag([1.4, 1.4, 1.4**-2]) - np.eye(3),
+    "nearly equal": np.diag([1.4, 1.4 + 1e-9, 0.6]) - np.eye(3) + 1e-10,
+    "turned": rotation([1, 2, 3], 0.9) @ np.diag([1.3, 1.3, 0.7]) @ rotation([3, 1, 1], 0.4) - np.eye(3),
+    "swollen": 0.2 * np.eye(3),
+}
+
+
+def isochoric(name, G, mu=1.3):
+    return law(name, CASES[name])(kinematics(G), mu)
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("name", CASES)
+def test_each_law_is_consistent(name, state):
+    G, step = STATES[state], 1e-5
+    _, P, A = isochoric(name, G)
+    np.testing.assert_allclose(A, A.T, atol=1e-12)
+    for column in range(9):
+        E = np.zeros(9)
+        E[column] = step
+        up, down = (isochoric(name, G + sign * E.reshape(3, 3)) for sign in (1, -1))
+        assert (up[0] - down[0]) / (2 * step) == pytest.approx(P.flat[column], rel=1e-8, abs=1e-8)
+        np.testing.assert_allclose((up[1] - down[1]).ravel() / (2 * step), A[:, column], rtol=1e-7, atol=2e-8)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_law_is_objective_isotropic_and_isochoric(name):
+    Q, F = rotation([3, 1, 2], 0.8), np.eye(3) + STATES["generic"]
+    W, P, A = isochoric(name, F - np.eye(3))
+    turned = isochoric(name, Q @ F - np.eye(3))
+    assert turned[0] == pytest.approx(W, rel=1e-12)
+    np.testing.assert_allclose(turned[1], Q @ P, rtol=1e-11, atol=1e-12)
+    R = np.kron(Q, np.eye(3))
+    np.testing.assert_allclose(turned[2], R @ A @ R.T, rtol=1e-10, atol=1e-11)
+    np.testing.assert_allclose(isochoric(name, F @ Q - np.eye(3))[1], P @ Q, rtol=1e-11, atol=1e-12)
+    assert np.sum(P * F) == pytest.approx(0, abs=1e-12)
+    assert isochoric(name, 1.3 * F - np.eye(3))[0] == pytest.approx(W, rel=1e-11)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_law_works_on_many_points_at_once(name):
+    G, mu = 0.2 * np.random.default_rng(8).normal(size=(4, 5, 3, 3)), np.arange(1.0, 5.0)[:, None]
+    many = law(name, CASES[name])(kinematics(G), mu)
+    for found, want in zip(many, isochoric(name, G[2, 3], 3.0), strict=True):
+        np.testing.assert_allclose(found[2, 3], want, rtol=1e-11, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_law_keeps_its_digits_at_tiny_strain(name):
+    G = 1e-12 * RNG.normal(size=(3, 3))
+    strain = (G + G.T) / 2
+    want = 2 * 1.3 * (strain - np.trace(strain) / 3 * np.eye(3))
+    np.testing.assert_allclose(isochoric(name, G)[1], want, rtol=1e-9, atol=1e-21)
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize(("name", "values"), [("mooney-rivlin", (0,)), ("yeoh", (0, 0)), ("ogden", (2, -2, 0))])
+def test_each_law_reduces_to_neo_hookean(name, values, state):
+    k = kinematics(STATES[state])
+    for found, want in zip(law(name, values)(k, 1.3), neo_hookean(k, 1.3), strict=True):
+        np.testing.assert_allclose(found, want, rtol=1e-12, atol=3e-14)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_ogden_with_exponents_2_and_minus_2_is_mooney_rivlin(share):
+    k = kinematics(STATES["generic"])
+    for found, want in zip(law("ogden", (2, -2, share))(k, 1.3), law("mooney-rivlin", (share,))(k, 1.3), strict=True):
+        np.testing.assert_allclose(found, want, rtol=1e-11, atol=1e-12)
+
+
+def closed_form(name, F, mu):
+    """First Piola-Kirchhoff stress but for the pressure term: 2 W1 F + 2 W2 (I1 F - F C), or by stretches."""
+    C = F.T @ F
+    I1, numbers = np.trace(C), CASES[name]
+    if name == "ogden":
+        squares, N = np.linalg.eigh(C)
+        a1, a2, share = numbers
+        slope = [2 * mu * ((1 - share) / a1 * s**a1 + share / a2 * s**a2) for s in np.sqrt(squares)]
+        return F @ N @ np.diag(slope / squares) @ N.T
+    if name == "mooney-rivlin":
+        W1, W2 = mu / 2 * (1 - numbers[0]), mu / 2 * numbers[0]
+    else:
+        c2, c3 = numbers if name == "yeoh" else (0, 0)
+        W1, W2 = mu / 2 * (1 + 2 * c2 * (I1 - 3) + 3 * c3 * (I1 - 3) ** 2), 0
+    return 2 * W1 * F + 2 * W2 * (I1 * F - F @ C)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("mode", ["uniaxial", "equibiaxial", "planar", "simple shear"])
+def test_incompressible_closed_forms(name, mode):
+    """With the pressure that frees the third direction, as in the textbooks."""
+    for s in (0.4, 0.8, 1.5, 3.0):
+        F = {
+            "uniaxial": np.diag([s, s**-0.5, s**-0.5]),
+            "equibiaxial": np.diag([s, s, s**-2]),
+            "planar": np.diag([s, 1, 1 / s]),
+            "simple shear": np.array([[1, s, 0], [0, 1, 0], [0, 0, 1]]),
+        }[mode]
+        found = []
+        for P in (isochoric(name, F - np.eye(3), 2.0)[1], closed_form(name, F, 2.0)):
+            H = np.linalg.inv(F).T
+            found.append(P - P[2, 2] / H[2, 2] * H)
+        np.testing.assert_allclose(found[0], found[1], rtol=1e-10, atol=1e-10)
+    if mode == "uniaxial" and name == "mooney-rivlin":
+        s = 3.0
+        assert found[0][0, 0] == pytest.approx(2 * (s - s**-2) * (0.7 + 0.3 / s), rel=1e-10)
+
+
+def test_a_law_with_the_wrong_numbers_is_refused():
+    with pytest.raises(ValueError, match="there is no law yeoh with 1 numbers"):
+        law("yeoh", (1.0,))

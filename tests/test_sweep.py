@@ -140,3 +140,18 @@ def test_progress_never_falls_and_stays_within_its_range():
     sweep.run(BARE, axes, None, depth=0.5, magnet="ignored", accuracy=QUICK, progress=lambda f, _: seen.append(f))
     assert seen == sorted(seen)
     assert 0 <= seen[0] <= seen[-1] <= 1
+
+
+def test_designs_of_different_laws_do_not_share_a_solve():
+    keys = {
+        sweep._key(design, "rigid")
+        for design in (
+            paper(),
+            Design(E=2.0),
+            Design(yeoh_2=1.0),
+            Design(law="yeoh"),
+            Design(law="yeoh", yeoh_2=1.0),
+            Design(law="yeoh", yeoh_3=1.0),
+        )
+    }
+    assert len(keys) == 4
