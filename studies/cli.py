@@ -23,6 +23,7 @@ GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
 
 Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
+Data = Annotated[str, Parameter(name="FILE", help="CSV: stretch or strain, and nominal_stress_MPa, _kPa or _Pa.")]
 Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
@@ -294,6 +295,29 @@ def sweep(
     shown = rows if as_json else [states.compared(row) for row in rows]
     console.report(shown, as_json=as_json, title="Sweep")
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
+
+
+@app.command
+def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: AsJson = False) -> int:
+    """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
+
+    Parameters
+    ----------
+    out
+        Folder of the table, the plot and design.toml, which holds the best law that is stable throughout.
+    nu
+        Poisson's ratio that E is for.
+    """
+    folder = None if out is None else files.output_folder(out)
+    from studies import fit as work
+
+    records = work.run(data, nu, folder)
+    shown = records if as_json else [work.flat(record) for record in records]
+    console.report(shown, as_json=as_json, title="Laws, the best first by AICc", brief=("warning",))
+    for record in records:
+        if record["warning"]:
+            console.say(f"Warning: {record['warning']}.")
+    return GOOD
 
 
 def _judge(records: list[dict[str, Any]]) -> int:

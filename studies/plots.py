@@ -144,6 +144,40 @@ def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[flo
         figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
 
 
+def fit(
+    path: str | Path,
+    stretch: Sequence[float],
+    stress: Sequence[float],
+    smooth: Sequence[float],
+    curves: Mapping[str, Sequence[Any]],
+) -> None:
+    """A uniaxial test with the laws fitted to it, the best first, and what they leave over.
+
+    Parameters
+    ----------
+    stretch, stress : points of the test, shape (n,), the stress in MPa.
+    smooth : stretches of the curves.
+    curves : for each law the stress at `smooth` and at `stretch`, MPa.
+    """
+    largest = max(abs(value) for value in stress)
+    order = sorted(range(len(stretch)), key=lambda k: stretch[k])
+    with _figure(path, 2, 1) as (figure, axes):
+        axes[0].plot(stretch, stress, "o", color="#555555", markerfacecolor="white", label="test", zorder=1)
+        for (law, (curve, at)), colour, dashes in zip(curves.items(), COLOURS, ("-", "--", "-.", ":"), strict=False):
+            look = {"color": colour, "linestyle": dashes}
+            axes[0].plot(smooth, curve, label=law, **look)
+            rest = [100 * (at[k] - stress[k]) / largest for k in order]
+            axes[1].plot([stretch[k] for k in order], rest, marker="o", markersize=3, **look)
+        axes[1].axhline(0, color="#777777", linewidth=0.8)
+        _label(axes[0], "a", "nominal stress (MPa)")
+        _label(axes[1], "b", "law less test (% of max.)")
+        axes[1].set_xlabel("stretch (1)")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, columnspacing=1.2
+        )
+
+
 def _panel_axis(axes: Mapping[str, Sequence[float]], others: Sequence[str]) -> str | None:
     """The axis whose values get panels of their own, where there is more than one axis besides the first."""
     fits = [name for name in others if len(set(axes[name])) <= 4]
