@@ -312,7 +312,8 @@ def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = Fa
 
     with console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, progress=progress)
-    console.report(rows, as_json=as_json, title="Verification", brief=work.DETAILS)
+    printed = rows if as_json else [work.shown(row) for row in rows]
+    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS)
     failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")

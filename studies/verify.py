@@ -277,6 +277,11 @@ def write(folder: Path, rows: Sequence[Row], *, quick: bool) -> None:
     write_text(folder / "VERIFY.md", "\n".join(lines) + "\n")
 
 
+def shown(row: Row) -> Row:
+    """The row with enough digits of its values for a printed table."""
+    return row | {key: _number(row[key], 6) for key in ("published", "computed", "extrapolated")}
+
+
 def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else ""
 
