@@ -77,7 +77,7 @@ _FACET_NODES = {
 """Local nodes of the facet opposite to each corner; edges are numbered 01, 12, 02 and 03, 13, 23."""
 
 
-def _bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
+def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
     return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
 
 
@@ -88,7 +88,7 @@ def build(mesh: skfem.Mesh, *, axisymmetric: bool, order: int = 2) -> Elements:
     also a little nearer to the converged force.
     """
     dim = mesh.p.shape[0]
-    quadratic, linear = _bases(dim)
+    quadratic, linear = bases(dim)
     basis = skfem.Basis(mesh, quadratic, intorder=order)
     pressure = basis.with_element(linear)
     grad = np.stack([np.moveaxis(np.asarray(b[0].grad), 0, -1) for b in basis.basis], axis=2)  # (m, q, a, dim)
@@ -147,7 +147,7 @@ def surface(mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bo
 
 def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:
     """All displacement nodes (corners and mid-edges) on the named boundary, numbered as in `Elements.nodes`."""
-    quadratic, _ = _bases(mesh.p.shape[0])
+    quadratic, _ = bases(mesh.p.shape[0])
     return np.asarray(skfem.CellBasis(mesh, quadratic, intorder=1).get_dofs(name).flatten(), dtype=np.int64)
 
 
@@ -162,7 +162,7 @@ def interpolation(elements: Elements, point: Array) -> tuple[Index, Array, Array
     local = np.linalg.solve(T, (point - X[:, 0])[..., None])[..., 0]
     inside = np.minimum(local.min(axis=1), 1 - local.sum(axis=1))
     e = int(np.argmax(inside))
-    quadratic, _ = _bases(dim)
+    quadratic, _ = bases(dim)
     slopes = np.linalg.inv(T[e])
     values, grads = np.empty(len(elements.cells[e])), np.empty((len(elements.cells[e]), dim))
     for i in range(len(values)):

@@ -1,8 +1,8 @@
 """The nonlinear system of one scene: unknowns, residual and tangent.
 
-Unknowns q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped or lie on
-the axis or mirror plane are eliminated; those on the magnet's face follow its rigid motion exactly, element by
-element: an element with such nodes sees the magnet's unknowns beside its own.
+Unknowns q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped, prescribed
+or lie on the axis or mirror plane are eliminated; those on the magnet's face follow its rigid motion exactly,
+element by element: an element with such nodes sees the magnet's unknowns beside its own.
 
 The residual is the derivative of the potential
 
@@ -63,11 +63,12 @@ class System:
     ----------
     elements, surface : interior and skin.
     mu, inverse_K : shear modulus and inverse bulk modulus, numbers or one per element.
-    fixed : (nodes, dim) mask of the displacements that are zero.
+    fixed : (nodes, dim) mask of the displacements that are prescribed, as zero if nothing else is said.
     glued : nodes on the magnet's face (empty without a rigid magnet).
     centre : (dim,) the magnet's centre.
     dead : (nodes, dim) nodal forces that do not change with the deformation.
     law : the silicone's, isochoric.
+    prescribed : (nodes, dim) what the fixed displacements are; read there only.
 
     Attributes
     ----------
@@ -87,10 +88,13 @@ class System:
         centre: Array,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
+        prescribed: Array | None = None,
     ) -> None:
         self.law = law
         self.elements, self.surface = elements, surface
+        self.fixed = fixed
         self.dead = np.zeros(elements.nodes.shape) if dead is None else dead
+        self.prescribed = np.zeros(elements.nodes.shape) if prescribed is None else prescribed
         m = len(elements.cells)
         self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[:, None]
         self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[:, None]
@@ -135,7 +139,7 @@ class System:
 
     def state(self, q: Array) -> State:
         """Displacements and pressures of unknowns q."""
-        u = np.zeros(self.elements.nodes.shape)
+        u = np.where(self.fixed, self.prescribed, 0.0)
         u[self.free] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.rigid.displacement(self.motion(q))

@@ -320,6 +320,30 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
     return GOOD
 
 
+@app.command
+def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solve published and closed-form problems, and judge each against its tolerance; status 3 if one fails.
+
+    Parameters
+    ----------
+    quick
+        On coarser meshes: half a minute instead of four.
+    out
+        Folder of verify.csv and VERIFY.md.
+    """
+    folder = None if out is None else files.output_folder(out)
+    from studies import verify as work
+
+    with console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, progress=progress)
+    printed = rows if as_json else [work.shown(row) for row in rows]
+    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS)
+    failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
 def _judge(records: list[dict[str, Any]]) -> int:
     """0 if every state is reached, else 3 and a sentence."""
     failed = [record for record in records if record.get("status", "ok") != "ok"]

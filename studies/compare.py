@@ -121,12 +121,12 @@ def write(folder: Path, design: Design, found: Comparison) -> None:
     plots.shear(folder / "shear.png", design, found.shear)
 
 
-def write_table(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows as CSV: names in the first line, 6 significant digits, nothing where there is no figure."""
+def write_table(path: Path, rows: Iterable[Row], digits: int = 6) -> None:
+    """Write rows as CSV: names in the first line, significant digits, nothing where there is no figure."""
     import pandas as pd
 
     with atomic(path) as temporary:
-        pd.DataFrame(list(rows)).to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+        pd.DataFrame(list(rows)).to_csv(temporary, index=False, float_format=f"%.{digits}g", lineterminator="\n")
 
 
 def part(progress: Progress | None, low: float, high: float, name: str = "") -> Progress | None:
