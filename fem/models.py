@@ -66,10 +66,12 @@ def axisymmetric(
     return _discretise("axisymmetric", mesh, e, skin, fixed, shape, nu, law, rigid, 1.0)
 
 
-def half(shape: Shape, nu: float, magnet: Magnet, size: float, law: Law = neo_hookean) -> Discretisation:
-    """Tetrahedra in y >= 0 with clamped base; size is the edge length in units of D."""
+def half(
+    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean
+) -> Discretisation:
+    """Tetrahedra in y >= 0 with clamped base; size and tip_size are edge lengths in units of D."""
     rigid = magnet == "rigid"
-    mesh = _half_mesh(shape, size, "hole" if rigid else "none")
+    mesh = _half_mesh(shape, size, tip_size, "hole" if rigid else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -79,8 +81,8 @@ def half(shape: Shape, nu: float, magnet: Magnet, size: float, law: Law = neo_ho
 
 
 @functools.lru_cache(maxsize=4)
-def _half_mesh(shape: Shape, size: float, magnet: Literal["hole", "none"]) -> skfem.MeshTet2:
-    return tetrahedra(shape, size, half=True, magnet=magnet)
+def _half_mesh(shape: Shape, size: float, tip_size: float, magnet: Literal["hole", "none"]) -> skfem.MeshTet2:
+    return tetrahedra(shape, size, tip_size=tip_size, half=True, magnet=magnet)
 
 
 def _discretise(

@@ -40,7 +40,7 @@ class Load:
             raise BadInput(f"depth must be a finite number of mm, 0 or more; got {self.depth:g}")
         for name in ("shear_x", "shear_y"):
             if not math.isfinite(getattr(self, name)):
-                raise BadInput(f"{name} must be a finite number of mm; got {getattr(self, name):g}")
+                raise BadInput(f"shear must be a finite number of mm; got {getattr(self, name):g}")
         if isinstance(self.friction, str):
             if self.friction not in ("none", "stick"):
                 raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r}")
@@ -78,7 +78,7 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
     """
     rigid = magnet == "rigid"
     if rigid and not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0): choose magnet ignored")
+        raise BadInput("this design has no magnet (magnet_diameter is 0): choose --magnet ignored")
     room = design.L - (design.magnet_height if rigid else 0.0)
     if not load.depth < room:
         raise BadInput(

@@ -294,6 +294,9 @@ def sweep(
         rows = states.sweep(case, out, progress)
     shown = rows if as_json else [states.compared(row) for row in rows]
     console.report(shown, as_json=as_json, title="Sweep")
+    failed = [row for row in rows if row["status"] != "ok"]
+    for reason in dict.fromkeys(row["message"] for row in failed if row["message"]):
+        console.say(f"magtip: {sum(row['message'] == reason for row in failed)} of {len(rows)} cases: {reason}")
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
 
 

@@ -41,7 +41,7 @@ def body(
     e: Elements, fixed: Mask, mu: float, inverse_K: float, *, dead: Array | None = None, moved: Array | None = None
 ) -> System:
     """A system without magnet and plate; `moved` are the prescribed displacements."""
-    return System(e, None, mu, inverse_K, fixed, NONE, np.zeros(e.dim), dead, moved)
+    return System(e, None, mu, inverse_K, fixed, NONE, np.zeros(e.dim), dead=dead, prescribed=moved)
 
 
 def find(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ DIGITS = 12
 Key = tuple[float | str, ...]
 
 UNITS = {"D": "mm", "L": "mm", "f": "mm", "E": "MPa"}
+MOST_CASES = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,9 @@ def run(
     unknown = [name for name in axes if name != "depth" and name not in UNITS]
     if unknown or not axes:
         raise BadInput(f"the axes of a sweep must be among D, L, f, E and depth; got {', '.join(unknown) or 'none'}")
+    count = math.prod(len(values) for values in axes.values())
+    if count > MOST_CASES:
+        raise BadInput(f"a sweep may have {MOST_CASES} cases; these axes make {count}: take fewer values")
     cases = list(_cases(design, axes, depth, magnet))
     solved = _solve(cases, magnet, accuracy, progress)
     rows = [_row(case, outcome) for case, outcome in zip(cases, solved, strict=True)]

@@ -211,3 +211,30 @@ def test_shear_of_the_half_model_with_ogdens_law():
     found = trace(design, [load], ROUGH, estimate=False)[0]
     assert found.status == "ok"
     assert 0 < found.response.force[0] < found.response.force[2]
+
+
+def test_a_press_that_gives_way_sideways_is_called_unstable():
+    """L/D = 4 buckles at once; the half model follows the tip, the axisymmetric one can only warn."""
+    slender, load = Design(L=32.0), Load(depth=4.0)
+    solid = solve(slender, load, replace(QUICK, solid_size=0.25), magnet="ignored", model="half")
+    assert solid.status == "unstable"
+    assert abs(solid.response.tilt) > 0.01
+    section = solve(slender, load, QUICK, magnet="ignored")
+    assert section.status == "ok"
+    assert "half" in section.message
+
+
+def test_a_grip_that_the_mesh_would_miss_is_refused():
+    with pytest.raises(BadInput, match="grip must be at least"):
+        solve(paper(), Load(grip=1e-3, shear_x=1.0), QUICK)
+
+
+def test_stick_without_shear_says_that_the_press_is_frictionless():
+    assert "frictionless" in solve(paper(), Load(depth=0.5, friction="stick"), QUICK).message
+
+
+def test_the_error_estimate_never_vanishes():
+    for depth in (0.5, 1.0, 2.0):
+        error = solve(paper(), Load(depth=depth), STANDARD).error_estimate
+        assert error is not None
+        assert error >= 0.0039

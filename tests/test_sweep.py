@@ -155,3 +155,9 @@ def test_designs_of_different_laws_do_not_share_a_solve():
         )
     }
     assert len(keys) == 4
+
+
+def test_a_sweep_of_too_many_cases_is_refused_before_it_starts():
+    many = [0.5 + k / 1e4 for k in range(200)]
+    with pytest.raises(BadInput, match="40000"):
+        sweep.run(paper(), {"D": many, "depth": many}, None, depth=1.0)
