@@ -32,7 +32,7 @@ MODELLING = (
     "For the shear the patch in contact is glued to the pressed plate, which then moves sideways at constant depth.",
     (
         "The press is axisymmetric: on a frictionless plate this sensor gives way sideways from about 2.5 mm on "
-        "(see `magtip solve paper --model half --depths 2,2.5,2.75`): the deepest states need a plate that holds the tip."
+        "(see `magtip solve paper --model half --depths 2,2.5,2.75`): the deepest states need a plate that holds it."
     ),
     "Skin that folds onto the base or onto itself passes through.",
     "Readings are the component of B that each Hall element senses, from the exact field of a sharp-edged cylinder.",
