@@ -149,9 +149,10 @@ def test_sweep_of_a_study(run, fake, tmp_path, strict):
     from fem.equilibrium import FINE, QUICK
 
     (tmp_path / "study.toml").write_text('depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n')
-    calls = fake("sweep", [{"D_mm": 3.0, "status": "not_converged"}, {"D_mm": 8.0, "status": "ok"}])
+    failed = {"D_mm": 3.0, "status": "not_converged", "message": "stopped at 2 mm"}
+    calls = fake("sweep", [failed, {"D_mm": 8.0, "status": "ok", "message": ""}])
     status, out, err = run("sweep", "study.toml", "--set", "E=2", "--out", "rows", "--json")
-    assert (status, err) == (0, "")
+    assert (status, err) == (0, "magtip: 1 of 2 cases: stopped at 2 mm\n")
     assert [row["status"] for row in strict(out)] == ["not_converged", "ok"]
     design, axes, folder, options = calls[0]
     assert (design.E, axes, folder.name) == (2.0, {"D": [3.0, 8.0]}, "rows")
@@ -162,7 +163,7 @@ def test_sweep_of_a_study(run, fake, tmp_path, strict):
 
 def test_sweep_of_axes(run, fake, tmp_path):
     (tmp_path / "sensor.toml").write_text("D = 10\nL = 12\n")
-    calls = fake("sweep", [{"status": "not_converged"}])
+    calls = fake("sweep", [{"status": "not_converged", "message": "stopped at 2 mm"}])
     for flags in (("sensor.toml",), ("--design", "sensor.toml")):
         assert run("sweep", *flags, "--axis", "E=1,2", "--axis", "depth=1", "--json")[0] == 3
     assert [call[0].D for call in calls] == [10.0, 10.0]
