@@ -43,7 +43,7 @@ class Accuracy:
     name : quick, standard or fine.
     section_size, solid_size : edge lengths of the section and the tetrahedral mesh, in units of D.
     patch_size : edge length of the tetrahedra at the tip where it is glued or gripped; a coarse one holds more of
-        the skin than it should (at 0.06 the paper's sensor shears about 5 % too stiffly, at 0.04 about 2 %).
+        the skin than it should, and the tip shears too stiffly.
     """
 
     name: str
@@ -58,8 +58,8 @@ FINE = Accuracy("fine", 0.035, 0.10, 0.03)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 FLOOR = 0.065
-"""Least error estimate per edge length of the section; set on twelve designs against a mesh of 0.018 D, so that 95 %
-of the true errors lie below the estimate."""
+"""Least error estimate per edge length of the section; set on twelve designs against a mesh of 0.018 D, so that
+nearly all true errors lie below the estimate."""
 LONGEST_STEP = 0.125
 SHORTEST_STEP = 1e-3
 BUCKLED = 0.01

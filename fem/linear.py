@@ -1,6 +1,6 @@
 """Sparse symmetric indefinite systems: a pattern filled again and again, and its factorisation.
 
-PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase and counts negative pivots; SuperLU gives
+PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase; SuperLU gives
 the same answers otherwise, after METIS has ordered the unknowns by nested dissection.
 """
 
@@ -66,13 +66,9 @@ def have_pardiso() -> bool:
 
 
 class Solver:
-    """Factorises upper triangles that share one pattern and solves with them.
-
-    `negative_pivots` is the number of negative eigenvalues of the last matrix, or None where the backend cannot tell.
-    """
+    """Factorises upper triangles that share one pattern and solves with them."""
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
-        self.negative_pivots: int | None = None
         self._pardiso: Any = None
         if have_pardiso() if pardiso is None else pardiso:
             import pypardiso
@@ -102,7 +98,6 @@ class Solver:
         self._upper = upper
         self._call(22 if self._analysed else 12, np.zeros(upper.shape[0]))
         self._analysed = True
-        self.negative_pivots = int(self._pardiso.get_iparm(23))
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the answer have shape (n,)."""

@@ -26,14 +26,12 @@ class Equilibrium:
     state, assembly : the last state whose residual was formed.
     iterations : linear solves done.
     reason : why it stopped short; empty when converged.
-    unstable_directions : negative eigenvalues beyond the pressures' at the last factorisation, None if unknown.
     """
 
     state: State
     assembly: Assembly
     iterations: int
     reason: str
-    unstable_directions: int | None
 
     @property
     def converged(self) -> bool:
@@ -54,27 +52,24 @@ def newton(
     state = _valid(system, q)
     if state is None:
         state = system.state(q)
-        return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out", None)
+        return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out")
     frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, frozen)
-    unstable: int | None = None
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
         if (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
-            return Equilibrium(state, assembly, iteration, "", unstable)
+            return Equilibrium(state, assembly, iteration, "")
         try:
             solver.factorise(assembly.tangent)
             step = solver.solve(assembly.residual)
         except SingularMatrixError as error:
-            return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})", unstable)
-        if solver.negative_pivots is not None:
-            unstable = solver.negative_pivots - system.n_pressure
+            return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
         trial = _search(system, state, step)
         if trial is None:
-            return Equilibrium(state, assembly, iteration, "an element is about to turn inside out", unstable)
+            return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
         state = trial
         assembly = system.assemble(state, plate)
-    return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations", unstable)
+    return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations")
 
 
 def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[float, float, float, float]:

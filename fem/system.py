@@ -53,7 +53,6 @@ class Assembly:
     tangent: sp.csr_matrix
     energy: float
     forces: Array
-    least_J: float
 
 
 class System:
@@ -189,7 +188,7 @@ class System:
         energy -= float(np.sum(self.dead * state.u))
         residual, forces, blocks = self._reduce(state, np.hstack([fu, fp]), K, nodal)
         matrix = self.pattern.assemble(blocks + springs)
-        return Assembly(residual, matrix, energy + spring_energy, forces, 1 + float(k.Jm1.min()))
+        return Assembly(residual, matrix, energy + spring_energy, forces)
 
     def _springs(self, state: State, plate: Plate | None) -> tuple[Array, list[Array], float]:
         """Nodal forces, matrices per facet and direction, and energy of the plate's springs."""
