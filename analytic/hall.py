@@ -109,7 +109,7 @@ def readings(
 
     Parameters
     ----------
-    response : gives the shift, and the tilt about y.
+    response : gives the shift and the tilt.
     shift, tilt : as in `field_at`, instead of a response.
     mode : "component", B.n as a real element reads, or "magnitude", the paper's (4), sqrt(B_Z^2 + B_rho^2).
     field : as in `field_at`.
@@ -124,7 +124,7 @@ def readings(
     if response is not None:
         if shift is not None or tilt is not None:
             raise BadInput("give a response, or a shift and a tilt, not both")
-        shift, tilt = response.shift, (0.0, response.tilt)
+        shift, tilt = response.shift, (-response.tilt_y, response.tilt)
     positions, directions = elements(design)
     at = (0.0, 0.0, 0.0) if shift is None else shift
     b = field_at(positions, design, at, (0.0, 0.0) if tilt is None else tilt, field=field)

@@ -1,10 +1,11 @@
-"""Contact with a flat rigid plate, gluing and gripping, at the quadrature points of the skin.
+"""Contact with a flat rigid plate, gluing and gripping, at the integration points of the skin.
 
-The plate's lower face is the plane z = z_p. A skin point at z = Z + u_z overlaps it by g = z - z_p, and the plate
-pushes back with a pressure en <g> per reference area (energy en <g>^2 / 2: the force is the derivative of an
-energy). A glued point keeps its normal spring for both signs of g and gains a tangential spring towards a target
-that moves with the plate; a gripped point has the tangential spring alone. Glued is every point within the contact
-radius, rather than every point with g > 0: on a coarse mesh some points inside the patch hang a little.
+The plate's lower face passes through (0, 0, height) and its normal n points into the plate, z unless it is tilted. A
+skin point at x overlaps it by g = n . x - n . (0, 0, height), and the plate pushes back with a pressure en <g> per
+reference area (energy en <g>^2 / 2: the force is the derivative of an energy). A glued point keeps its normal spring
+for both signs of g and gains a tangential spring towards a target that moves with the plate; a gripped point has the
+tangential spring alone. Glued is every point within the contact radius, rather than every point with g > 0: on a
+coarse mesh some points inside the patch hang a little.
 
 With en = KAPPA E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate, the
 overlap is about 0.57 d / KAPPA on a Hertz contact: the force comes out 0.85 / KAPPA too small, whatever the depth.
@@ -30,11 +31,12 @@ class Plate:
 
     Attributes
     ----------
-    height : z of the plate, or None where there is no plate (grip).
+    height : z at which the plate meets the axis, or None where there is no plate (grip).
     stiffness : penalty, force per area and length.
-    shear : (dim - 1,) sideways motion of plate or grip since the points were tied.
-    tied : (k, q) mask of the tied quadrature points, or None.
-    targets : (k, q, dim - 1) tangential positions of the tied points at shear 0.
+    shear : (2,) sideways motion of plate or grip since the points were tied, in the plate's own plane.
+    tilt : rotation of the plate about y that carries its normal from z towards x, rad.
+    tied : (k, q) mask of the tied points, or None.
+    targets : (k, q, 2) positions of the tied points along the plate at shear 0.
     gap : (k, q) distance to the plate at which each tied point was glued (0 where it was pressed).
     pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap.
     """
@@ -42,23 +44,33 @@ class Plate:
     height: float | None
     stiffness: float
     shear: Array
+    tilt: float = 0.0
     tied: NDArray[np.bool_] | None = None
     targets: Array | None = None
     gap: Array | None = None
     pressed: NDArray[np.bool_] | None = None
 
+    @property
+    def frame(self) -> Array:
+        """Rows: the two directions along the plate, and its normal."""
+        s, c = np.sin(self.tilt), np.cos(self.tilt)
+        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
-def positions(surface: Surface, u: Array) -> Array:
-    """Deformed positions of the skin's quadrature points, shape (k, q, dim), for nodal displacements (n, dim)."""
-    return np.asarray(surface.points + surface.shape @ u[surface.nodes])
+
+def along(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
+    return np.asarray((surface.points + surface.displacement(u)) @ plate.frame[:2].T)
 
 
 def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
     """Signed overlap with the plate, shape (k, q); the small difference is formed before u is added."""
     if plate.height is None:
         return np.full(surface.weights.shape, -np.inf)
-    rest = surface.points[..., -1] - plate.height
-    return np.asarray(rest + u[surface.nodes, -1] @ surface.shape.T)
+    n = plate.frame[2]
+    rest = n[2] * (surface.points[..., 2] - plate.height)
+    if n[0]:
+        rest = rest + n[0] * surface.points[..., 0]
+    return np.asarray(rest + surface.displacement(u) @ n)
 
 
 def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, float]:
@@ -66,37 +78,68 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
 
     Returns
     -------
-    residual : (k, q, dim) minus that traction, that is the derivative of the springs' energy by u.
-    stiffness : (k, q, dim) its diagonal derivative.
+    residual : (k, q, 3) minus that traction, that is the derivative of the springs' energy by the displacement.
+    stiffness : (k, q, 3) its diagonal derivative in the plate's frame.
     energy : integral over the skin.
     """
     residual = np.zeros(surface.points.shape)
     stiffness = np.zeros_like(residual)
-    en, last = plate.stiffness, surface.points.shape[-1] - 1
+    en = plate.stiffness
     if plate.height is not None:
         g = overlap(surface, u, plate)
         active = g > 0 if plate.pressed is None else plate.pressed
         if plate.tied is not None and plate.gap is not None:
             active = active | plate.tied
             g = np.where(plate.tied, g + plate.gap, g)
-        residual[..., last] = np.where(active, en * g, 0.0)
-        stiffness[..., last] = np.where(active, en, 0.0)
+        residual[..., 2] = np.where(active, en * g, 0.0)
+        stiffness[..., 2] = np.where(active, en, 0.0)
     if plate.tied is not None and plate.targets is not None:
-        x = positions(surface, u)[..., :last]
-        pull = en * (x - plate.targets - plate.shear)
-        residual[..., :last] = np.where(plate.tied[..., None], pull, 0.0)
-        stiffness[..., :last] = np.where(plate.tied[..., None], en, 0.0)
+        pull = en * (along(surface, u, plate) - plate.targets - plate.shear)
+        residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
+        stiffness[..., :2] = np.where(plate.tied[..., None], en, 0.0)
     energy = float(np.sum(surface.weights[..., None] * residual**2) / (2 * en))
-    return residual, stiffness, energy
+    return residual @ plate.frame, stiffness, energy
+
+
+def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, float]:
+    """Nodal forces (k, f, fields) and stiffness (k, f fields, f fields) of each facet (fields first), and energy."""
+    residual, stiffness, energy = traction(surface, u, plate)
+    k, f = surface.nodes.shape
+    fields = surface.E.shape[2]
+    w = surface.weights[..., None]
+    pulled = np.einsum("kqi,qif->kqf", w * residual, surface.E)
+    forces = np.swapaxes(surface.shape, 0, 1) @ pulled
+    blocks = np.zeros((k, fields, f, fields, f))
+    touched = np.flatnonzero(stiffness.any(axis=(1, 2)))
+    if len(touched):
+        E = np.einsum("ij,qjf->qif", plate.frame, surface.E)
+        H = np.einsum("kqi,qifg->kqfg", (w * stiffness)[touched], E[..., :, None] * E[..., None, :])
+        pairs = (surface.shape[:, :, None] * surface.shape[:, None, :]).reshape(-1, f * f)
+        K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
+        blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
+    return forces, blocks.reshape(k, fields * f, fields * f), energy
 
 
 def from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Distance of the skin's points from the centre of pressure, along the plate, shape (k, q)."""
-    x = positions(surface, u)
-    if x.shape[-1] == 2:
-        return np.abs(x[..., 0])
+    """Distance of the skin's points from the centre of pressure, along the plate, shape (k, q).
+
+    Where the surface is half a skin or one angle of it, the centre lies in its mirror plane or on its axis.
+    """
+    x = along(surface, u, plate)
     load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
-    return np.hypot(x[..., 0] - np.sum(load * x[..., 0]) / np.sum(load), x[..., 1])
+    whole = (surface.points[..., 0].min() < 0, surface.points[..., 1].min() < -1e-9)
+    centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if whole[i] else 0.0 for i in range(2)]
+    return np.hypot(x[..., 0] - centre[0], x[..., 1] - centre[1])
+
+
+def material_radius(surface: Surface, u: Array, plate: Plate, radius: float) -> float:
+    """Undeformed radius of the skin's points that have come to a distance `radius` from the axis of a press."""
+    out = np.hypot(surface.points[..., 0], surface.points[..., 1]).ravel()
+    now = np.linalg.norm(along(surface, u, plate), axis=-1).ravel()
+    dome = np.flatnonzero(surface.points[..., 2].ravel() > surface.points[..., 2].max() - out.max())
+    order = dome[np.argsort(out[dome])]
+    ahead = np.maximum.accumulate(now[order])
+    return float(np.interp(radius, ahead, out[order]))
 
 
 def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
@@ -113,8 +156,9 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         return 0.0
     r = from_pressure_centre(surface, u, plate)
     outermost = radius = float(r[pressed].max())
-    reach = float(surface.points[..., 0].max())
-    ahead = np.hypot(surface.points[..., 0], surface.points[..., -1] - surface.points[..., -1].max()) < 1.4 * reach
+    out = np.hypot(surface.points[..., 0], surface.points[..., 1])
+    reach = float(out.max())
+    ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
     for _ in range(4):
         width = min(radius, 0.6 * reach)
         around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead

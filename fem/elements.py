@@ -1,8 +1,22 @@
 """Taylor-Hood elements (quadratic displacement, linear continuous pressure) on curved second-order meshes.
 
-Everything is stored as arrays over elements: the operator B maps the displacements of an element's nodes to the
-components of G = grad u that can differ from zero, so that the axisymmetric and the solid element share one
-assembly. Axisymmetric: coordinates (r, z), components rr, rz, zr, zz and u_r / r, weights with 2 pi r.
+One description serves plane strain, sections of revolution with any number of harmonics, and solids. Displacement
+and pressure are sums of fields on the mesh times known functions of the angle theta around the axis,
+
+    u_i(X) = sum_f E_if(theta) sum_a N_a u_af,        p(X) = sum_n C_n(theta) sum_c M_c p_cn,
+
+so that the displacement gradient at a point is G_iJ = sum_f V_iJf(theta) g_Jf with g_Jf = sum_a D_Ja u_af. In a solid
+and in plane strain there is one angle, E_if = delta_if and D holds the Cartesian derivatives.
+
+Sections of revolution (nonlinear Fourier elements, Wilson 1965 and the CAXA elements of Abaqus, in a complex form):
+fields w_k, k = -N .. N, and z_n, p_n, n = 0 .. N, for loads that are symmetric about the plane y = 0,
+
+    u_r + i u_theta = sum_k w_k exp(i k theta),     u_z = sum_n z_n cos n theta,     p = sum_n p_n cos n theta.
+
+In Cartesian components u_x + i u_y = sum w_k exp(i (k+1) theta). N = 0 is the axisymmetric model. With one harmonic
+k = -2 is added, so that finite rotations of a rigid magnet are in the space. D holds d/dr, 1/r and d/dz; components
+of G are those along r, theta, z. On the axis only w_-1, z_0 and p_0 differ from zero. The integral over theta is a
+midpoint rule with 2 N + 2 angles in (0, pi), which is exact for products of three functions of the space.
 """
 
 from __future__ import annotations
@@ -17,9 +31,34 @@ from skfem.quadrature import get_quadrature
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-AXISYMMETRIC = np.array([0, 2, 6, 8, 4])
-"""Positions of rr, rz, zr, zz, tt in a row-major 3 x 3 tensor over (r, theta, z)."""
-SOLID = np.arange(9)
+
+@dataclass(frozen=True, slots=True)
+class Angles:
+    """Fields and the functions of the angle that multiply them.
+
+    Attributes
+    ----------
+    theta, weights : (t,) angles, and what they stand for in an integral around the axis (1 in a solid).
+    harmonics : number N of harmonics.
+    E : (t, 3, f) displacement, components along r, theta, z (x, y, z in a solid) per field.
+    V : (t, 3, 3, f) displacement gradient G_iJ per derivative J of a field.
+    C : (t, n) pressure per field.
+    """
+
+    theta: Array
+    weights: Array
+    harmonics: int
+    E: Array
+    V: Array
+    C: Array
+
+    @property
+    def fields(self) -> int:
+        return int(self.E.shape[2])
+
+    @property
+    def pressures(self) -> int:
+        return int(self.C.shape[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +69,18 @@ class Elements:
     ----------
     nodes : (n, dim) coordinates of all displacement nodes, corner nodes first.
     cells : (m, a) nodes of each element, corners first; pressures live on the first dim + 1.
-    components : (g,) positions of the rows of B in a row-major 3 x 3 gradient.
-    B : (m, q, g, a dim) gradient operator; degree of freedom of node a in direction i is a dim + i.
-    weights : (m, q) quadrature weights times the Jacobian (and 2 pi r).
+    D : (m, q, 3, a) derivatives of the shape functions, see the module.
+    weights : (m, q) quadrature weights times the Jacobian (and r).
     pressure_shape : (q, dim + 1).
+    angles : fields and their functions of the angle.
     """
 
     nodes: Array
     cells: Index
-    components: Index
-    B: Array
+    D: Array
     weights: Array
     pressure_shape: Array
+    angles: Angles
 
     @property
     def dim(self) -> int:
@@ -54,20 +93,26 @@ class Elements:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Quadrature points on outer facets.
+    """Integration points on outer facets, at every angle where there are several.
 
     Attributes
     ----------
     nodes : (k, f) the nodes of each facet: corners, then the middles of its edges (01 or 01, 12, 02).
     shape : (q, f) their shape functions.
-    weights : (k, q) with 2 pi r where axisymmetric.
-    points : (k, q, dim) reference positions.
+    weights : (k, q) areas.
+    points : (k, q, 3) reference positions x, y, z.
+    E : (q, 3, fields) Cartesian displacement per field.
     """
 
     nodes: Index
     shape: Array
     weights: Array
     points: Array
+    E: Array
+
+    def displacement(self, u: Array) -> Array:
+        """Displacements (k, q, 3) of nodal fields (n, fields)."""
+        return np.asarray(np.einsum("kqf,qif->kqi", self.shape @ u[self.nodes], self.E))
 
 
 _FACET_NODES = {
@@ -77,12 +122,40 @@ _FACET_NODES = {
 """Local nodes of the facet opposite to each corner; edges are numbered 01, 12, 02 and 03, 13, 23."""
 
 
+def orders(harmonics: int) -> range:
+    """The orders k of the in-plane fields w_k."""
+    return range(-2 if harmonics == 1 else -harmonics, harmonics + 1)
+
+
+def around(harmonics: int, count: int | None = None) -> Angles:
+    """Fields of a section of revolution, at `count` angles (2 N + 2 if not told; one is enough for N = 0)."""
+    t = count or (1 if harmonics == 0 else 2 * harmonics + 2)
+    theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
+    k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
+    E = np.zeros((t, 3, len(k) + len(n)))
+    V = np.zeros((t, 3, 3, len(k) + len(n)))
+    ck, sk = np.cos(np.outer(theta, k)), np.sin(np.outer(theta, k))
+    cn, sn = np.cos(np.outer(theta, n)), np.sin(np.outer(theta, n))
+    E[:, 0, : len(k)], E[:, 1, : len(k)], E[:, 2, len(k) :] = ck, sk, cn
+    V[:, :, 0], V[:, :, 2] = E, E
+    V[:, 0, 1, : len(k)], V[:, 1, 1, : len(k)] = -(k + 1) * sk, (k + 1) * ck
+    V[:, 2, 1, len(k) :] = -n * sn
+    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn)
+
+
+def cartesian(dim: int) -> Angles:
+    """Fields of a solid, or of plane strain in x and z."""
+    E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
+    one = np.ones(1)
+    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None])
+
+
 def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
     return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
 
 
-def build(mesh: skfem.Mesh, *, axisymmetric: bool, order: int = 2) -> Elements:
-    """Elements of a second-order triangle mesh (axisymmetric or plane strain) or tetrahedral mesh.
+def build(mesh: skfem.Mesh, *, axisymmetric: bool, harmonics: int = 0, order: int = 2) -> Elements:
+    """Elements of a second-order triangle mesh (section of revolution or plane strain) or tetrahedral mesh.
 
     Order 2 (3 points a triangle, 4 a tetrahedron) costs a third of order 4; on the press of the paper's sensor it is
     also a little nearer to the converged force.
@@ -93,36 +166,28 @@ def build(mesh: skfem.Mesh, *, axisymmetric: bool, order: int = 2) -> Elements:
     pressure = basis.with_element(linear)
     grad = np.stack([np.moveaxis(np.asarray(b[0].grad), 0, -1) for b in basis.basis], axis=2)  # (m, q, a, dim)
     m, q, a, _ = grad.shape
+    D = np.zeros((m, q, 3, a))
+    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = np.swapaxes(grad, 2, 3)
     weights = np.array(basis.dx)
-    if dim == 3:
-        B = np.zeros((m, q, 9, 3 * a))
-        for i in range(3):
-            for j in range(3):
-                B[:, :, 3 * i + j, i::3] = grad[..., j]
-        components = SOLID
-    else:
-        B = np.zeros((m, q, 5 if axisymmetric else 4, 2 * a))
-        for i in range(2):
-            for j in range(2):
-                B[:, :, 2 * i + j, i::2] = grad[..., j]
-        components = AXISYMMETRIC if axisymmetric else AXISYMMETRIC[:4]
     if axisymmetric:
         radius = np.asarray(basis.global_coordinates())[0]
         shape = np.stack([np.broadcast_to(np.asarray(b[0]), (m, q)) for b in basis.basis], axis=2)
-        B[:, :, 4, 0::2] = shape / radius[..., None]
-        weights = weights * 2 * np.pi * radius
+        D[:, :, 1] = shape / radius[..., None]
+        weights = weights * radius
     return Elements(
         nodes=np.ascontiguousarray(basis.doflocs.T),
         cells=np.ascontiguousarray(basis.element_dofs.T).astype(np.int64),
-        components=components,
-        B=B,
+        D=D,
         weights=weights,
         pressure_shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in pressure.basis], axis=1),
+        angles=around(harmonics) if axisymmetric else cartesian(dim),
     )
 
 
-def surface(mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bool, order: int) -> Surface:
-    """Quadrature points on the named boundary of a mesh."""
+def surface(
+    mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bool, order: int, angles: int | None = None
+) -> Surface:
+    """Integration points on the named boundary of a mesh; on a section of revolution at so many angles."""
     dim = elements.dim
     facets = np.asarray(mesh.boundaries[name])
     cell = np.asarray(mesh.f2t)[0, facets]
@@ -136,13 +201,28 @@ def surface(mesh: skfem.Mesh, name: str, elements: Elements, *, axisymmetric: bo
     shape = np.stack([np.ravel(value) for value, _ in basis], axis=1)
     slope = np.stack([np.reshape(grad, (dim - 1, -1)).T for _, grad in basis], axis=1)  # (q, f, dim - 1)
     X = elements.nodes[nodes]
-    points = shape @ X
     tangents = np.einsum("qfs,kfi->kqis", slope, X)
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
+    located = shape @ X
+    a = around(elements.angles.harmonics, angles) if axisymmetric else elements.angles
+    c, s, zero = np.cos(a.theta), np.sin(a.theta), np.zeros_like(a.theta)
+    turned = np.stack(
+        [np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]
+    )  # (3, 3, t)
+    t = len(a.theta)
+    if dim == 2:
+        located = np.stack([located[..., 0], np.zeros_like(weights), located[..., 1]], axis=-1)
     if axisymmetric:
-        weights = weights * 2 * np.pi * points[..., 0]
-    return Surface(nodes=nodes, shape=shape, weights=weights, points=points)
+        weights = weights * located[..., 0]
+    points = np.einsum("ijt,kqj->kqti", turned, located).reshape(len(nodes), -1, 3)
+    return Surface(
+        nodes=nodes,
+        shape=np.repeat(shape, t, axis=0),
+        weights=(weights[..., None] * a.weights).reshape(len(nodes), -1),
+        points=points,
+        E=np.tile(np.einsum("ijt,tjf->tif", turned, a.E), (len(shape), 1, 1)),
+    )
 
 
 def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:
@@ -170,3 +250,92 @@ def interpolation(elements: Elements, point: Array) -> tuple[Index, Array, Array
         values[i] = np.ravel(value)[0]
         grads[i] = slopes.T @ np.asarray([np.ravel(g)[0] for g in grad])
     return elements.cells[e], values, grads
+
+
+# Integrals over a range of elements; fields come first in an element's unknowns, (f, a), then pressures (n, c).
+
+
+def gradient(e: Elements, part: slice, u: Array) -> Array:
+    """Displacement gradients G, shape (m, q t, 3, 3), of nodal fields (n, fields)."""
+    D, V = e.D[part], e.angles.V
+    m, q, _, a = D.shape
+    t, f = len(V), V.shape[-1]
+    g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)
+    G = np.empty((m * q, t, 3, 3))
+    for J in range(3):
+        G[..., J] = (g[:, J] @ V[:, :, J].reshape(3 * t, f).T).reshape(m * q, t, 3)
+    return G.reshape(m, q * t, 3, 3)
+
+
+def pressure(e: Elements, part: slice, p: Array) -> Array:
+    """Pressures, shape (m, q t), of those at the corners of the elements (m, dim + 1, n)."""
+    return np.asarray((e.pressure_shape @ p[part] @ e.angles.C.T).reshape(len(p[part]), -1))
+
+
+def volumes(e: Elements, part: slice) -> Array:
+    """Weights of the integration points, shape (m, q t)."""
+    return np.asarray((e.weights[part][..., None] * e.angles.weights).reshape(len(e.weights[part]), -1))
+
+
+def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
+    """Integral of P : dG/du, shape (m, f a), for weighted stresses P (m, q t, 3, 3)."""
+    D, V = e.D[part], e.angles.V
+    m, q, _, a = D.shape
+    t, f = len(V), V.shape[-1]
+    P = P.reshape(m * q, t, 3, 3)
+    s = np.stack([P[..., J].reshape(m * q, 3 * t) @ V[:, :, J].reshape(3 * t, f) for J in range(3)], axis=1)
+    return np.asarray((np.swapaxes(s.reshape(m, 3 * q, f), 1, 2) @ D.reshape(m, 3 * q, a)).reshape(m, f * a))
+
+
+def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
+    """Integral of v dp, shape (m, n c), for weighted values v (m, q t)."""
+    m, q = e.weights[part].shape
+    along = np.swapaxes(v.reshape(m, q, -1) @ e.angles.C, 1, 2)
+    return np.asarray((along @ e.pressure_shape).reshape(m, -1))
+
+
+def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
+    """Integral of dG/du : A : dG/du, shape (m, f a, f a), for weighted tangents A (m, q t, 9, 9).
+
+    First over the angles, H_JL of the derivatives of the fields, then over the section: K = sum D_J D_L H_JL.
+    """
+    D, V = e.D[part], e.angles.V
+    m, q, _, a = D.shape
+    t, f = len(V), V.shape[-1]
+    A = A.reshape(m * q, t, 3, 3, 3, 3)
+    H = np.empty((m * q, 3, 3, f * f))
+    for J in range(3):
+        for L in range(J, 3):
+            pairs = np.einsum("tif,tkg->tikfg", V[:, :, J], V[:, :, L]).reshape(9 * t, f * f)
+            H[:, J, L] = A[:, :, :, J, :, L].reshape(m * q, 9 * t) @ pairs
+            if L > J:
+                H[:, L, J] = np.swapaxes(H[:, J, L].reshape(-1, f, f), 1, 2).reshape(-1, f * f)
+    products = (D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a)
+    K = np.swapaxes(H.reshape(m, 9 * q, f * f), 1, 2) @ products
+    return np.ascontiguousarray(np.swapaxes(K.reshape(m, f, f, a, a), 2, 3)).reshape(m, f * a, f * a)
+
+
+def coupling(e: Elements, part: slice, B: Array) -> Array:
+    """Integral of B : dG/du dp, shape (m, f a, n c), for weighted derivatives dP/dp = B (m, q t, 3, 3)."""
+    D, V, C, M = e.D[part], e.angles.V, e.angles.C, e.pressure_shape
+    m, q, _, a = D.shape
+    t, f = len(V), V.shape[-1]
+    n, c = C.shape[1], M.shape[1]
+    B = B.reshape(m * q, t, 3, 3)
+    H = np.empty((m * q, 3, f * n))
+    for J in range(3):
+        H[:, J] = B[..., J].reshape(m * q, 3 * t) @ np.einsum("tif,tn->tifn", V[:, :, J], C).reshape(3 * t, f * n)
+    products = (D[..., :, None] * M[:, None, None, :]).reshape(m, 3 * q, a * c)
+    K = np.swapaxes(H.reshape(m, 3 * q, f * n), 1, 2) @ products
+    return np.ascontiguousarray(K.reshape(m, f, n, a, c).transpose(0, 1, 3, 2, 4)).reshape(m, f * a, n * c)
+
+
+def pressure_stiffness(e: Elements, part: slice, v: Array) -> Array:
+    """Integral of v dp dp, shape (m, n c, n c), for weighted values v (m, q t)."""
+    C, M = e.angles.C, e.pressure_shape
+    m, q = e.weights[part].shape
+    n, c = C.shape[1], M.shape[1]
+    H = v.reshape(m * q, -1) @ (C[:, :, None] * C[:, None, :]).reshape(-1, n * n)
+    products = (M[:, :, None] * M[:, None, :]).reshape(q, c * c)
+    K = np.swapaxes(H.reshape(m, q, n * n), 1, 2) @ products
+    return np.ascontiguousarray(np.swapaxes(K.reshape(m, n, n, c, c), 2, 3)).reshape(m, n * c, n * c)

@@ -27,17 +27,17 @@ class Pattern:
 
     Parameters
     ----------
-    groups : for each group of elements the indices (m, k) of its k unknowns; -1 marks an eliminated one.
+    groups : for each group of elements the indices of its rows (m, k) and columns (m, l); -1 marks an eliminated one.
     size : number of unknowns.
     """
 
-    def __init__(self, groups: list[Index], size: int) -> None:
+    def __init__(self, groups: list[tuple[Index, Index]], size: int) -> None:
         keys = []
         self._masks = []
-        for dofs in groups:
-            m, k = dofs.shape
-            rows = np.broadcast_to(dofs[:, :, None], (m, k, k))
-            columns = np.broadcast_to(dofs[:, None, :], (m, k, k))
+        for row, column in groups:
+            shape = (*row.shape, column.shape[1])
+            rows = np.broadcast_to(row[:, :, None], shape)
+            columns = np.broadcast_to(column[:, None, :], shape)
             mask = (rows >= 0) & (columns >= rows)
             keys.append(rows[mask] * size + columns[mask])
             self._masks.append(mask)
@@ -49,7 +49,7 @@ class Pattern:
         self.size = size
 
     def assemble(self, blocks: list[Array]) -> sp.csr_matrix:
-        """Sum element matrices, one array (m, k, k) per group, into the upper triangle."""
+        """Sum element matrices, one array (m, k, l) per group, into the upper triangle."""
         values = np.concatenate([block[mask] for block, mask in zip(blocks, self._masks, strict=True)])
         data = np.bincount(self._inverse, weights=values, minlength=len(self._columns))
         return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
@@ -98,6 +98,14 @@ class Solver:
         self._upper = upper
         self._call(22 if self._analysed else 12, np.zeros(upper.shape[0]))
         self._analysed = True
+
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of the factorised matrix (Sylvester), or None if its pivots do not tell."""
+        if self._pardiso is not None:
+            return int(self._pardiso.get_iparm(23))
+        if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
+            return None
+        return int(np.count_nonzero(self._lu.U.diagonal() < 0))
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the answer have shape (n,)."""

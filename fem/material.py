@@ -67,6 +67,12 @@ def kinematics(G: Array) -> Kinematics:
         for a in range(3):
             b, c = (a + 1) % 3, (a + 2) % 3
             cof[..., i, a] = F[..., j, b] * F[..., k, c] - F[..., j, c] * F[..., k, b]
+    Jm1 = volume_change(G)
+    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None])
+
+
+def volume_change(G: Array) -> Array:
+    """J - 1 of a displacement gradient, shape (..., 3, 3), to full relative precision."""
     trace = G[..., 0, 0] + G[..., 1, 1] + G[..., 2, 2]
     second = (
         G[..., 0, 0] * G[..., 1, 1]
@@ -81,8 +87,7 @@ def kinematics(G: Array) -> Kinematics:
         - G[..., 0, 1] * (G[..., 1, 0] * G[..., 2, 2] - G[..., 1, 2] * G[..., 2, 0])
         + G[..., 0, 2] * (G[..., 1, 0] * G[..., 2, 1] - G[..., 1, 1] * G[..., 2, 0])
     )
-    Jm1 = trace + second + third
-    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None])
+    return np.asarray(trace + second + third)
 
 
 def lame(E: float, nu: float) -> tuple[float, float]:

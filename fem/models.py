@@ -1,8 +1,9 @@
 """The models of a scene: which mesh, which symmetries, which unknowns. All lengths are scaled by D here.
 
 axisymmetric : press of a body of revolution, (r, z) section.
+harmonic : load in the plane y = 0 on a body of revolution, Fourier elements on the section; N = 0 is the above.
 half : load in the plane y = 0, tetrahedra in y >= 0.
-The harmonic (Fourier) and full models take their place beside these two.
+full : any load, tetrahedra.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements
+from fem import elements, rigid
 from fem.elements import Elements
 from fem.material import Law, lame, neo_hookean
-from fem.system import System
+from fem.system import NONE, System
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
 from geometry.scene import Magnet
-from geometry.section import section
+from geometry.section import section as section_mesh
 
 Array = NDArray[np.float64]
-Model = Literal["axisymmetric", "half"]
+Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,55 +52,94 @@ class Discretisation:
     def elements(self) -> Elements:
         return self.system.elements
 
+    @property
+    def revolved(self) -> bool:
+        """Whether the mesh is a section."""
+        return self.elements.dim == 2
 
-def axisymmetric(
-    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean
+
+def section(
+    shape: Shape,
+    nu: float,
+    magnet: Magnet,
+    size: float,
+    tip_size: float,
+    law: Law = neo_hookean,
+    *,
+    harmonics: int = 0,
+    rim: tuple[float, float] | None = None,
 ) -> Discretisation:
-    """Section model with clamped base; size and tip_size are edge lengths in units of D."""
-    rigid = magnet == "rigid"
-    mesh = section(shape, size, tip_size=tip_size, magnet="hole" if rigid else "none")
-    e = elements.build(mesh, axisymmetric=True)
-    fixed = np.zeros(e.nodes.shape, dtype=bool)
+    """Section of revolution with clamped base; size and tip_size are edge lengths in units of D.
+
+    rim : where the patch of contact will end, as for `geometry.section.section`.
+    """
+    held = magnet == "rigid"
+    mesh = _section_mesh(shape, size, tip_size, rim, "hole" if held else "none")
+    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics)
+    fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
-    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-    return _discretise("axisymmetric", mesh, e, skin, fixed, shape, nu, law, rigid, 1.0)
+    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics))] = True
+    skin = elements.surface(
+        mesh, "skin", e, axisymmetric=True, order=5, angles=4 * harmonics + 4 if harmonics else None
+    )
+    glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
+    body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
+    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, law=law)
+    return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
-def half(
-    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean
+def solid(
+    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean, *, half: bool
 ) -> Discretisation:
-    """Tetrahedra in y >= 0 with clamped base; size and tip_size are edge lengths in units of D."""
-    rigid = magnet == "rigid"
-    mesh = _half_mesh(shape, size, tip_size, "hole" if rigid else "none")
+    """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D."""
+    held = magnet == "rigid"
+    mesh = _solid_mesh(shape, size, tip_size, half, "hole" if held else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
+    if half:
+        fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return _discretise("half", mesh, e, skin, fixed, shape, nu, law, rigid, 2.0)
+    glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
+    body = rigid.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
+    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, law=law)
+    return Discretisation("half" if half else "full", mesh, system, 2.0 if half else 1.0, shape)
+
+
+def on_axis(harmonics: int) -> NDArray[np.bool_]:
+    """Which fields of a section may differ from zero on the axis: w_-1, which moves it sideways, and z_0."""
+    k = list(elements.orders(harmonics))
+    return np.array([order == -1 for order in k] + [n == 0 for n in range(harmonics + 1)])
+
+
+def raise_harmonics(low: System, high: System, q: Array) -> Array:
+    """Unknowns q of a section in a system with more harmonics on the same mesh."""
+    state, a, b = low.state(q), low.elements.angles.harmonics, high.elements.angles.harmonics
+    k, k2 = elements.orders(a), elements.orders(b)
+    u = np.zeros(high.fixed.shape)
+    u[:, [k2.index(order) for order in k]] = state.u[:, : len(k)]
+    u[:, len(k2) : len(k2) + a + 1] = state.u[:, len(k) :]
+    p = np.zeros((len(state.p), b + 1))
+    p[:, : a + 1] = state.p
+    motion = low.motion(q)
+    if len(motion) == 1:
+        motion = np.array([0.0, motion[0], 0.0])
+    return high.unknowns(u, p, motion)
+
+
+@functools.lru_cache(maxsize=8)
+def _section_mesh(
+    shape: Shape,
+    size: float,
+    tip_size: float,
+    rim: tuple[float, float] | None,
+    magnet: Literal["hole", "none"],
+) -> skfem.MeshTri2:
+    return section_mesh(shape, size, tip_size=tip_size, rim=rim, magnet=magnet)
 
 
 @functools.lru_cache(maxsize=4)
-def _half_mesh(shape: Shape, size: float, tip_size: float, magnet: Literal["hole", "none"]) -> skfem.MeshTet2:
-    return tetrahedra(shape, size, tip_size=tip_size, half=True, magnet=magnet)
-
-
-def _discretise(
-    model: Model,
-    mesh: skfem.Mesh,
-    e: Elements,
-    skin: elements.Surface,
-    fixed: NDArray[np.bool_],
-    shape: Shape,
-    nu: float,
-    law: Law,
-    rigid: bool,
-    symmetry: float,
-) -> Discretisation:
-    mu, inverse_K = lame(1.0, nu)
-    centre = np.zeros(e.dim)
-    centre[-1] = shape.H
-    glued = elements.boundary_nodes(mesh, "magnet") if rigid else np.empty(0, dtype=np.int64)
-    system = System(e, skin, mu, inverse_K, fixed, glued, centre, law=law)
-    return Discretisation(model, mesh, system, symmetry, shape)
+def _solid_mesh(
+    shape: Shape, size: float, tip_size: float, half: bool, magnet: Literal["hole", "none"]
+) -> skfem.MeshTet2:
+    return tetrahedra(shape, size, tip_size=tip_size, half=half, magnet=magnet)

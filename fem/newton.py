@@ -26,12 +26,14 @@ class Equilibrium:
     state, assembly : the last state whose residual was formed.
     iterations : linear solves done.
     reason : why it stopped short; empty when converged.
+    unstable : number of directions in which the last tangent is unstable, None where that is not known.
     """
 
     state: State
     assembly: Assembly
     iterations: int
     reason: str
+    unstable: int | None = None
 
     @property
     def converged(self) -> bool:
@@ -49,6 +51,7 @@ def newton(
     TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
     """
     n = system.n_free + system.n_rigid
+    unstable: int | None = None
     state = _valid(system, q)
     if state is None:
         state = system.state(q)
@@ -58,10 +61,12 @@ def newton(
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
         if (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
-            return Equilibrium(state, assembly, iteration, "")
+            return Equilibrium(state, assembly, iteration, "", unstable)
         try:
             solver.factorise(assembly.tangent)
             step = solver.solve(assembly.residual)
+            negative = solver.negative()
+            unstable = None if negative is None else negative - system.n_pressure
         except SingularMatrixError as error:
             return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
         trial = _search(system, state, step)

@@ -1,10 +1,12 @@
 """Finite motion of the rigid magnet, and the nodes that follow it.
 
-A node at X moves with the magnet by u = U + (Q - 1) (X - Xc). The unknowns are
+A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j phi_j(q) B_j with constant fields B_j
+and functions phi_j of the few unknowns q:
 
-- axisymmetric: U_z;
-- half model (mirror plane y = 0): U_x, U_z and phi, the rotation about y that carries z towards x,
-  Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]].
+- axial: q = U_z;
+- planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x,
+  Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
+- spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fem.elements import Angles, orders
 
 Array = NDArray[np.float64]
 
@@ -23,46 +27,103 @@ class RigidBody:
 
     Attributes
     ----------
-    arms : (n, dim) positions relative to the magnet's centre.
+    fields : (j, n, fields) the constant fields B_j.
+    size : number of unknowns: 1 axial, 3 planar, 6 spatial.
     """
 
-    arms: Array
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return 1 if self.arms.shape[1] == 2 else 3
+    fields: Array
+    size: int
 
     def displacement(self, q: Array) -> Array:
-        """Displacements of the nodes, shape (n, dim)."""
-        u = np.zeros_like(self.arms)
-        if self.size == 1:
-            u[:, 1] = q[0]
-            return u
-        x, z = self.arms[:, 0], self.arms[:, 2]
-        s, c1 = np.sin(q[2]), -2 * np.sin(q[2] / 2) ** 2
-        u[:, 0] = q[0] + c1 * x + s * z
-        u[:, 2] = q[1] - s * x + c1 * z
-        return u
+        """Fields at the nodes, shape (n, fields)."""
+        return np.asarray(np.tensordot(_functions(q)[0], self.fields, axes=1))
 
     def derivative(self, q: Array) -> Array:
-        """du/dq, shape (n, dim, size)."""
-        T = np.zeros((*self.arms.shape, self.size))
-        if self.size == 1:
-            T[:, 1, 0] = 1
-            return T
-        x, z = self.arms[:, 0], self.arms[:, 2]
-        s, c = np.sin(q[2]), np.cos(q[2])
-        T[:, 0, 0] = T[:, 2, 1] = 1
-        T[:, 0, 2] = -s * x + c * z
-        T[:, 2, 2] = -c * x - s * z
-        return T
+        """du/dq, shape (n, fields, size)."""
+        return np.asarray(np.moveaxis(np.tensordot(_functions(q)[1].T, self.fields, axes=1), 0, -1))
 
     def curvature(self, q: Array, force: Array) -> Array:
-        """Sum of force times d2u/dq2, shape (size, size), for nodal forces (n, dim)."""
-        K = np.zeros((self.size, self.size))
-        if self.size == 3:
-            x, z = self.arms[:, 0], self.arms[:, 2]
-            s, c = np.sin(q[2]), np.cos(q[2])
-            K[2, 2] = force[:, 0] @ (-c * x - s * z) + force[:, 2] @ (s * x - c * z)
-        return K
+        """Sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
+        return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
+
+
+def solid(arms: Array, size: int) -> RigidBody:
+    """Nodes of a solid at positions (n, 3) relative to the magnet's centre; planar (3) or spatial (6)."""
+    one = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
+    if size == 3:
+        x, z = arms[:, 0, None], arms[:, 2, None]
+        ex, ez = np.eye(3)[[0, 2]]
+        return RigidBody(np.stack([one[0], one[2], z * ex - x * ez, x * ex + z * ez]), 3)
+    turned = np.zeros((3, 3, len(arms), 3))
+    for i in range(3):
+        for J in range(3):
+            turned[i, J, :, i] = arms[:, J]
+    return RigidBody(np.concatenate([one, turned.reshape(9, len(arms), 3)]), 6)
+
+
+def section(arms: Array, angles: Angles) -> RigidBody:
+    """Nodes of a section at (r, z) (n, 2) relative to the magnet's centre; axial if there are no harmonics."""
+    k = list(orders(angles.harmonics))
+    r, z = arms.T
+    rise = len(k)
+    if angles.harmonics == 0:
+        B = np.zeros((1, len(arms), angles.fields))
+        B[0, :, rise] = 1
+        return RigidBody(B, 1)
+    B = np.zeros((4, len(arms), angles.fields))
+    along, out, double = k.index(-1), k.index(0), k.index(-2)
+    B[0, :, along], B[1, :, rise] = 1, 1
+    B[2, :, along], B[2, :, rise + 1] = z, -r
+    B[3, :, out], B[3, :, double], B[3, :, rise] = r / 2, r / 2, z
+    return RigidBody(B, 3)
+
+
+def _functions(q: Array) -> tuple[Array, Array, Array]:
+    """phi (j,), its first (j, size) and second derivatives (j, size, size)."""
+    n = len(q)
+    if n == 1:
+        return q, np.ones((1, 1)), np.zeros((1, 1, 1))
+    if n == 3:
+        s, c = np.sin(q[2]), np.cos(q[2])
+        first, second = np.zeros((4, 3)), np.zeros((4, 3, 3))
+        first[0, 0] = first[1, 1] = 1
+        first[2:, 2], second[2:, 2, 2] = (c, -s), (-s, -c)
+        return np.array([q[0], q[1], s, -2 * np.sin(q[2] / 2) ** 2]), first, second
+    turns = [_turn(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
+
+    def product(*orders: int) -> Array:
+        a, b, c = (turn[order] for turn, order in zip(turns, orders, strict=True))
+        return np.asarray(a @ b @ c).ravel()
+
+    first, second = np.zeros((12, 6)), np.zeros((12, 6, 6))
+    first[:3, :3] = np.eye(3)
+    unit = np.eye(3, dtype=int)
+    for i in range(3):
+        first[3:, 3 + i] = product(*unit[i])
+        for j in range(3):
+            second[3:, 3 + i, 3 + j] = product(*(unit[i] + unit[j]))
+    return np.concatenate([q[:3], product(0, 0, 0) - np.eye(3).ravel()]), first, second
+
+
+def _turn(angle: float, axis: int) -> tuple[Array, Array, Array]:
+    """Rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    found = []
+    for c, s, one in (
+        (np.cos(angle), np.sin(angle), 1.0),
+        (-np.sin(angle), np.cos(angle), 0.0),
+        (-np.cos(angle), -np.sin(angle), 0.0),
+    ):
+        Q = np.zeros((3, 3))
+        Q[axis, axis], Q[i, i], Q[j, j], Q[i, j], Q[j, i] = one, c, c, -s, s
+        found.append(Q)
+    return found[0], found[1], found[2]
+
+
+def axis(q: Array) -> Array:
+    """Direction (3,) of the magnet's axis after the motion q."""
+    if len(q) == 1:
+        return np.array([0.0, 0.0, 1.0])
+    if len(q) == 3:
+        return np.array([np.sin(q[2]), 0.0, np.cos(q[2])])
+    return np.asarray(_turn(q[3], 1)[0] @ _turn(q[4], 0)[0] @ np.array([0.0, 0.0, 1.0]))

@@ -2,7 +2,8 @@
 
 Unknowns q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped, prescribed
 or lie on the axis or mirror plane are eliminated; those on the magnet's face follow its rigid motion exactly,
-element by element: an element with such nodes sees the magnet's unknowns beside its own.
+element by element: an element with such nodes sees the magnet's unknowns beside its own. On a section of revolution
+"displacements" are the fields of `fem.elements`, components of the harmonics.
 
 The residual is the derivative of the potential
 
@@ -13,20 +14,28 @@ which is stationary, not least, at a solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem import contact, material
+from fem import contact, elements, material
 from fem.contact import Plate
 from fem.elements import Elements, Surface
 from fem.linear import Pattern
 from fem.rigid import RigidBody
 
+CHUNK = 256
+"""Elements that are integrated at a time, so that their tensors stay in the processor's cache."""
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+
+NONE: Index = np.empty(0, dtype=np.int64)
+ON_AXIS = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +45,8 @@ class State:
     Attributes
     ----------
     q : (n,) unknowns.
-    u : (nodes, dim) displacements.
-    p : (corners,) pressures.
+    u : (nodes, fields) displacements.
+    p : (corners, pressures) pressures; where a section has harmonics, those that vanish on its axis are 0.
     """
 
     q: Array
@@ -62,18 +71,19 @@ class System:
     ----------
     elements, surface : interior and skin.
     mu, inverse_K : shear modulus and inverse bulk modulus, numbers or one per element.
-    fixed : (nodes, dim) mask of the displacements that are prescribed, as zero if nothing else is said.
+    fixed : (nodes, fields) mask of the displacements that are prescribed, as zero if nothing else is said.
     glued : nodes on the magnet's face (empty without a rigid magnet).
-    centre : (dim,) the magnet's centre.
-    dead : (nodes, dim) nodal forces that do not change with the deformation.
+    rigid : how they move.
+    dead : (nodes, fields) nodal forces that do not change with the deformation.
     law : the silicone's, isochoric.
-    prescribed : (nodes, dim) what the fixed displacements are; read there only.
+    prescribed : (nodes, fields) what the fixed displacements are; read there only.
 
     Attributes
     ----------
     size, n_free, n_rigid, n_pressure : numbers of unknowns.
-    free, eliminated : (nodes, dim) masks of the displacements that are unknowns, and
+    free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and
         of those that are fixed or follow the magnet.
+    corner_nodes : nodes that carry pressures.
     """
 
     def __init__(
@@ -83,58 +93,76 @@ class System:
         mu: float | Array,
         inverse_K: float | Array,
         fixed: NDArray[np.bool_],
-        glued: Index,
-        centre: Array,
+        glued: Index = NONE,
+        rigid: RigidBody | None = None,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
         prescribed: Array | None = None,
     ) -> None:
         self.law = law
-        self.elements, self.surface = elements, surface
+        self.surface = surface
         self.fixed = fixed
-        self.dead = np.zeros(elements.nodes.shape) if dead is None else dead
-        self.prescribed = np.zeros(elements.nodes.shape) if prescribed is None else prescribed
-        m = len(elements.cells)
-        self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[:, None]
-        self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[:, None]
-        self.glued = glued
-        self.rigid = RigidBody(elements.nodes[glued] - centre) if len(glued) else None
+        self.dead = np.zeros(fixed.shape) if dead is None else dead
+        self.prescribed = np.zeros(fixed.shape) if prescribed is None else prescribed
+        self.glued, self.rigid = glued, rigid
+        touches = np.zeros(len(elements.nodes), dtype=bool)
+        touches[glued] = True
+        at_magnet = touches[elements.cells].any(axis=1)
+        order = np.argsort(at_magnet, kind="stable")
+        m, self._inner = len(order), int(len(order) - at_magnet.sum())
+        self.elements = replace(
+            elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]
+        )
+        self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
+        self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
+        cuts = [*range(0, self._inner, CHUNK), *range(self._inner, m, CHUNK), m]
+        self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
         self._number(fixed)
+        self._fill()
 
     def _number(self, fixed: NDArray[np.bool_]) -> None:
-        """Number the unknowns and build the sparse pattern."""
+        """Number the unknowns."""
         e = self.elements
-        n, dim = e.nodes.shape
-        used = np.zeros((n, dim), dtype=bool)
+        used = np.zeros(fixed.shape, dtype=bool)
         used[e.cells] = True
         free = used & ~fixed
         free[self.glued] = False
-        self._reduced = np.full((n, dim), -1, dtype=np.int64)
+        self._reduced = np.full(fixed.shape, -1, dtype=np.int64)
         self._reduced[free] = np.arange(int(free.sum()))
         self.n_free = int(free.sum())
         self.n_rigid = self.rigid.size if self.rigid else 0
-        corners, inverse = np.unique(e.corners, return_inverse=True)
-        self.n_pressure = len(corners)
-        self.corner_nodes = corners
-        self._pressure = inverse.reshape(e.corners.shape)
-        self.size = self.n_free + self.n_rigid + self.n_pressure
-        self.free = free
-        self.eliminated = used & ~free
-        touches = np.zeros(n, dtype=bool)
-        touches[self.glued] = True
-        self._at_magnet = touches[e.cells].any(axis=1)
-        u = self._reduced[e.cells].reshape(len(e.cells), -1)
-        p = self._pressure + self.n_free + self.n_rigid
-        inner = np.hstack([u, p])[~self._at_magnet]
-        motion = np.broadcast_to(np.arange(self.n_rigid) + self.n_free, (int(self._at_magnet.sum()), self.n_rigid))
-        outer = np.hstack([u[self._at_magnet], p[self._at_magnet], motion])
-        self._dofs = np.hstack([u, p])
-        single = np.arange(self.n_free, self.n_free + self.n_rigid, dtype=np.int64)[None]
-        groups = [inner, outer, single]
+        self.corner_nodes, corners = np.unique(e.corners, return_inverse=True)
+        self._corners = corners.reshape(e.corners.shape)
+        carried = np.ones((len(self.corner_nodes), e.angles.pressures), dtype=bool)
+        carried[e.nodes[self.corner_nodes, 0] < ON_AXIS, 1:] = False
+        self.n_pressure = int(carried.sum())
+        first = self.n_free + self.n_rigid
+        self._pressures = np.full(carried.shape, -1, dtype=np.int64)
+        self._pressures[carried] = first + np.arange(self.n_pressure)
+        self.size = first + self.n_pressure
+        self.free, self.eliminated, self._carried = free, used & ~free, carried
+
+    def _fill(self) -> None:
+        """Unknowns of each element, the sparse pattern, and the constant stiffness of the pressures."""
+        e, inner = self.elements, self._inner
+        m, motion = len(e.cells), np.arange(self.n_free, self.n_free + self.n_rigid, dtype=np.int64)
+        self._u = np.swapaxes(self._reduced[e.cells], 1, 2).reshape(m, -1)
+        self._p = np.swapaxes(self._pressures[self._corners], 1, 2).reshape(m, -1)
+        self._outer = np.hstack([self._u[inner:], np.broadcast_to(motion, (m - inner, self.n_rigid))])
+        groups = [
+            (self._u[:inner], self._u[:inner]),
+            (self._u[:inner], self._p[:inner]),
+            (self._outer, self._outer),
+            (self._outer, self._p[inner:]),
+            (self._p, self._p),
+            (motion[None], motion[None]),
+        ]
         if self.surface is not None:
-            facets = self._reduced[self.surface.nodes]
-            groups += [np.ascontiguousarray(facets[..., i]) for i in range(dim)]
+            facets = np.swapaxes(self._reduced[self.surface.nodes], 1, 2).reshape(len(self.surface.nodes), -1)
+            groups.append((facets, facets))
         self.pattern = Pattern(groups, self.size)
+        whole = slice(0, m)
+        self._compliance = -elements.pressure_stiffness(e, whole, elements.volumes(e, whole) * self.inverse_K)
 
     def state(self, q: Array) -> State:
         """Displacements and pressures of unknowns q."""
@@ -142,91 +170,94 @@ class System:
         u[self.free] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.rigid.displacement(self.motion(q))
-        return State(q, u, q[self.n_free + self.n_rigid :])
+        p = np.zeros(self._carried.shape)
+        p[self._carried] = q[self.n_free + self.n_rigid :]
+        return State(q, u, p)
+
+    def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
+        """Unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
+        return np.concatenate([u[self.free], motion, p[self._carried]])
 
     def motion(self, q: Array) -> Array:
         """Unknowns of the rigid magnet."""
         return q[self.n_free : self.n_free + self.n_rigid]
 
-    def gradient(self, state: State) -> Array:
-        """G = grad u at the quadrature points, shape (m, q, 3, 3)."""
-        e = self.elements
-        ue = state.u[e.cells].reshape(len(e.cells), 1, -1, 1)
-        G = np.zeros((*e.weights.shape, 9))
-        G[..., e.components] = (e.B @ ue)[..., 0]
-        return G.reshape(*e.weights.shape, 3, 3)
-
     def least_J(self, state: State) -> float:
-        """Least volume ratio J over the quadrature points."""
-        return 1 + float(material.kinematics(self.gradient(state)).Jm1.min())
+        """Least volume ratio J over the integration points."""
+        return 1 + min(
+            float(material.volume_change(elements.gradient(self.elements, s, state.u)).min()) for s in self._parts
+        )
 
     def assemble(self, state: State, plate: Plate | None) -> Assembly:
         """Residual and tangent at a state with all J > 0."""
         e = self.elements
-        k = material.kinematics(self.gradient(state))
-        p = (e.pressure_shape @ state.p[self._pressure][..., None])[..., 0]
-        W, P, A = self.law(k, self.mu)
-        Pp, Ap, C = material.pressure_terms(k, p)
-        w, comp = e.weights, e.components
-        m, nq, _, nd = e.B.shape
-        flat = e.B.reshape(m, -1, nd)
-        stress = (w[..., None, None] * (P + Pp)).reshape(m, nq, 9)[..., comp].reshape(m, 1, -1)
-        fu = (stress @ flat)[:, 0]
-        tangent = (w[..., None, None] * (A + Ap))[..., comp[:, None], comp]
-        Kuu = np.swapaxes(flat, 1, 2) @ (tangent @ e.B).reshape(m, -1, nd)
-        volume = (w[..., None, None] * C).reshape(m, nq, 9)[..., comp]
-        coupling = (volume[..., None, :] @ e.B)[..., 0, :]  # (m, q, nd)
-        Kup = np.swapaxes(coupling, 1, 2) @ e.pressure_shape
-        fp = (w * (k.Jm1 - p * self.inverse_K)) @ e.pressure_shape
-        Kpp = -np.swapaxes(e.pressure_shape, 0, 1) @ ((w * self.inverse_K)[..., None] * e.pressure_shape)
-        energy = float(np.sum(w * (W + p * k.Jm1 - p**2 * self.inverse_K / 2)))
-        K = np.concatenate(
-            [np.concatenate([Kuu, Kup], axis=2), np.concatenate([np.swapaxes(Kup, 1, 2), Kpp], axis=2)], axis=1
+        corner = state.p[self._corners]
+        fu, fp = np.empty(self._u.shape), np.empty(self._p.shape)
+        Kuu, Kup = [], []
+        energy = 0.0
+        for part in self._parts:
+            k = material.kinematics(elements.gradient(e, part, state.u))
+            p, w = elements.pressure(e, part, corner), elements.volumes(e, part)
+            W, P, A = self.law(k, self.mu[part])
+            Pp, Ap, B = material.pressure_terms(k, p)
+            soft = self.inverse_K[part]
+            energy += float(np.sum(w * (W + p * k.Jm1 - p**2 * soft / 2)))
+            fu[part] = elements.displacement_forces(e, part, w[..., None, None] * (P + Pp))
+            fp[part] = elements.pressure_forces(e, part, w * (k.Jm1 - p * soft))
+            Kuu.append(elements.displacement_stiffness(e, part, w[..., None, None] * (A + Ap)))
+            Kup.append(elements.coupling(e, part, w[..., None, None] * B))
+        forces, blocks, spring_energy = self._springs(state, plate)
+        forces -= self.dead
+        energy += spring_energy - float(np.sum(self.dead * state.u))
+        a = e.cells.shape[1]
+        np.add.at(forces, e.cells, np.swapaxes(fu.reshape(len(fu), -1, a), 1, 2))
+        residual = np.zeros(self.size)
+        residual[: self.n_free] = forces[self.free]
+        kept = self._p >= 0
+        residual += np.bincount(self._p[kept], weights=fp[kept], minlength=self.size)
+        n = sum(part.stop <= self._inner for part in self._parts)
+        inner = [_joined(Kuu[:n], self._u), _joined(Kup[:n], self._u, self._p)]
+        outer, own = self._magnet(
+            state, forces, residual, _joined(Kuu[n:], self._u), _joined(Kup[n:], self._u, self._p)
         )
-        nodal, springs, spring_energy = self._springs(state, plate)
-        nodal -= self.dead
-        energy -= float(np.sum(self.dead * state.u))
-        residual, forces, blocks = self._reduce(state, np.hstack([fu, fp]), K, nodal)
-        matrix = self.pattern.assemble(blocks + springs)
-        return Assembly(residual, matrix, energy + spring_energy, forces)
+        matrix = self.pattern.assemble([*inner, *outer, self._compliance, own, *blocks])
+        return Assembly(residual, matrix, energy, forces)
 
     def _springs(self, state: State, plate: Plate | None) -> tuple[Array, list[Array], float]:
-        """Nodal forces, matrices per facet and direction, and energy of the plate's springs."""
-        nodal = np.zeros(self.elements.nodes.shape)
+        """Nodal forces, matrices of the facets, and energy of the plate's springs."""
+        nodal = np.zeros(self.fixed.shape)
         s = self.surface
         if s is None:
             return nodal, [], 0.0
         if plate is None:
-            none = np.zeros((*s.nodes.shape, s.nodes.shape[1]))
-            return nodal, [none] * self.elements.dim, 0.0
-        residual, stiffness, energy = contact.traction(s, state.u, plate)
-        np.add.at(nodal, s.nodes, np.swapaxes(s.shape, 0, 1) @ (s.weights[..., None] * residual))
-        pairs = s.shape[:, :, None] * s.shape[:, None, :]
-        blocks = np.tensordot(np.moveaxis(s.weights[..., None] * stiffness, -1, 0), pairs, axes=1)
-        return nodal, list(blocks), energy
+            n = s.nodes.shape[1] * self.fixed.shape[1]
+            return nodal, [np.zeros((len(s.nodes), n, n))], 0.0
+        forces, blocks, energy = contact.springs(s, state.u, plate)
+        np.add.at(nodal, s.nodes, forces)
+        return nodal, [blocks], energy
 
-    def _reduce(self, state: State, f: Array, K: Array, nodal: Array) -> tuple[Array, Array, list[Array]]:
-        """Residual, nodal forces and matrices once the magnet's nodes follow its motion; `nodal` are the springs'."""
-        e = self.elements
-        dim, nd = e.dim, e.B.shape[-1]
-        forces = nodal
-        np.add.at(forces, e.cells, f[:, :nd].reshape(len(f), -1, dim))
-        residual = np.zeros(self.size)
-        residual[: self.n_free] = forces[self.free]
-        p = self._pressure + self.n_free + self.n_rigid
-        residual += np.bincount(p.ravel(), weights=f[:, nd:].ravel(), minlength=self.size)
-        inner, outer = K[~self._at_magnet], K[self._at_magnet]
-        own = np.zeros((1, self.n_rigid, self.n_rigid))
-        if self.rigid:
-            motion = self.motion(state.q)
-            T = np.zeros((*e.nodes.shape, self.n_rigid))
-            T[self.glued] = self.rigid.derivative(motion)
-            nr = self.n_rigid
-            residual[self.n_free : self.n_free + nr] = np.einsum("ni,nir->r", forces, T)
-            Te = np.zeros((len(outer), K.shape[1], nr))
-            Te[:, :nd] = T[e.cells[self._at_magnet]].reshape(len(outer), nd, nr)
-            KT = outer @ Te
-            bottom = np.concatenate([np.swapaxes(KT, 1, 2), np.swapaxes(Te, 1, 2) @ KT], axis=2)
-            outer = np.concatenate([np.concatenate([outer, KT], axis=2), bottom], axis=1)
-            own[0] = self.rigid.curvature(motion, forces[self.glued])
-        return residual, forces, [inner, outer, own]
+    def _magnet(
+        self, state: State, forces: Array, residual: Array, Kuu: Array, Kup: Array
+    ) -> tuple[list[Array], Array]:
+        """Matrices of the elements at the magnet once its nodes follow its motion, and the motion's own."""
+        nr = self.n_rigid
+        if not self.rigid:
+            return [Kuu, Kup], np.zeros((1, 0, 0))
+        motion = self.motion(state.q)
+        T = np.zeros((*self.fixed.shape, nr))
+        T[self.glued] = self.rigid.derivative(motion)
+        residual[self.n_free : self.n_free + nr] = np.einsum("nf,nfr->r", forces, T)
+        Te = np.swapaxes(T[self.elements.cells[self._inner :]], 1, 2).reshape(len(Kuu), -1, nr)
+        KT, TK = Kuu @ Te, np.swapaxes(Te, 1, 2)
+        bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)
+        outer = np.concatenate([np.concatenate([Kuu, KT], axis=2), bottom], axis=1)
+        return [outer, np.concatenate([Kup, TK @ Kup], axis=1)], self.rigid.curvature(motion, forces[self.glued])[
+            None
+        ]
+
+
+def _joined(parts: list[Array], rows: Index, columns: Index | None = None) -> Array:
+    """Element matrices of several parts as one array; none if there are no parts."""
+    if not parts:
+        return np.zeros((0, rows.shape[1], (rows if columns is None else columns).shape[1]))
+    return np.concatenate(parts)

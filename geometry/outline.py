@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -43,14 +44,14 @@ class Curve:
         return np.where(t == 0, self.start, np.where(t == 1, self.end, inner)).astype(np.complex128)
 
 
-def outline(shape: Shape, magnet: str) -> list[Curve]:
-    """The curves around the silicone, and around the magnet from its top."""
+def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
+    """The curves around the silicone, and around the magnet from its top; a ring of radius `rim` cuts the dome."""
     R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
     tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
     curves = [
         Curve("base", 0j, complex(R)),
         Curve("skin", complex(R), equator),
-        Curve("skin", equator, tip, complex(0, H), (math.pi / 2, 0.0)),
+        *_dome(shape, rim),
     ]
     if magnet == "none":
         return [*curves, Curve("axis", tip, 0j)]
@@ -68,6 +69,16 @@ def outline(shape: Shape, magnet: str) -> list[Curve]:
         Curve("magnet", down, bottom),
     ]
     return curves + [part for part in parts if part.length >= tiny]
+
+
+def _dome(shape: Shape, rim: float | None) -> list[Curve]:
+    """The dome from the equator to the tip, in two arcs if a ring cuts it."""
+    R, centre = shape.R, complex(0, shape.H)
+    stops = [(math.pi / 2, complex(R, shape.H)), (0.0, complex(0, shape.L))]
+    if rim is not None and SMALLEST < rim / R < 1 - SMALLEST:
+        angle = math.asin(rim / R)
+        stops.insert(1, (angle, centre + R * complex(math.sin(angle), math.cos(angle))))
+    return [Curve("skin", x, y, centre, (a, b)) for (a, x), (b, y) in itertools.pairwise(stops)]
 
 
 def room(shape: Shape, x: Points) -> Floats:

@@ -9,6 +9,8 @@ from typing import Literal
 from geometry.design import BadInput, Design
 
 Magnet = Literal["rigid", "ignored"]
+STEEPEST = 0.7
+"""Largest tilt of a plate, rad: beyond it the wall of the beam is touched soon after the dome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,8 @@ class Load:
     shear_x, shear_y : sideways motion of the plate or the grip afterwards, mm.
     friction : "none", "stick" (a frictionless press, then the patch in contact is glued to the plate and moves
         with it), or a Coulomb coefficient that acts from first touch on.
+    plate_tilt : rotation of the plate about y that carries its normal from z towards x, rad; it still comes down
+        along z, by `depth` after it has touched the dome.
     grip : no plate; every surface point within this height of the tip moves sideways by the shear, u_z free, mm.
 
     Raises
@@ -34,6 +38,7 @@ class Load:
     shear_y: float = 0.0
     friction: float | Literal["none", "stick"] = "none"
     grip: float | None = None
+    plate_tilt: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth < math.inf:
@@ -46,7 +51,11 @@ class Load:
                 raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r}")
         elif not 0 <= self.friction < math.inf:
             raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction:g}")
+        if not abs(self.plate_tilt) <= STEEPEST:
+            raise BadInput(f"plate tilt must be within +-{STEEPEST:g} rad; got {self.plate_tilt:g}")
         if self.grip is not None:
+            if self.plate_tilt:
+                raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {self.plate_tilt:g} rad")
             if not 0 < self.grip < math.inf:
                 raise BadInput(f"grip must be a positive height in mm; got {self.grip:g}")
             if self.depth:
@@ -63,12 +72,14 @@ class Response:
     shift : displacement of the magnet's centre, mm; z negative when the magnet sinks.
     tilt : rotation of the magnet about y that carries z towards x, rad.
     contact_radius : radius of the patch in contact with the plate, mm; 0 without a plate.
+    tilt_y : the same towards y, rad; the rotation vector of the magnet's axis is (-tilt_y, tilt, 0).
     """
 
     force: tuple[float, float, float]
     shift: tuple[float, float, float]
     tilt: float
     contact_radius: float
+    tilt_y: float = 0.0
 
 
 def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:

@@ -66,7 +66,12 @@ class _Border:
 
 
 def section(
-    shape: Shape, size: float, *, tip_size: float | None = None, magnet: Literal["hole", "meshed", "none"] = "hole"
+    shape: Shape,
+    size: float,
+    *,
+    tip_size: float | None = None,
+    rim: tuple[float, float] | None = None,
+    magnet: Literal["hole", "meshed", "none"] = "hole",
 ) -> Any:
     """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
 
@@ -75,6 +80,7 @@ def section(
     shape : in any unit of length; the mesh has the same.
     size : edge length away from features; halving it halves all, unless a fillet or thin layer already needs less.
     tip_size : edge length at the tip (0, L), at most `size`; half of `size` unless told.
+    rim : radius of a ring of nodes on the dome, and the edge length there: where a patch of contact ends.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
 
     Returns
@@ -97,20 +103,30 @@ def section(
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
     domain = unit.without_magnet() if magnet == "meshed" else unit
-    curves = outline(unit, magnet)
-    sizing = _sizing(unit, curves, size_D, tip_D, magnet == "meshed")
+    ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
+    curves = outline(unit, magnet, ring and ring[0])
+    sizing = _sizing(unit, curves, size_D, tip_D, ring, magnet == "meshed")
     cuts = [_cuts(curve, sizing) for curve in curves]
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
-    return _second_order(_border(outline(shape, magnet), cuts), inner * shape.D, silicone, core)
+    return _second_order(
+        _border(outline(shape, magnet, ring and ring[0] * shape.D), cuts), inner * shape.D, silicone, core
+    )
 
 
 def _pairs(x: Points) -> Floats:
     return np.column_stack([x.real, x.imag])
 
 
-def _sizing(shape: Shape, curves: list[Curve], size: float, tip_size: float, meshed: bool) -> _Sizing:
+def _sizing(
+    shape: Shape,
+    curves: list[Curve],
+    size: float,
+    tip_size: float,
+    rim: tuple[float, float] | None,
+    meshed: bool,
+) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
     source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(CORNER, CLAMP * size))])]
     for curve in curves:
@@ -128,6 +144,11 @@ def _sizing(shape: Shape, curves: list[Curve], size: float, tip_size: float, mes
         source.append(x[want < size])
         least.append(want[want < size])
     growth = np.append(TIP_GROWTH, np.full(sum(map(len, source)) - 1, GROWTH)) * min(1, size / FULL_GROWTH_SIZE)
+    if rim is not None:
+        r = min(rim[0], shape.R)
+        source.append(np.array([r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2))]))
+        least.append(np.array([min(rim[1], size)]))
+        growth = np.append(growth, TIP_GROWTH)
     return _Sizing(size, np.concatenate(source), np.concatenate(least), growth)
 
 

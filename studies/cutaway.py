@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from studies.files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
-    from fem.equilibrium import Field
+    from fem.solution import Field
 
 Array = NDArray[np.float64]
 Quantity = Literal["displacement", "pressure"]
@@ -30,14 +30,17 @@ class Cut(NamedTuple):
 
 def cut_of(field: Field, quantity: Quantity) -> Cut:
     """The section of a deformed body, that of an axisymmetric one mirrored to both sides."""
-    u = spatial(field.u)
-    value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(field)
-    x = spatial(field.mesh.doflocs.T)
-    nodes = _triangles(field.mesh)
+    from fem.revolve import body
+
+    solid = body(field)
+    u = spatial(solid.u)
+    value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
+    x = spatial(solid.mesh.doflocs.T)
+    nodes = _triangles(solid.mesh)
     ends = _outline(nodes)
     edges = np.stack([x[ends], (x + u)[ends]], axis=1)
     rest, moved, values = x[nodes], (x + u)[nodes], value[nodes]
-    if field.mesh.dim() == 2:
+    if solid.mesh.dim() == 2:
         mirror = np.array([-1.0, 1.0, 1.0])
         axis = np.abs(edges[:, 0, :, 0]).max(axis=1) < 1e-9 * np.abs(x).max()
         edges = np.concatenate([edges[~axis], edges[~axis] * mirror])

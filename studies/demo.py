@@ -9,7 +9,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from fem.equilibrium import STANDARD, Accuracy, Solution
+from fem.equilibrium import STANDARD, Accuracy
+from fem.solution import Solution
 from geometry.design import Design, paper
 from studies import compare, describe, files, report
 from studies.compare import Comparison, Outcome, Progress, Row, part

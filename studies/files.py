@@ -19,7 +19,8 @@ from geometry.design import BadInput
 if TYPE_CHECKING:
     import skfem
 
-    from fem.equilibrium import Field
+    from fem.revolve import Body
+    from fem.solution import Field
 
 
 def output_folder(path: str | Path) -> Path:
@@ -129,12 +130,15 @@ def write_field(path: str | Path, field: Field) -> None:
     """
     import numpy as np
 
-    grid = grid_of(field.mesh)
-    moved = spatial(field.u)
+    from fem.revolve import body
+
+    solid = body(field)
+    grid = grid_of(solid.mesh)
+    moved = spatial(solid.u)
     grid.points = grid.points + moved
     grid.point_data["displacement_mm"] = moved
-    grid.point_data["pressure_MPa"] = nodal_pressure(field)
-    grid.cell_data["region"] = np.zeros(field.mesh.nelements, dtype=np.int64)
+    grid.point_data["pressure_MPa"] = nodal_pressure(solid)
+    grid.cell_data["region"] = np.zeros(solid.mesh.nelements, dtype=np.int64)
     _save(path, grid)
 
 
@@ -165,14 +169,14 @@ def spatial(vectors: Any) -> Any:
     return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
 
 
-def nodal_pressure(field: Field) -> Any:
+def nodal_pressure(body: Body) -> Any:
     """Pressure at every node, shape (n,), MPa, positive in compression; linear along the edges."""
     import numpy as np
 
-    pressure = np.zeros(len(field.u))
+    pressure = np.zeros(len(body.u))
     # the unknown p of the elements is the mean stress
-    pressure[field.vertices] = -field.p
-    nodes, corners = np.asarray(field.mesh.dofs.element_dofs), field.mesh.dim() + 1
+    pressure[body.vertices] = -body.p
+    nodes, corners = np.asarray(body.mesh.dofs.element_dofs), body.mesh.dim() + 1
     ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
     for row, (a, b) in zip(nodes[corners:], ends, strict=False):
         pressure[row] = (pressure[nodes[a]] + pressure[nodes[b]]) / 2

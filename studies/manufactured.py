@@ -90,7 +90,7 @@ def errors(name: str, n: int) -> tuple[float, float]:
     system = body(e, fixed, 1.0, 0.0, dead=dead, moved=exact)
     state = find(system, exact).state
     p = np.zeros(len(e.nodes))
-    p[system.corner_nodes] = state.p
+    p[system.corner_nodes] = state.p[:, 0]
     u_exact, p_exact = case.displacement(rule.points), case.pressure(rule.points)
     u_error = rule.quadratic @ state.u[e.cells] - u_exact
     p_error = (rule.linear @ p[e.corners][..., None])[..., 0] - p_exact
@@ -138,7 +138,8 @@ def _loads(case: Case, mesh: skfem.Mesh, e: Elements, rule: _Rule) -> Array:
     force = rule.weights[..., None] * _body_force(case, rule.points)
     np.add.at(dead, e.cells, np.swapaxes(rule.quadratic, 0, 1) @ force)
     top = elements.surface(mesh, "loaded", e, axisymmetric=case.axisymmetric, order=ORDER)
-    traction = top.weights[..., None] * _stress(case, top.points)[0][..., -1]
+    place = top.points if case.dim == 3 else top.points[..., [0, 2]]
+    traction = top.weights[..., None] * _stress(case, place)[0][..., -1]
     np.add.at(dead, top.nodes, np.swapaxes(top.shape, 0, 1) @ traction)
     return dead
 

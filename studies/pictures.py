@@ -18,7 +18,7 @@ from studies.cutaway import Cut, Quantity, cut_of, lines, surface
 from studies.files import atomic
 
 if TYPE_CHECKING:
-    from fem.equilibrium import Solution
+    from fem.solution import Solution
 
 Array = NDArray[np.float64]
 

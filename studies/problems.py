@@ -28,7 +28,6 @@ from geometry.scene import Load
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-NONE = np.empty(0, dtype=np.int64)
 SKIN = 1e-9
 """Nodes nearer than this to a face lie on it."""
 
@@ -41,7 +40,7 @@ def body(
     e: Elements, fixed: Mask, mu: float, inverse_K: float, *, dead: Array | None = None, moved: Array | None = None
 ) -> System:
     """A system without magnet and plate; `moved` are the prescribed displacements."""
-    return System(e, None, mu, inverse_K, fixed, NONE, np.zeros(e.dim), dead=dead, prescribed=moved)
+    return System(e, None, mu, inverse_K, fixed, dead=dead, prescribed=moved)
 
 
 def find(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:

@@ -12,7 +12,8 @@ from studies import files, inputs
 from studies.console import Progress
 
 if TYPE_CHECKING:
-    from fem.equilibrium import Model, Solution
+    from fem.equilibrium import Model
+    from fem.solution import Solution
 
 MOST_STEPS = 1000
 DETAILS = ("message", "model", "dofs", "newton_iterations")

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.equilibrium import QUICK, Field, trace
+from fem import elements
+from fem.equilibrium import QUICK, trace
+from fem.solution import Field
 from geometry.design import BadInput, paper
 from geometry.scene import Load
 from studies import files
@@ -82,6 +84,9 @@ def test_cells_are_positive_and_nodes_in_vtk_order(tmp_path, kind, measure):
         assert np.abs(grid.points[cells[:, column]] - middle).max() < 1e-12
 
 
+ANGLES = {2: elements.around(0), 3: elements.cartesian(3)}
+
+
 @pytest.mark.parametrize("kind", [skfem.MeshTri2, skfem.MeshTet2])
 def test_linear_fields_come_back(tmp_path, kind):
     import pyvista as pv
@@ -91,7 +96,7 @@ def test_linear_fields_come_back(tmp_path, kind):
     x = mesh.doflocs.T
     u = 0.1 * x @ np.arange(1, dim * dim + 1).reshape(dim, dim)
     vertices = np.unique(mesh.dofs.element_dofs[: dim + 1])
-    field = Field(mesh=mesh, u=u, p=1 + x[vertices].sum(axis=1), vertices=vertices)
+    field = Field(mesh=mesh, u=u, p=1 + x[vertices].sum(axis=1)[:, None], vertices=vertices, angles=ANGLES[dim])
     files.write_field(tmp_path / "field.vtu", field)
     grid = pv.read(tmp_path / "field.vtu")
     rest = grid.points - grid["displacement_mm"]

@@ -1,21 +1,21 @@
 """The discrete system: blocks with known answers, residual and tangent against finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import skfem
 
-from fem import elements
+from fem import elements, models, rigid
 from fem.contact import Plate
 from fem.linear import Solver, have_pardiso
 from fem.material import lame
 from fem.newton import newton
-from fem.rigid import RigidBody
-from fem.system import System
+from fem.system import NONE, System
 from geometry.design import Design
 from geometry.section import section
 
 RNG = np.random.default_rng(2)
-NONE = np.empty(0, dtype=np.int64)
 
 
 def cylinder(nu=0.4998, n=2):
@@ -25,7 +25,7 @@ def cylinder(nu=0.4998, n=2):
     e = elements.build(mesh, axisymmetric=True)
     fixed = np.stack([e.nodes[:, 0] < 1e-9, e.nodes[:, 1] < 1e-9], axis=1)
     skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-    return System(e, skin, *lame(1.0, nu), fixed, NONE, np.zeros(2))
+    return System(e, skin, *lame(1.0, nu), fixed)
 
 
 def cube(nu=0.4998):
@@ -34,7 +34,7 @@ def cube(nu=0.4998):
     mesh = mesh.with_boundaries({"skin": lambda x: x[2] > 1 - 1e-9})
     e = elements.build(mesh, axisymmetric=False)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, *lame(1.0, nu), e.nodes < 1e-9, NONE, np.zeros(3))
+    return System(e, skin, *lame(1.0, nu), e.nodes < 1e-9)
 
 
 def half_ball():
@@ -50,37 +50,40 @@ def half_ball():
     fixed[e.nodes[:, 1] < 1e-9, 1] = True
     core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < 0.5 + 1e-9)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    return System(e, skin, *lame(1.0, 0.49), fixed, core, np.zeros(3))
+    return System(e, skin, *lame(1.0, 0.49), fixed, core, rigid.solid(e.nodes[core], 3))
 
 
-def sensor():
-    mesh = section(Design().shape.scaled(1 / 8), 0.16)
-    e = elements.build(mesh, axisymmetric=True)
-    fixed = np.zeros(e.nodes.shape, dtype=bool)
-    fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
-    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-    glued = elements.boundary_nodes(mesh, "magnet")
-    return System(e, skin, *lame(1.0, 0.4998), fixed, glued, np.array([0, 0.625]))
+def sensor(harmonics=0):
+    return models.section(
+        Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04), harmonics=harmonics
+    ).system
 
 
-PRESS = {"cylinder": 1.0, "cube": 1.0, "half ball": 1.0, "sensor": 1.125}
-SCENES = {"cylinder": cylinder, "cube": cube, "half ball": half_ball, "sensor": sensor}
+PRESS = {"cylinder": 1.0, "cube": 1.0, "half ball": 1.0, "sensor": 1.125, "one harmonic": 1.125, "harmonics": 1.125}
+SCENES = {
+    "cylinder": cylinder,
+    "cube": cube,
+    "half ball": half_ball,
+    "sensor": sensor,
+    "one harmonic": lambda: sensor(1),
+    "harmonics": lambda: sensor(3),
+}
 
 
-def plate(name, depth, shear=0.0):
+def plate(name, depth, shear=0.0, tilt=0.0):
     system = SCENES[name]()
-    dim = system.elements.dim
-    return system, Plate(PRESS[name] - depth, 50.0, np.append(shear, np.zeros(dim - 2)))
+    return system, Plate(PRESS[name] - depth, 50.0, np.array([shear, 0.0]), tilt)
 
 
 def smooth(system):
     """Unknowns of a smooth displacement that inverts no element, and random pressures."""
     x = system.elements.nodes
-    wave = 0.003 * np.sin(x @ RNG.normal(size=(x.shape[1], x.shape[1])) + 1)
+    wave = 0.003 * np.sin(x @ RNG.normal(size=(x.shape[1], system.fixed.shape[1])) + 1)
+    if system.elements.angles.harmonics:
+        wave *= 3 * x[:, :1] * x[:, 1:]
     q = 0.1 * RNG.normal(size=system.size)
     q[: system.n_free] = wave[system.free]
-    q[system.n_free : system.n_free + system.n_rigid] = wave.mean(axis=0)[-1]
+    q[system.n_free : system.n_free + system.n_rigid] = 0.001
     return q
 
 
@@ -90,7 +93,7 @@ def test_uniaxial_press_of_a_block_has_its_closed_form(make, depth):
     """Nominal stress mu (s - s^-2) of an incompressible block; the plate's penalty is part of the answer."""
     system = make(nu=0.5)
     spring = 1e6
-    flat = Plate(1 - depth, spring, np.zeros(system.elements.dim - 1))
+    flat = Plate(1 - depth, spring, np.zeros(2))
     answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
     assert answer.converged
     shortening = -answer.state.u[:, -1].min()
@@ -109,7 +112,7 @@ def test_prescribed_stretch_of_a_block_has_its_closed_form(make):
     fixed, prescribed = given.fixed.copy(), np.zeros(e.nodes.shape)
     fixed[top, -1] = True
     prescribed[top, -1] = 1.0
-    system = System(e, None, *lame(1.0, 0.5), fixed, NONE, np.zeros(e.dim), prescribed=prescribed)
+    system = System(e, None, *lame(1.0, 0.5), fixed, prescribed=prescribed)
     stretched = np.zeros(system.size)
     stretched[: system.n_free] = (e.nodes * ([-0.3] * (e.dim - 1) + [1.0]))[system.free]
     answer = newton(system, Solver(), stretched, None)
@@ -132,7 +135,7 @@ def test_compressible_uniaxial_block():
         return [W * (x - I1 / 3 / x) + (J - 1) / inverse_K * J / x for x in (t, s)]
 
     system = cylinder(nu=0.3)
-    flat = Plate(0.7, 1e7, np.zeros(1))
+    flat = Plate(0.7, 1e7, np.zeros(2))
     answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
     s = 1 + answer.state.u[:, 1].min()
     t = brentq(lambda x: stress(x, s)[0], 1.0, 1.5)
@@ -143,12 +146,10 @@ def test_compressible_uniaxial_block():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(name):
-    system, flat = plate(name, 0.1, 0.05)
+    system, flat = plate(name, 0.1, 0.05, 0.2 if SCENES[name]().n_rigid != 1 and name != "cylinder" else 0.0)
     tied = RNG.random(system.surface.weights.shape) < 0.3
-    flat = Plate(flat.height, flat.stiffness, flat.shear, tied, system.surface.points[..., :-1])
+    flat = replace(flat, tied=tied, targets=system.surface.points[..., :2])
     q = smooth(system)
-    if system.n_rigid == 3:
-        q[system.n_free + 2] = 0.1
     direction, step = RNG.normal(size=system.size), 1e-7
     here = system.assemble(system.state(q), flat)
     ahead = system.assemble(system.state(q + step * direction), flat)
@@ -164,9 +165,8 @@ def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(na
 def test_rigid_body_motion_gives_no_forces():
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet())
     e = elements.build(mesh, axisymmetric=False)
-    system = System(e, None, *lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool), NONE, np.zeros(3))
-    body = RigidBody(e.nodes - 0.3)
-    u = body.displacement(np.array([0.2, -0.1, 2.0]))
+    system = System(e, None, *lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool))
+    u = rigid.solid(e.nodes - 0.3, 6).displacement(np.array([0.2, -0.1, 0.3, 2.0, -0.7, 0.4]))
     q = np.zeros(system.size)
     q[: system.n_free] = u.ravel()
     here = system.assemble(system.state(q), None)
@@ -174,12 +174,17 @@ def test_rigid_body_motion_gives_no_forces():
     assert abs(here.energy) < 1e-14
 
 
-@pytest.mark.parametrize("size", [1, 3])
-def test_rigid_motion_derivatives(size):
-    body = RigidBody(RNG.normal(size=(4, 2 if size == 1 else 3)))
-    q, force, step = RNG.normal(size=size), RNG.normal(size=body.arms.shape), 1e-6
-    for i in range(size):
-        e = step * np.eye(size)[i]
+@pytest.mark.parametrize("kind", ["axial", "harmonic", "planar", "spatial"])
+def test_rigid_motion_derivatives(kind):
+    body = {
+        "axial": lambda: rigid.section(RNG.normal(size=(4, 2)), elements.around(0)),
+        "harmonic": lambda: rigid.section(RNG.normal(size=(4, 2)), elements.around(2)),
+        "planar": lambda: rigid.solid(RNG.normal(size=(4, 3)), 3),
+        "spatial": lambda: rigid.solid(RNG.normal(size=(4, 3)), 6),
+    }[kind]()
+    q, force, step = RNG.normal(size=body.size), RNG.normal(size=body.fields.shape[1:]), 1e-6
+    for i in range(body.size):
+        e = step * np.eye(body.size)[i]
         slope = (body.displacement(q + e) - body.displacement(q - e)) / (2 * step)
         np.testing.assert_allclose(body.derivative(q)[..., i], slope, atol=1e-8)
         curve = np.einsum("ni,nir->r", force, (body.derivative(q + e) - body.derivative(q - e)) / (2 * step))
@@ -215,9 +220,10 @@ def test_rigid_magnet_equals_a_very_stiff_one():
         if magnet == "meshed":
             stiff[mesh.subdomains["magnet"]] = 1e5
         glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
-        system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, np.array([0, shape.H]))
-        flat = Plate(shape.L - 0.1, 5000.0, np.zeros(1))
-        guess = skin.points[..., 1] >= shape.L - 0.05
+        body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if magnet == "hole" else None
+        system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, body)
+        flat = Plate(shape.L - 0.1, 5000.0, np.zeros(2))
+        guess = skin.points[..., 2] >= shape.L - 0.05
         answer = newton(system, Solver(), np.zeros(system.size), flat, guess)
         assert answer.converged
         forces.append(answer.assembly.forces[fixed[:, 1], 1].sum())

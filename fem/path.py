@@ -1,0 +1,199 @@
+"""Following a path of loads, in units of D and E: adaptive steps, gluing, unstable directions.
+
+The plate's position is v = (depth, shear along x, shear along y). A leg goes straight from one position to another;
+its steps shrink when Newton's method fails and grow when it finds its way fast. Every step starts from the line
+through the last two states.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import contact, elements
+from fem.contact import KAPPA, Plate
+from fem.linear import Solver
+from fem.models import Discretisation, raise_harmonics
+from fem.newton import Equilibrium, newton
+
+Array = NDArray[np.float64]
+
+LONGEST_STEP = 0.125
+SHORTEST_STEP = 1e-3
+FAST = 7
+"""Iterations up to which a step counts as easy."""
+FIRST_TOUCH = 1e-14
+ONSET_HALVINGS = 5
+
+
+class Path:
+    """The state while a path is followed.
+
+    Parameters
+    ----------
+    d : the model to start with.
+    grip : height below the tip within which the skin is held, or None for a plate.
+    tilt : of the plate, rad.
+    raised : builds the model that takes over from an axisymmetric one when the shear begins.
+    rim : undeformed radius of the patch that is glued then, the contact radius if not told.
+
+    Attributes
+    ----------
+    position : (3,) where plate or grip is.
+    q, energy : unknowns of the present model, and what is stored in the modelled part.
+    iterations : of Newton's method since the last load.
+    unstable : number of unstable directions, None where it is not known.
+    onset : positions (before, after) between which the first unstable direction appeared, or None.
+    """
+
+    def __init__(
+        self,
+        d: Discretisation,
+        grip: float | None = None,
+        tilt: float = 0.0,
+        raised: Callable[[], Discretisation] | None = None,
+        rim: float | None = None,
+    ) -> None:
+        self.d, self.tilt, self._raised, self._rim = d, tilt, raised, rim
+        self.grip = grip is not None
+        self.solver = Solver()
+        self.position = np.zeros(3)
+        self.q = np.zeros(d.system.size)
+        self.energy = 0.0
+        self.iterations = 0
+        self.unstable: int | None = None
+        self.onset: tuple[Array, Array] | None = None
+        self.tied: NDArray[np.bool_] | None = None
+        self.targets: Array | None = None
+        self.gap: Array | None = None
+        if grip is not None:
+            self.tied = self._facets(self.skin.points[..., 2]) >= d.shape.L - grip
+            self.targets = self.skin.points[..., :2]
+
+    @property
+    def skin(self) -> elements.Surface:
+        assert self.d.system.surface is not None
+        return self.d.system.surface
+
+    @property
+    def u(self) -> Array:
+        """Nodal fields of the present state."""
+        return self.d.system.state(self.q).u
+
+    def plate(self, position: Array | None = None) -> Plate:
+        """The plate (or grip) at a position, the present one if not told."""
+        depth, *shear = self.position if position is None else position
+        shape = self.d.shape
+        radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
+        # a tilted plate touches the dome beside its top
+        height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
+        return Plate(height, KAPPA / radius, np.array(shear), self.tilt, self.tied, self.targets, self.gap)
+
+    def go(self, depth: float, shear: Array) -> str:
+        """Move to a depth, then to a shear (2,); returns an empty text or why it stopped on the way."""
+        self.iterations = 0
+        reason = self._leg(np.array([depth, *self.position[1:]]))
+        if reason or np.array_equal(shear, self.position[1:]):
+            return reason
+        if self._raised is not None:
+            self._raise()
+        if self.tied is None:
+            self._glue()
+        return self._leg(np.array([depth, *shear]))
+
+    def close(self) -> None:
+        """Give the factorisation's memory back."""
+        self.solver.close()
+
+    def _raise(self) -> None:
+        """Hand the state over to a model with harmonics on the same mesh."""
+        assert self._raised is not None
+        low, self.d, self._raised = self.d.system, self._raised(), None
+        self.q = raise_harmonics(low, self.d.system, self.q)
+        self.solver.close()
+        self.solver = Solver()
+
+    def _glue(self) -> None:
+        """Tie what lies within the contact radius to the plate."""
+        u, plate = self.u, self.plate()
+        if self._rim is None:
+            out, radius = (
+                contact.from_pressure_centre(self.skin, u, plate),
+                contact.contact_radius(self.skin, u, plate),
+            )
+        else:
+            out, radius = np.hypot(self.skin.points[..., 0], self.skin.points[..., 1]), self._rim
+        self.tied = (self.skin.points[..., 2] > self.d.shape.H) & (self._facets(out) < radius)
+        self.targets = contact.along(self.skin, u, plate) - self.position[1:]
+        self.gap = np.maximum(-contact.overlap(self.skin, u, plate), 0.0)
+
+    def _facets(self, values: Array) -> Array:
+        """The mean of a facet's values (k, q) at all its points: a patch is made of whole facets.
+
+        A facet that is tied in part follows the plate as a whole, so that the patch would be too large.
+        """
+        return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
+
+    def _leg(self, goal: Array) -> str:
+        start = self.position
+        length = float(np.linalg.norm(goal - start))
+        if length == 0:
+            return ""
+        before: tuple[float, Array] | None = None
+        now, step = 0.0, min(LONGEST_STEP / length, 1.0)
+        while now < 1:
+            target = 1.0 if 1 - now <= 1.001 * step else now + step
+            position = goal if target == 1 else start + target * (goal - start)
+            answer = self._try(now, target, position, before)
+            if answer.converged:
+                before = (now, self.q)
+                self._note_stability(answer, position)
+                self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
+                now = target
+                if answer.iterations <= FAST:
+                    step *= 1.5
+                continue
+            before = None
+            step = (target - now) / 2
+            if step * length < SHORTEST_STEP * min(length, 1.0):
+                return answer.reason
+        return ""
+
+    def _try(self, now: float, target: float, position: Array, before: tuple[float, Array] | None) -> Equilibrium:
+        guess = self.q
+        if before is not None:
+            guess = self.q + (self.q - before[1]) * ((target - now) / (now - before[0]))
+        answer = newton(self.d.system, self.solver, guess, self.plate(position), self._pressed(position))
+        self.iterations += answer.iterations
+        return answer
+
+    def _pressed(self, position: Array) -> NDArray[np.bool_] | None:
+        """Where to expect contact: as before, or within Hertz's radius at first touch."""
+        if self.grip:
+            return None
+        if self.position[0] == 0:
+            rest = np.zeros(self.d.system.fixed.shape)
+            return contact.overlap(self.skin, rest, self.plate(np.array([position[0] / 2, 0, 0]))) >= 0
+        return contact.overlap(self.skin, self.u, self.plate()) > 0
+
+    def _note_stability(self, answer: Equilibrium, position: Array) -> None:
+        """Keep the number of unstable directions, and find between which positions the first one appeared."""
+        was, self.unstable = self.unstable, answer.unstable
+        if not answer.unstable or was or self.onset is not None:
+            return
+        stable, unstable, q = self.position, position, self.q
+        for _ in range(ONSET_HALVINGS):
+            middle = (stable + unstable) / 2
+            guess = (q + answer.state.q) / 2
+            between = newton(self.d.system, self.solver, guess, self.plate(middle))
+            self.iterations += between.iterations
+            if not between.converged or between.unstable is None:
+                break
+            if between.unstable:
+                unstable, answer = middle, between
+            else:
+                stable, q = middle, between.state.q
+        self.onset = (stable, unstable)

@@ -1,0 +1,106 @@
+"""A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from fem import elements
+from fem.solution import Field
+
+Array = NDArray[np.float64]
+
+SECTORS = 12
+"""Wedges of 15 degrees in half a turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A solid mesh (mm) with displacements (n, 3) in mm and pressures (k,) in MPa at its first k nodes `vertices`."""
+
+    mesh: skfem.Mesh
+    u: Array
+    p: Array
+    vertices: NDArray[np.int64]
+
+
+def body(field: Field) -> Body:
+    """The body of a solution with Cartesian displacements: itself, or the revolved one if it has harmonics.
+
+    Every triangle is swept through SECTORS wedges, each cut into three tetrahedra; nodes lie on the swept curved
+    edges and carry the exact values of the Fourier series.
+    """
+    if field.angles.harmonics == 0:
+        return Body(field.mesh, field.u, field.p[:, 0], field.vertices)
+    section, half = field.mesh, 2 * SECTORS
+    corners = len(section.p[0])
+    on_axis = section.doflocs[0] < 1e-9 * section.doflocs.max()
+    straight = _wedges(section, on_axis[:corners])
+    used, t = np.unique(straight, return_inverse=True)
+    node, turn = used // (half + 1), used % (half + 1)
+    x = section.doflocs
+    angle = np.pi * turn / half
+    flat = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
+    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet(flat, t.reshape(straight.shape).T))
+    node, turn = _edges(field, mesh, node, turn, on_axis)
+    angle = np.pi * turn / half
+    k, n = np.array(elements.orders(field.angles.harmonics)), np.arange(field.angles.harmonics + 1)
+    w, z = field.u[node, : len(k)], field.u[node, len(k) :]
+    cn = np.cos(np.outer(angle, n))
+    u = np.stack(
+        [
+            np.sum(w * np.cos(np.outer(angle, k + 1)), axis=1),
+            np.sum(w * np.sin(np.outer(angle, k + 1)), axis=1),
+            np.sum(z * cn, axis=1),
+        ],
+        axis=1,
+    )
+    where = np.full(len(x[0]), -1)
+    where[field.vertices] = np.arange(len(field.vertices))
+    vertices = np.arange(len(used))
+    p = np.sum(field.p[where[node[vertices]]] * cn[vertices], axis=1)
+    places = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
+    return Body(skfem.MeshTet2(places, mesh.t), u, p, vertices)
+
+
+def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Corners (m, 4) of the tetrahedra, as section node times (2 SECTORS + 1) plus angle; flat ones left out."""
+    a, b, c = np.sort(section.t, axis=0)[:, :, None]
+    lower, upper = 2 * np.arange(SECTORS), 2 * np.arange(1, SECTORS + 1)
+
+    def at(node: NDArray[np.int64], turn: NDArray[np.int64]) -> NDArray[np.int64]:
+        return node * (2 * SECTORS + 1) + np.where(on_axis[node], 0, turn)
+
+    cells = np.concatenate(
+        [
+            np.stack([at(a, lower), at(b, lower), at(c, lower), at(c, upper)], axis=-1).reshape(-1, 4),
+            np.stack([at(a, lower), at(b, lower), at(b, upper), at(c, upper)], axis=-1).reshape(-1, 4),
+            np.stack([at(a, lower), at(a, upper), at(b, upper), at(c, upper)], axis=-1).reshape(-1, 4),
+        ]
+    )
+    ordered = np.sort(cells, axis=1)
+    return cells[(np.diff(ordered, axis=1) > 0).all(axis=1)]
+
+
+def _edges(
+    field: Field, mesh: skfem.Mesh, node: NDArray[np.int64], turn: NDArray[np.int64], on_axis: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Section node and angle of all nodes of the solid, its corners given."""
+    section = field.mesh
+    triangle = np.asarray(section.dofs.element_dofs)
+    middle = {}
+    for i, j, m in ((0, 1, 3), (1, 2, 4), (0, 2, 5)):
+        for first, second, between in triangle[[i, j, m]].T:
+            middle[min(first, second), max(first, second)] = between
+    one, other = mesh.edges
+    first, second = node[one], node[other]
+    between = np.array(
+        [i if i == j else middle[min(i, j), max(i, j)] for i, j in zip(first, second, strict=True)], dtype=np.int64
+    )
+    # an edge from the axis stays in the plane of its other end
+    a = np.where(on_axis[first], turn[other], turn[one])
+    b = np.where(on_axis[second], turn[one], turn[other])
+    return np.concatenate([node, between]), np.concatenate([turn, (a + b) // 2])

@@ -1,0 +1,229 @@
+"""What a solve returns, in the user's units, and how it is read off a path."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from fem import contact, elements, rigid
+from fem.models import Discretisation
+from fem.path import Path
+from geometry.design import Design
+from geometry.scene import Load, Response
+
+Array = NDArray[np.float64]
+Status = Literal["ok", "not_converged", "unstable", "no_contact"]
+
+BUCKLED = 0.01
+"""Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;
+mesh noise alone stays below a third of it."""
+DEEP = 0.3
+"""Depth over D from which on an axisymmetric press is marked: the paper's sensor gives way between 0.31 and 0.34."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """The deformed body.
+
+    Attributes
+    ----------
+    mesh : second order, mm.
+    u : (n, dim) nodal displacements, or (n, fields) those of a section with harmonics, mm.
+    p : (k, 1) or (k, harmonics + 1) pressures at the vertices, MPa.
+    vertices : (k,) nodes of the pressures.
+    angles : the functions of the angle that u and p are multiplied by; see `fem.revolve` for the solid body.
+    """
+
+    mesh: skfem.Mesh
+    u: Array
+    p: Array
+    vertices: NDArray[np.int64]
+    angles: elements.Angles
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """One state of a load path.
+
+    Attributes
+    ----------
+    load : the load that this state carries; less than the one asked for when the solve stopped on the way.
+    response, field : the answer, and what it was read from.
+    energy : stored in the deformed silicone, N mm; its derivative by the depth is the normal force.
+    status, message : "ok", or why not and what to try.
+    error_estimate, shift_error_estimate, tilt_error_estimate : relative errors of the force, of the magnet's shift
+        and of its tilt from the mesh (and the harmonics), None where they were not estimated or there is nothing.
+    dofs, newton_iterations, seconds : what it cost since the state before.
+    """
+
+    load: Load
+    response: Response
+    energy: float
+    status: Status
+    message: str
+    model: str
+    error_estimate: float | None
+    shift_error_estimate: float | None
+    tilt_error_estimate: float | None
+    dofs: int
+    newton_iterations: int
+    seconds: float
+    field: Field
+
+
+def slides(load: Load) -> bool:
+    """Whether a load moves the tip sideways (a frictionless plate does not)."""
+    return bool(load.shear_x or load.shear_y) and (load.grip is not None or load.friction == "stick")
+
+
+def read(path: Path, design: Design, load: Load, direction: Array, reason: str, seconds: float) -> Solution:
+    """The present state of a path that was to reach a load.
+
+    Parameters
+    ----------
+    direction : (2,) unit vector in the user's frame along which the model's x axis points.
+    reason : why the path stopped short; empty if it did not.
+    """
+    D, d = design.D, path.d
+    turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
+    if reason:
+        depth, shear = float(path.position[0]) * D, turn @ path.position[1:] * D
+        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if slides(load) else {}
+        load = replace(load, depth=depth, **moved)
+    state = d.system.state(path.q)
+    plate = path.plate()
+    residual, _, _ = contact.traction(path.skin, state.u, plate)
+    total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
+    shift, tilt = _pose(d, state.u, path.q)
+    if d.model != "full":
+        total[1] = shift[1] = tilt[1] = 0.0
+    force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
+    response = Response(
+        force=(float(force[0]), float(force[1]), float(total[2])),
+        shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
+        tilt=float(tilt_xy[0]),
+        contact_radius=0.0 if path.grip else contact.contact_radius(path.skin, state.u, plate) * D,
+        tilt_y=float(tilt_xy[1]),
+    )
+    status, message = _judge(path, design, load, reason, response)
+    return Solution(
+        load=load,
+        response=response,
+        energy=path.energy * d.symmetry * design.E * D**3,
+        status=status,
+        message=message,
+        model=d.model,
+        error_estimate=None,
+        shift_error_estimate=None,
+        tilt_error_estimate=None,
+        dofs=d.system.size,
+        newton_iterations=path.iterations,
+        seconds=seconds,
+        field=Field(
+            mesh=type(d.mesh)(d.mesh.doflocs * D, d.mesh.t),
+            u=state.u * D,
+            p=state.p * design.E,
+            vertices=d.system.corner_nodes,
+            angles=d.elements.angles,
+        ),
+    )
+
+
+def _pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
+    """Displacement (3,) of the magnet's centre, and its rotation (2,) as angles that carry z towards x and y.
+
+    Without a rigid magnet: the material point at the centre, and the rotation of the polar decomposition there.
+    """
+    system = d.system
+    if system.rigid:
+        motion = system.motion(q)
+        place = {1: [2], 3: [0, 2], 6: [0, 1, 2]}[len(motion)]
+        shift = np.zeros(3)
+        shift[place] = motion[: len(place)]
+        return shift, _angles(rigid.axis(motion))
+    centre = np.zeros(d.elements.dim)
+    centre[-1] = d.shape.H
+    nodes, values, grads = elements.interpolation(d.elements, centre)
+    if not d.revolved:
+        return values @ u[nodes], _angles(_rotation(u[nodes].T @ grads)[:, 2])
+    N = d.elements.angles.harmonics
+    fields, slopes = values @ u[nodes], u[nodes].T @ grads  # d/dr, d/dz
+    k = list(elements.orders(N))
+    if N == 0:
+        return np.array([0.0, 0.0, fields[1]]), np.zeros(2)
+    along, rise = k.index(-1), len(k)
+    G = np.zeros((3, 3))
+    out, double = slopes[k.index(0), 0], slopes[k.index(-2), 0]
+    G[0, 0], G[1, 1] = out + double, out - double
+    G[0, 2], G[2, 2], G[2, 0] = slopes[along, 1], slopes[rise, 1], slopes[rise + 1, 0]
+    return np.array([fields[along], 0.0, fields[rise]]), _angles(_rotation(G)[:, 2])
+
+
+def _rotation(G: Array) -> Array:
+    """Rotation (3, 3) of the polar decomposition of 1 + G."""
+    U, _, Vt = np.linalg.svd(np.eye(3) + G)
+    return np.asarray(U @ Vt)
+
+
+def _angles(axis: Array) -> Array:
+    """Rotation (2,) that carries z to a direction (3,): towards x, towards y."""
+    across = float(np.hypot(axis[0], axis[1]))
+    return np.zeros(2) if across == 0 else np.arctan2(across, axis[2]) * axis[:2] / across
+
+
+def _judge(path: Path, design: Design, load: Load, reason: str, response: Response) -> tuple[Status, str]:
+    normal, sheared, D = response.force[2], slides(load), design.D
+    if reason:
+        shear = float(np.linalg.norm(path.position[1:])) * D
+        at = f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
+        return "not_converged", f"stopped at {at}: {reason}; try a smaller load or a finer accuracy"
+    if load.depth > 0 and not normal > 0 and not sheared:
+        remedy = (
+            "the plate has not reached it to within rounding: take a larger depth"
+            if path.d.model == "axisymmetric"
+            else "choose model axisymmetric, whose mesh follows the contact"
+        )
+        return "no_contact", f"depth {load.depth:g} mm touches no integration point of this mesh: {remedy}"
+    if path.unstable:
+        return "unstable", _instability(path, D)
+    if load.depth > 0 and normal < 0:
+        return "ok", "the glued plate pulls at the tip by now: a real one would peel off or slip before"
+    aside = max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))
+    if load.depth > 0 and not sheared and not load.plate_tilt and aside > BUCKLED:
+        shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
+        return "unstable", (
+            f"the tip has given way sideways under the frictionless plate (shift {shift:.2g} mm, tilt {tilt:.2g} "
+            "rad; the mesh decides to which side): the symmetric press is unstable"
+        )
+    return "ok", _remark(path, design, load, sheared)
+
+
+def _instability(path: Path, D: float) -> str:
+    """Where the first unstable direction appeared."""
+    count = f"{path.unstable} unstable direction{'s' if path.unstable != 1 else ''}"
+    if path.onset is None:
+        return f"{count}: the state is an equilibrium that does not last"
+    before, after = path.onset
+    what, i = ("depth", 0) if before[0] != after[0] else ("shear", slice(1, 3))
+    low, high = (float(np.linalg.norm(np.atleast_1d(v[i]))) * D for v in (before, after))
+    return f"unstable since a {what} between {low:.4g} and {high:.4g} mm ({count}): the tip gives way beyond that"
+
+
+def _remark(path: Path, design: Design, load: Load, sheared: bool) -> str:
+    """What a user should know of an answer that is good."""
+    if (load.shear_x or load.shear_y) and not sheared:
+        return "the frictionless plate slides over the tip: the shear has no effect"
+    slender, deep = design.L > 3 * design.D, load.depth > DEEP * design.D
+    if path.d.model == "axisymmetric" and load.depth > 0 and (slender or deep):
+        return (
+            "so slender a beam, or so deep a press, may give way sideways under a frictionless plate, which the "
+            "axisymmetric model cannot see: check with model half"
+        )
+    if load.friction == "stick" and not sheared:
+        return "stick acts once the plate shears: the press itself is frictionless"
+    return ""
