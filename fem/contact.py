@@ -101,19 +101,34 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
     return residual @ plate.frame, stiffness, energy
 
 
+def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array]:
+    """Force per reference area of the base z = 0 on skin that bulges below it, and its derivative, (k, q), by u_z.
+
+    The base is wider than the beam and frictionless there; without it a deep press would fold the skin at the clamp.
+    """
+    depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
+    below = depth < 0
+    return np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)
+
+
 def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, float]:
-    """Nodal forces (k, f, fields) and stiffness (k, f fields, f fields) of each facet (fields first), and energy."""
+    """Forces (k, f, fields), stiffness (k, f fields, f fields; fields first) and energy of plate and base."""
     residual, stiffness, energy = traction(surface, u, plate)
+    lift, hard = base_traction(surface, u, plate.stiffness)
+    residual[..., 2] += lift
+    energy += float(np.sum(surface.weights * lift**2) / (2 * plate.stiffness))
     k, f = surface.nodes.shape
     fields = surface.E.shape[2]
     w = surface.weights[..., None]
     pulled = np.einsum("kqi,qif->kqf", w * residual, surface.E)
     forces = np.swapaxes(surface.shape, 0, 1) @ pulled
+    # the plate's three directions and the base's
+    E = np.concatenate([np.einsum("ij,qjf->qif", plate.frame, surface.E), surface.E[:, 2:]], axis=1)
+    springs = w * np.concatenate([stiffness, hard[..., None]], axis=2)
     blocks = np.zeros((k, fields, f, fields, f))
-    touched = np.flatnonzero(stiffness.any(axis=(1, 2)))
+    touched = np.flatnonzero(springs.any(axis=(1, 2)))
     if len(touched):
-        E = np.einsum("ij,qjf->qif", plate.frame, surface.E)
-        H = np.einsum("kqi,qifg->kqfg", (w * stiffness)[touched], E[..., :, None] * E[..., None, :])
+        H = np.einsum("kqi,qifg->kqfg", springs[touched], E[..., :, None] * E[..., None, :])
         pairs = (surface.shape[:, :, None] * surface.shape[:, None, :]).reshape(-1, f * f)
         K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
         blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
@@ -162,7 +177,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     for _ in range(4):
         width = min(radius, 0.6 * reach)
         around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
-        if np.count_nonzero(around) < 4:
+        if len(np.unique(r[around].round(9))) < 4:
             return outermost
         opening = (-g[around]) ** (2 / 3)
         a2, a1, a0 = np.polyfit(r[around] / radius - 1, opening / opening.max(), 2)

@@ -9,10 +9,11 @@ positive in compression and along the shear.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -170,9 +171,10 @@ def _walk(
         return
     companions = _follow(design, loads, _coarser(accuracy), magnet, name, None)
     least = FLOOR * accuracy.section_size
-    for state in states:
-        companion = next(companions, None)
-        yield state if companion is None else _with_estimates(state, companion, least)
+    with contextlib.closing(states), contextlib.closing(companions):
+        for state in states:
+            companion = next(companions, None)
+            yield state if companion is None else _with_estimates(state, companion, least)
 
 
 def _coarser(accuracy: Accuracy) -> Accuracy:
@@ -233,7 +235,7 @@ def _follow(
     magnet: Magnet,
     name: models.Model,
     progress: Progress | None,
-) -> Iterator[Solution]:
+) -> Generator[Solution]:
     begin = time.perf_counter()
     D, grip = design.D, loads[0].grip
     if grip is not None and name in ("half", "full"):

@@ -1,4 +1,4 @@
-"""One Newton loop for every model, with a line search that keeps every J positive."""
+"""One Newton loop for every model, with line searches: every J stays positive, and contact does not flip for ever."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-8
 MOST_ITERATIONS = 30
+PATIENCE = 6
+"""Full steps after which one that does not halve the residual is compared with shorter ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,10 @@ def newton(
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
-        state = trial
-        assembly = system.assemble(state, plate)
+        before = _merit(system, assembly, state, n)
+        state, assembly = trial, system.assemble(trial, plate)
+        if iteration >= PATIENCE and _merit(system, assembly, state, n) > before / 2:
+            state, assembly = _damped(system, plate, state, assembly, step, n)
     return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations")
 
 
@@ -82,6 +86,24 @@ def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[fl
     volume = float(np.linalg.norm(assembly.residual[n:]))
     reference = float(np.linalg.norm(assembly.forces[system.eliminated]))
     return force, volume, reference, float(np.abs(state.u).max(initial=0.0))
+
+
+def _merit(system: System, assembly: Assembly, state: State, n: int) -> float:
+    force, volume, reference, reach = _norms(system, assembly, state, n)
+    return force / (reference or 1.0) + volume / (reach or 1.0)
+
+
+def _damped(
+    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, n: int
+) -> tuple[State, Assembly]:
+    """The best of a full step and of its half and quarter, by the residual."""
+    tried = [(_merit(system, assembly, state, n), state, assembly)]
+    for back in (0.5, 0.75):
+        shorter = _valid(system, state.q + back * step)
+        if shorter is not None:
+            there = system.assemble(shorter, plate)
+            tried.append((_merit(system, there, shorter, n), shorter, there))
+    return min(tried, key=lambda one: one[0])[1:]
 
 
 def _valid(system: System, q: Array) -> State | None:

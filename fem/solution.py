@@ -211,7 +211,10 @@ def _instability(path: Path, D: float) -> str:
     before, after = path.onset
     what, i = ("depth", 0) if before[0] != after[0] else ("shear", slice(1, 3))
     low, high = (float(np.linalg.norm(np.atleast_1d(v[i]))) * D for v in (before, after))
-    return f"unstable since a {what} between {low:.4g} and {high:.4g} mm ({count}): the tip gives way beyond that"
+    return (
+        f"unstable since a {what} between {low:.4g} and {high:.4g} mm ({count}): "
+        "beyond that the answer may depend on the path"
+    )
 
 
 def _remark(path: Path, design: Design, load: Load, sheared: bool) -> str:
