@@ -33,6 +33,7 @@ NAN = math.nan
 def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> Iterator[Row]:
     """A row for each scene as it ends; at the end extremes.csv and EXTREMES.md are written if told where."""
     rows: list[Row] = []
+    origin = _origin()
     chosen = scenes(quick=quick)
     for i, scene in enumerate(chosen):
         if progress is not None:
@@ -40,7 +41,7 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
         rows.append(judge(scene))
         yield rows[-1]
     if folder is not None:
-        write(folder, rows, quick=quick)
+        write(folder, rows, origin, quick=quick)
 
 
 def judge(scene: Scene) -> Row:
@@ -117,7 +118,7 @@ def _judged(row: Row) -> str:
     return f"{row['check']} {row['measured']:.3g}, at most {row['bound']:.3g}"
 
 
-def write(folder: Path, rows: Sequence[Row], *, quick: bool) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
     """extremes.csv with all columns, EXTREMES.md to read."""
     write_table(folder / "extremes.csv", rows, digits=9)
     command = f"magtip extremes{' --quick' if quick else ''}"
@@ -144,7 +145,7 @@ def write(folder: Path, rows: Sequence[Row], *, quick: bool) -> None:
         "",
         *_designs(rows),
         "",
-        f"Made with `{command}`, {_origin()}.",
+        f"Made with `{command}`, {origin}.",
     ]
     write_text(folder / "EXTREMES.md", "\n".join(lines) + "\n")
 

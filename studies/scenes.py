@@ -75,6 +75,7 @@ def _shapes(a: Accuracy) -> list[Scene]:
 
 def _presses(a: Accuracy) -> list[Scene]:
     hertz, alone = BOUNDS[a.name]["hertz"], BOUNDS[a.name]["mesh"]
+    fine = [2 + 0.2 * i for i in range(12)]
     twelve = [0.25 * i for i in range(1, 13)]
     return [
         Scene("depth 1e-9 mm", press(1e-9), judges.hertz, hertz, a),
@@ -82,6 +83,9 @@ def _presses(a: Accuracy) -> list[Scene]:
         Scene("depth 1e-9 mm, then 3 mm", press(1e-9, 3.0), judges.alone, alone, a, ends=MAY_STOP),
         Scene("one step to 3 mm, or down and back", press(3.0), judges.other_path(*press(3.5)), PATH, a),
         Scene("0.25 to 3 mm in one step or 11", press(0.25, 3.0), judges.other_path(*press(*twelve[:-1])), PATH, a),
+        Scene(
+            "2 to 4.4 mm in one step or 12", press(2.0, 4.4), judges.other_path(*press(*fine)), PATH, a, ends=MAY_STOP
+        ),
         Scene("depth 3 mm: inside out", press(3.0), judges.folded, 0.0, a),
         Scene("to the last tenth above the magnet", press(2.646, 2.673, 2.7), judges.work, WORK, a),
         Scene("to the last tenth on the axis", press(2.0, 6.3), judges.alone, alone, a, ends=MAY_STOP),

@@ -18,6 +18,7 @@ SLOW = {
     "magnet 0.2 mm high to the largest",
     "depth 1e-9 mm, then 3 mm",
     "to the last tenth on the axis",
+    "2 to 4.4 mm in one step or 12",
     "grip to 1.0 D, all silicone",
 }
 ELSEWHERE = {
