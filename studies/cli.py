@@ -347,6 +347,31 @@ def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = Fa
     return FAILED if failed else GOOD
 
 
+@app.command
+def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solve scenes at the edge of what is allowed: each must end in a right answer or a clear status, else status 3.
+
+    Parameters
+    ----------
+    quick
+        On quick accuracy and without the slow scenes: one minute.
+    out
+        Folder of extremes.csv and EXTREMES.md.
+    """
+    folder = None if out is None else files.output_folder(out)
+    from studies import extremes as work
+
+    with console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(quick=quick, folder=folder, progress=progress):
+            print(files.json_line(row) if as_json else work.line(row), flush=True)
+            rows.append(row)
+    failed = [row["scene"] for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} scenes end wrongly: {'; '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
 def _judge(records: list[dict[str, Any]]) -> int:
     """0 if every state is reached, else 3 and a sentence."""
     failed = [record for record in records if record.get("status", "ok") != "ok"]

@@ -1,0 +1,291 @@
+"""How a scene of `extremes` is judged: each judge solves it, and measures one number that must not exceed a bound.
+
+Independent of the solver: Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of the applied force,
+the integral of F ds by Simpson's rule, against the energy gained; the uniform bar that lies between a long and a
+short slender beam. Independent of one solve: similarity, the order of stiffness, the limit of nu, another path or
+model to the same state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from fem.equilibrium import Accuracy, Model, Solution, trace
+from geometry.design import LEAST_WALL, Design, Shape, paper
+from geometry.scene import Load, Magnet
+
+LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+SAME = 1e-6
+"""Largest relative difference of force and energy between a last good state and a fresh solve to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a judge saw: the state, and a number `measured` that must not exceed `bound`, or else the scene's."""
+
+    solution: Solution
+    check: str
+    measured: float
+    bound: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One extreme: what is solved, and how its end is judged.
+
+    Attributes
+    ----------
+    loads : the path; the last load is the extreme.
+    changes : fields that differ from the paper's design.
+    bound : the largest value that the judge may measure.
+    ends : statuses that are right; for one that is not "ok", what was reached is judged instead.
+    """
+
+    name: str
+    loads: tuple[Load, ...]
+    judge: Callable[[Scene], Finding]
+    bound: float
+    accuracy: Accuracy
+    changes: Mapping[str, float] = field(default_factory=dict)
+    magnet: Magnet = "rigid"
+    model: Model = "auto"
+    ends: tuple[str, ...] = ("ok",)
+
+    @property
+    def design(self) -> Design:
+        return replace(paper(), **self.changes)  # type: ignore[arg-type]
+
+
+def press(*depths: float) -> tuple[Load, ...]:
+    """A path of a press."""
+    return tuple(Load(depth=depth) for depth in depths)
+
+
+class StoppedError(Exception):
+    """A path did not reach its end; `solution` is its last state."""
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.message)
+        self.solution = solution
+
+
+def follow(scene: Scene, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
+    """The states of a path of the scene, or of one that differs in its loads, changes, magnet or model.
+
+    Raises
+    ------
+    StoppedError
+        The last state is not "ok".
+    """
+    case = replace(scene, **other) if other else scene  # type: ignore[arg-type]
+    found = trace(
+        case.design, loads or case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False
+    )
+    if found[-1].status != "ok":
+        raise StoppedError(found[-1])
+    return found
+
+
+def force(solution: Solution) -> float:
+    """Normal force, N."""
+    return solution.response.force[2]
+
+
+def off(value: float, reference: float) -> float:
+    """Relative difference, without sign; infinite if it cannot be told."""
+    error = abs(value / reference - 1) if reference else math.inf
+    return error if math.isfinite(error) else math.inf
+
+
+def hertz(scene: Scene) -> Finding:
+    """The force at first touch."""
+    last, design = follow(scene)[-1], scene.design
+    reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
+    return Finding(last, "force against Hertz 1882", off(force(last), reference))
+
+
+def work(scene: Scene) -> Finding:
+    """The work of the applied force between the first state and the last, against the energy gained."""
+    states = follow(scene)
+    if scene.loads[0].shear_x == scene.loads[-1].shear_x:
+        ways, forces = [s.load.depth for s in states], [force(s) for s in states]
+    else:
+        ways, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
+    gained = states[-1].energy - states[0].energy
+    return Finding(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
+
+
+def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
+    """Integral through an odd number of evenly spaced states.
+
+    >>> simpson([0, 1, 2], [0, 1, 8])
+    4.0
+    """
+    weights = np.array([1.0, *[4.0, 2.0] * (len(ways) // 2)])
+    weights[-1] = 1.0
+    return float(weights @ np.asarray(forces)) * (ways[-1] - ways[0]) / (len(ways) - 1) / 3
+
+
+def similarity(scene: Scene) -> Finding:
+    """Force over E D^2, shift over D and tilt, against the paper's own E and D."""
+    last, (one, other) = follow(scene)[-1], (scene.design, paper())
+    ratio = other.D / one.D
+    loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in scene.loads]
+    changes = {key: value for key, value in scene.changes.items() if key not in (*LENGTHS, "E")}
+    match = follow(scene, loads, changes=changes)[-1]
+    a = np.array([*last.response.force, *last.response.shift, last.response.tilt])
+    b = np.array([*match.response.force, *match.response.shift, match.response.tilt])
+    b *= [one.E / other.E / ratio**2] * 3 + [1 / ratio] * 3 + [1]
+    return Finding(last, "force / (E D^2) and pose / D against the paper's sensor", _farthest(a, b))
+
+
+def _farthest(a: np.ndarray, b: np.ndarray) -> float:
+    pairs = [(x, y) for x, y in zip(a, b, strict=True) if x or y]
+    return max(off(float(x), float(y)) for x, y in pairs)
+
+
+def incompressible(scene: Scene) -> Finding:
+    """The force, which is smooth in 1 - 2 nu, against the line through nu = 0.4998 and 0.5."""
+    last = follow(scene)[-1]
+    near, limit = (force(follow(scene, changes={**scene.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
+    share = (1 - 2 * scene.design.nu) / (1 - 2 * 0.4998)
+    reference = limit + share * (near - limit)
+    return Finding(last, "force against the line through nu 0.4998 and 0.5", off(force(last), reference))
+
+
+def bar(scene: Scene) -> Finding:
+    """The beam, without its lower half, at the depth that leaves the same force if that half is a uniform bar.
+
+    A bar of stretch s under F in the area A: F / A = E / 3 (s^-2 - s), the incompressible neo-Hookean law.
+    """
+    from scipy.optimize import brentq
+
+    last, design = follow(scene)[-1], scene.design
+    stress, half = force(last) / (math.pi * design.R**2), design.L / 2
+    s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)
+    load = Load(depth=last.load.depth - half * (1 - s))
+    shorter = follow(scene, [load], changes={**scene.changes, "L": half})[-1]
+    return Finding(last, "force against half the beam in series with a uniform bar", off(force(shorter), force(last)))
+
+
+def ordered(field: str, values: Sequence[float]) -> Callable[[Scene], Finding]:
+    """A judge: the all-silicone beam and then ever larger magnets take ever larger forces."""
+
+    def judge(scene: Scene) -> Finding:
+        softest = force(follow(scene, magnet="ignored")[-1])
+        states = [follow(scene, changes={**scene.changes, field: value})[-1] for value in values]
+        forces = [softest, *map(force, states)]
+        largest = max(a / b for a, b in pairwise(forces))
+        check = f"force of the next smaller magnet over its own, from none over {len(values)} sizes"
+        return Finding(states[-1], check, largest)
+
+    return judge
+
+
+def other_path(*loads: Load) -> Callable[[Scene], Finding]:
+    """A judge: another path to the same last load and on the same mesh ends in the same force and energy."""
+
+    def judge(scene: Scene) -> Finding:
+        one, other = follow(scene)[-1], follow(scene, [*loads, scene.loads[-1]])[-1]
+        return Finding(one, f"force and energy against a path of {len(loads) + 1} loads", _apart(one, other))
+
+    return judge
+
+
+def _apart(one: Solution, other: Solution) -> float:
+    return max(off(math.hypot(*one.response.force), math.hypot(*other.response.force)), off(one.energy, other.energy))
+
+
+def alone(scene: Scene) -> Finding:
+    """The force of a path's last load against that load by itself, on a mesh for it."""
+    last = follow(scene)[-1]
+    other = follow(scene, scene.loads[-1:])[-1]
+    return Finding(last, "force against the last load by itself", off(force(last), force(other)))
+
+
+def half_model(scene: Scene) -> Finding:
+    """The normal force against that of tetrahedra."""
+    last = follow(scene)[-1]
+    solid = follow(scene, model="half")[-1]
+    return Finding(last, "force against the half model", off(force(last), force(solid)))
+
+
+def folded(scene: Scene) -> Finding:
+    """The share of the silicone that is inside out, on a grid of 45 points in every triangle of the section."""
+    last = follow(scene)[-1]
+    return Finding(last, "share of the silicone that is inside out", folded_share(last))
+
+
+def folded_share(solution: Solution) -> float:
+    """Share of the undeformed volume where det F <= 0; section meshes only.
+
+    In the section, det F is the ratio of the Jacobians of the deformed and the undeformed triangle times r / R.
+    """
+    import skfem
+
+    mesh, nodes = solution.field.mesh, np.asarray(solution.field.mesh.dofs.element_dofs)
+    n = 8
+    points = np.array([(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]).T
+    basis = [skfem.ElementTriP2().lbasis(points, i) for i in range(6)]
+    values = np.array([value * np.ones(points.shape[1]) for value, _ in basis])
+    slopes = np.array([np.broadcast_to(slope, points.shape) for _, slope in basis])
+
+    def radius_and_area(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = np.einsum("cne,njq->cjqe", x[:, nodes], slopes)
+        return np.einsum("ne,nq->qe", x[0, nodes], values), J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
+
+    R, before = radius_and_area(mesh.doflocs)
+    r, after = radius_and_area(mesh.doflocs + solution.field.u.T)
+    inside_out = (after / before <= 0) | ((r < 0) & (R > 0))
+    volume = R * np.abs(before)
+    return float(volume[inside_out].sum() / volume.sum())
+
+
+# Ends that are not "ok"
+
+
+def stopped(scene: Scene, end: Solution) -> Finding:
+    """The check of a state whose status is not "ok"."""
+    if end.status == "not_converged":
+        return kept(scene, end)
+    if end.status == "unstable":
+        symmetric = follow(scene, [end.load], model="axisymmetric")[-1]
+        return Finding(end, "its energy over that of the symmetric press", end.energy / symmetric.energy, 1.0)
+    named = "axisymmetric" in end.message
+    return Finding(end, "the message names the model that can", 0.0 if named else math.inf, 0.0)
+
+
+def kept(scene: Scene, end: Solution) -> Finding:
+    """The last good state, whose load the message must name, against a fresh path that ends there."""
+    before = [load for load in scene.loads if _way(load) < _way(end.load)]
+    where = f"{end.load.shear_x or end.load.depth:.4g} mm"
+    check = "last good state against a fresh solve to it"
+    if where not in end.message:
+        return Finding(end, "the message names the load reached", math.inf, SAME)
+    try:
+        again = follow(scene, [*before, end.load])[-1]
+    except StoppedError as stop:
+        where = f"depth {stop.solution.load.depth:.4g} mm, shear {stop.solution.load.shear_x:.4g} mm"
+        return Finding(end, f"{check}, which stopped at {where}", math.inf, SAME)
+    return Finding(end, check, _apart(end, again), SAME)
+
+
+def _way(load: Load) -> float:
+    return load.depth + abs(load.shear_x)
+
+
+def largest_height(changes: Mapping[str, float]) -> float:
+    """Height of the largest magnet of the design's diameter that leaves the least wall, mm; 0 where none fits."""
+    values = {name: changes.get(name, getattr(paper(), name)) for name in LENGTHS}
+    low, high = 2 * values["magnet_edge_radius"], values["D"]
+    for _ in range(60):
+        middle = (low + high) / 2
+        shape = Shape(values["D"], values["L"], values["magnet_diameter"], middle, values["magnet_edge_radius"])
+        low, high = (middle, high) if shape.wall >= LEAST_WALL else (low, middle)
+    return low if low > 2 * values["magnet_edge_radius"] else 0.0

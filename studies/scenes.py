@@ -1,0 +1,157 @@
+"""The scenes of `extremes`: designs and loads at the edge of what is allowed, how each is judged, and its bound."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fem.equilibrium import QUICK, STANDARD, Accuracy
+from geometry.design import paper
+from geometry.scene import Load
+from studies import judges
+from studies.judges import NO_MAGNET, Scene, press
+
+SEED = 2016
+MAY_STOP = ("ok", "not_converged")
+BOUNDS = {
+    "quick": {"hertz": 0.02, "bar": 0.01, "mesh": 0.03, "shear": 0.01},
+    "standard": {"hertz": 0.005, "bar": 0.005, "mesh": 0.01, "shear": 0.005},
+}
+WORK, SIMILAR, LIMIT, PATH = 2e-3, 1e-9, 1e-4, 1e-6
+"""Bounds of the checks that do not depend on the mesh."""
+
+
+def scenes(*, quick: bool = False) -> list[Scene]:
+    """All of them; if quick, at quick accuracy and without the slow ones."""
+    a = QUICK if quick else STANDARD
+    found = [*_stiffness_and_size(a), *_shapes(a), *_presses(a), *_shears(a, quick=quick)]
+    return [*found, *([] if quick else _tetrahedra()), *_samples(a, 4 if quick else 12)]
+
+
+def _stiffness_and_size(a: Accuracy) -> list[Scene]:
+    lengths = {D: {name: getattr(paper(), name) * D / 8 for name in judges.LENGTHS} for D in (1.0, 50.0)}
+    hertz, deep = BOUNDS[a.name]["hertz"], press(3.528, 3.564, 3.6)
+    return [
+        *(Scene(f"E = {E:g} MPa", press(1.0), judges.similarity, SIMILAR, a, {"E": E}) for E in (1e-3, 1e3)),
+        *(
+            Scene(f"D = {D:g} mm, similar", press(D / 8), judges.similarity, SIMILAR, a, changes)
+            for D, changes in lengths.items()
+        ),
+        *(
+            Scene(f"D = {D:g} mm, E = {E:g} MPa, touch", press(1e-9), judges.hertz, hertz, a, {"E": E} | lengths[D])
+            for D, E in ((1.0, 1e3), (50.0, 1e-3))
+        ),
+        *(
+            Scene(f"nu = {nu:g}, depth 0.4 L", deep, judges.work, WORK, a, {"nu": nu})
+            for nu in (0.0, 0.3, 0.49999, 0.5)
+        ),
+        Scene("nu = 0.49999, depth 0.4 L: limit", press(3.6), judges.incompressible, LIMIT, a, {"nu": 0.49999}),
+        Scene("depth 0.4 L: inside out", press(3.6), judges.folded, 0.0, a),
+    ]
+
+
+def _shapes(a: Accuracy) -> list[Scene]:
+    bounds, largest = BOUNDS[a.name], judges.largest_height({})
+    short, long = {"L": 4.05, **NO_MAGNET}, {"L": 80.0}
+    heights = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, largest)
+    near = press(0.98, 0.99, 1.0)
+    thin = {"magnet_height": 0.2}
+    return [
+        Scene("L = D/2 + 0.05 mm", near, judges.work, WORK, a, short, "ignored"),
+        Scene("L = D/2 + 0.05 mm: other model", press(0.5), judges.half_model, bounds["mesh"], a, short, "ignored"),
+        Scene("L = D/2 + 0.05 mm with the magnet", near, judges.work, WORK, a, {"L": 4.05}, ends=("bad_input",)),
+        Scene("L = 10 D", press(1.96, 1.98, 2.0), judges.work, WORK, a, long),
+        Scene("L = 10 D: slender", press(2.0), judges.bar, bounds["bar"], a, long),
+        Scene("magnet 0.2 mm high", near, judges.work, WORK, a, thin),
+        Scene(f"magnet {largest:.4g} mm high, the largest", near, judges.work, WORK, a, {"magnet_height": largest}),
+        *(
+            Scene(f"magnet {h:g} mm high", press(0.99, 1.0, 1.01), judges.work, WORK, a, {"magnet_height": h})
+            for h in (6.0, 6.3)
+        ),
+        Scene("magnet 0.2 mm high to the largest", press(1.0), judges.ordered("magnet_height", heights), 1.0, a),
+    ]
+
+
+def _presses(a: Accuracy) -> list[Scene]:
+    hertz, alone = BOUNDS[a.name]["hertz"], BOUNDS[a.name]["mesh"]
+    fine = [2 + 0.2 * i for i in range(12)]
+    twelve = [0.25 * i for i in range(1, 13)]
+    return [
+        Scene("depth 1e-9 mm", press(1e-9), judges.hertz, hertz, a),
+        Scene("depth 1e-9 mm, all silicone", press(1e-9), judges.hertz, hertz, a, magnet="ignored"),
+        Scene("depth 1e-9 mm, then 3 mm", press(1e-9, 3.0), judges.alone, alone, a, ends=MAY_STOP),
+        Scene("one step to 3 mm, or down and back", press(3.0), judges.other_path(*press(3.5)), PATH, a),
+        Scene("0.25 to 3 mm in one step or 11", press(0.25, 3.0), judges.other_path(*press(*twelve[:-1])), PATH, a),
+        Scene(
+            "2 to 4.4 mm in one step or 12", press(2.0, 4.4), judges.other_path(*press(*fine)), PATH, a, ends=MAY_STOP
+        ),
+        Scene("depth 3 mm: inside out", press(3.0), judges.folded, 0.0, a),
+        Scene("to the last tenth above the magnet", press(2.646, 2.673, 2.7), judges.work, WORK, a),
+        Scene("to the last tenth on the axis", press(2.0, 6.3), judges.alone, alone, a, ends=MAY_STOP),
+        Scene(
+            "to the last tenth, all silicone", press(2.0, 8.1), judges.alone, alone, a, {}, "ignored", ends=MAY_STOP
+        ),
+    ]
+
+
+def _shears(a: Accuracy, *, quick: bool) -> list[Scene]:
+    bound, n = BOUNDS[a.name]["shear"], 4 if quick else 8
+    stick = tuple(Load(depth=1.0, shear_x=8 * i / n, friction="stick") for i in range(n + 1))
+    grip = tuple(Load(grip=2.0, shear_x=8 * i / n) for i in range(n + 1))
+    gripped = Scene("grip to 1.0 D, all silicone", grip, judges.work, bound, a, magnet="ignored", ends=MAY_STOP)
+    if quick:
+        return [gripped]
+    return [
+        gripped,
+        Scene("grip to 1.0 D", grip, judges.work, bound, a, ends=MAY_STOP),
+        Scene("press 1 mm, stick to 1.0 D", stick, judges.work, bound, a, ends=MAY_STOP),
+        Scene(
+            "press 1 mm, stick to 1.0 D, half model", stick, judges.work, bound, QUICK, model="half", ends=MAY_STOP
+        ),
+    ]
+
+
+def _tetrahedra() -> list[Scene]:
+    """Statuses of the half model, whose mesh does not follow the contact, and that can give way sideways."""
+    judge = judges.work
+    return [
+        Scene(
+            "depth 1e-9 mm, half model", press(1e-9), judge, 0.0, QUICK, {}, "ignored", "half", ends=("no_contact",)
+        ),
+        Scene(
+            "L = 4 D, half model", press(4.0), judge, 1.0, QUICK, {"L": 32.0}, "ignored", "half", ends=("unstable",)
+        ),
+    ]
+
+
+def _samples(a: Accuracy, count: int) -> list[Scene]:
+    """Several extremes at once, from a fixed seed; every second magnet is the largest that fits."""
+    return [_sample(i, np.random.default_rng([SEED, i]), a) for i in range(1, count + 1)]
+
+
+def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Scene:
+    D = _rounded(50 ** rng.uniform())
+    L = _rounded(D / 2 + 0.05 + (9.5 * D - 0.05) * 0.01 ** rng.uniform())
+    E, nu = _rounded(10 ** rng.uniform(-3, 3)), float(rng.choice([0.3, 0.49, 0.4998, 0.49999, 0.5]))
+    shape = {"D": D, "L": L, "l0": L, "magnet_diameter": _rounded(D * rng.uniform(0.1, 0.8))}
+    shape["magnet_edge_radius"] = _rounded(0.025 * shape["magnet_diameter"])
+    height = judges.largest_height(shape) * (0.99 if i % 2 else rng.uniform(0.1, 0.9))
+    fits = height > 2.5 * shape["magnet_edge_radius"]
+    shape |= {"magnet_height": _rounded(height)} if fits else NO_MAGNET
+    room = min(L - shape["magnet_height"], D)
+    depth = _rounded(room * 10 ** rng.uniform(-8, math.log10(0.4)) if i % 3 == 0 else room * rng.uniform(0.05, 0.4))
+    return Scene(
+        f"sample {i}: depth {depth:g} mm",
+        press(0.98 * depth, 0.99 * depth, depth),
+        judges.work,
+        WORK,
+        a,
+        {"E": E, "nu": nu, **shape},
+        "rigid" if fits else "ignored",
+        ends=MAY_STOP,
+    )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
