@@ -279,7 +279,8 @@ def _first_call(bench: _Bench, least: float = 5.0) -> None:
         for name in ("no bytecode yet", "again"):
             bench.say(f"{case}: {name}")
             command = ["solve", "paper", "--depth", "1", "--json"]
-            answer = peers.magtip({"task": "first", "command": command}, env={"PYTHONPYCACHEPREFIX": cache})
+            env = {"PYTHONPYCACHEPREFIX": cache, "PYTHONDONTWRITEBYTECODE": ""}
+            answer = peers.magtip({"task": "first", "command": command}, env=env)
             waits.append(answer.get("wall_s", math.nan))
             bench.rows.append(row(case, "magtip", name, answer | {"runs": 1}))
     goal = f"first waits at most {least:g} s more"
