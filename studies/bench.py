@@ -2,8 +2,8 @@
 
 Every solve is a process of its own on one thread. Figures are medians of several runs: CPU seconds after imports, and
 peak memory of the process and those it starts; `import_s` stands apart. Each program may choose its mesh: of a
-ladder of meshes, each solved once, the cheapest is measured whose force is within the tolerance of a fine
-axisymmetric reference at every load. Its error is the worst of all runs.
+ladder of meshes the cheapest counts whose force is within the tolerance of a fine axisymmetric reference at every
+load and in all runs. The error is the worst of them; for a shear the reference is a finer half model.
 
 magtip meshes for itself, and that time is its own; the peers get a finished mesh from the same mesher. A mesh of
 tetrahedra costs as much as the solve, so that beside CalculiX the mesher's time (`mesh_s`) counts on neither side.
@@ -265,11 +265,9 @@ def _beside(bench: _Bench, peer: Row, least: float = 4.0) -> Row:
 
 
 def _missing(bench: _Bench, case: str, program: str) -> None:
-    how = peers.INSTALL[program].format(peers=bench.peers)
+    message = f"{program} is not installed: {peers.INSTALL[program].format(peers=bench.peers)}"
     goal = "magtip at least 4 times faster"
-    bench.rows.append(
-        row(case, program, "", status="not installed", message=f"{program} is not installed: {how}", goal=goal)
-    )
+    bench.rows.append(row(case, program, "", goal=goal, status="not installed", message=message))
 
 
 def _first_call(bench: _Bench, least: float = 5.0) -> None:

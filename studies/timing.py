@@ -45,10 +45,10 @@ def power(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
     return math.exp(fit.intercept), fit.slope
 
 
-def choose(
+def candidates(
     solve: Callable[[Any], Row], ladder: Iterable[Any], truth: Forces | None, tolerance: float
-) -> tuple[Any, Row]:
-    """The cheapest rung within tolerance (%), else the most accurate that was solved, else the last."""
+) -> list[tuple[Any, Row]]:
+    """Each rung solved once: those within tolerance (%), the cheapest first; or else one, the best there is."""
     tried: list[tuple[Any, Row]] = []
     for rung in ladder:
         answer = solve(rung)
@@ -57,11 +57,10 @@ def choose(
         tried.append((rung, answer))
     solved = [pair for pair in tried if pair[1]["status"] == "ok"]
     if truth is None or not solved:
-        return (solved or tried)[-1]
+        return [(solved or tried)[-1]]
     good = [pair for pair in solved if pair[1]["error_percent"] <= tolerance]
-    if good:
-        return min(good, key=lambda pair: pair[1]["cpu_s"] - pair[1].get("mesh_s", 0.0))
-    return min(solved, key=lambda pair: pair[1]["error_percent"])
+    good.sort(key=lambda pair: pair[1]["cpu_s"] - pair[1].get("mesh_s", 0.0))
+    return good or [min(solved, key=lambda pair: pair[1]["error_percent"])]
 
 
 def measured(
@@ -71,20 +70,18 @@ def measured(
     tolerance: float,
     runs: int,
 ) -> tuple[Any, Row]:
-    """Choose a rung, run it several times, and judge the worst error."""
-    rung, answer = choose(solve, ladder, truth, tolerance)
-    if answer["status"] != "ok":
-        return rung, answer | {"runs": 1}
-    if answer["cpu_s"] > LONG_S:
-        answers = [answer]
-    else:
-        answers = [solve(rung) for _ in range(runs)]
-        for one in answers:
-            if truth is not None and one["status"] == "ok":
-                one["error_percent"] = errors_percent(one["forces_N"], truth)
-    found = median(answers)
-    error = found["error_percent"]
-    if found["status"] == "ok" and error is not None and error > tolerance:
+    """The cheapest rung that is within tolerance in all of several runs, and their medians; else the last tried."""
+    for rung, first in candidates(solve, ladder, truth, tolerance):
+        answers = [first]
+        if first["status"] == "ok" and first["cpu_s"] <= LONG_S:
+            answers = [solve(rung) for _ in range(runs)]
+        for answer in answers:
+            if truth is not None and answer["status"] == "ok":
+                answer["error_percent"] = errors_percent(answer["forces_N"], truth)
+        found = median(answers)
+        error = found["error_percent"]
+        if found["status"] != "ok" or error is None or error <= tolerance:
+            break
         found |= {"status": "inaccurate", "message": f"the error of {error:.2g} % exceeds {tolerance:g} %"}
     return rung, found
 

@@ -78,9 +78,10 @@ def test_the_cheapest_mesh_within_tolerance_is_chosen():
         "lost": answer(0, 0.1, "failed"),
     }
     truth = [(0, 0, 1.0)]
-    assert timing.choose(ladder.get, ladder, truth, 0.5)[0] == "good"
-    assert timing.choose(ladder.get, ladder, truth, 0.1)[0] == "good", "none is within: the most accurate"
-    assert timing.choose(ladder.get, ["lost"], truth, 0.5)[1]["status"] == "failed"
+    found = timing.candidates(ladder.get, ladder, truth, 0.5)
+    assert [rung for rung, _ in found] == ["good", "lucky"], "the cheapest first"
+    assert timing.candidates(ladder.get, ladder, truth, 0.1)[0][0] == "good", "none is within: the most accurate"
+    assert timing.measured(ladder.get, ["lost"], truth, 0.5, 2)[1]["status"] == "failed"
 
 
 def test_medians_keep_the_worst_error_and_a_failure():
@@ -90,9 +91,16 @@ def test_medians_keep_the_worst_error_and_a_failure():
     assert timing.median([*runs, answer(0, 1.0, "failed")])["status"] == "failed"
 
 
+def test_a_mesh_that_misses_in_one_run_is_passed_over():
+    errors = {"noisy": iter([0.1, 0.1, 0.9]), "fine": iter([0.2, 0.2, 0.2])}
+    cost = {"noisy": 1.0, "fine": 2.0}
+    rung, found = timing.measured(lambda r: answer(next(errors[r]), cost[r]), errors, [(0, 0, 1.0)], 0.5, 2)
+    assert (rung, found["status"], found["cpu_s"]) == ("fine", "ok", 2.0)
+
+
 def test_an_error_beyond_tolerance_is_said():
-    calls = iter([answer(0.1, 1.0), answer(0.1, 1.0), answer(0.9, 1.0)])
-    _, found = timing.measured(lambda _: next(calls), ["mesh"], [(0, 0, 1.0)], 0.5, 2)
+    errors = iter([0.1, 0.1, 0.9])
+    _, found = timing.measured(lambda _: answer(next(errors), 1.0), ["mesh"], [(0, 0, 1.0)], 0.5, 2)
     assert found["status"] == "inaccurate"
     assert "0.9 %" in found["message"]
 
