@@ -134,7 +134,7 @@ def run(
     ccx: str = "ccx",
     progress: Progress | None = None,
 ) -> list[Row]:
-    """All rows; with a folder also bench.csv, BENCH.md and size.png in it.
+    """All rows; with a folder also bench.csv, BENCH.md and size.png in it, written anew after each case.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def run(
     for share, part in parts:
         part()
         bench.done += share
-    if folder is not None:
-        benchfiles.write(folder, bench.rows, about | bench.versions, quick=quick, text=__doc__ or "")
+        if folder is not None:
+            benchfiles.write(folder, bench.rows, about | bench.versions, quick=quick, text=__doc__ or "")
     return bench.rows
 
 
