@@ -43,6 +43,7 @@ class Angles:
     E : (t, 3, f) displacement, components along r, theta, z (x, y, z in a solid) per field.
     V : (t, 3, 3, f) displacement gradient G_iJ per derivative J of a field.
     C : (t, n) pressure per field.
+    components : (c,) positions of the G_iJ that can differ from zero, where they are few and at one angle, or None.
     """
 
     theta: Array
@@ -51,6 +52,7 @@ class Angles:
     E: Array
     V: Array
     C: Array
+    components: Index | None = None
 
     @property
     def fields(self) -> int:
@@ -140,14 +142,16 @@ def around(harmonics: int, count: int | None = None) -> Angles:
     V[:, :, 0], V[:, :, 2] = E, E
     V[:, 0, 1, : len(k)], V[:, 1, 1, : len(k)] = -(k + 1) * sk, (k + 1) * ck
     V[:, 2, 1, len(k) :] = -n * sn
-    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn)
+    few = np.array([0, 2, 4, 6, 8]) if t == 1 else None
+    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
 
 
 def cartesian(dim: int) -> Angles:
     """Fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
     one = np.ones(1)
-    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None])
+    few = np.array([0, 2, 6, 8]) if dim == 2 else None
+    return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None], few)
 
 
 def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
@@ -296,13 +300,17 @@ def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
 
 
 def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
-    """Integral of dG/du : A : dG/du, shape (m, f a, f a), for weighted tangents A (m, q t, 9, 9).
+    """Integral of dG/du : A : dG/du, shape (m, f a, f a), for weighted tangents A (m, q t, 9, 9) or (m, q, c, c).
 
     First over the angles, H_JL of the derivatives of the fields, then over the section: K = sum D_J D_L H_JL.
     """
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
+    if e.angles.components is not None:
+        rows, along = np.divmod(e.angles.components, 3)
+        B = (V[0, rows, along][:, :, None] * D[:, :, along, None, :]).reshape(m, q, len(rows), f * a)
+        return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))
     A = A.reshape(m * q, t, 3, 3, 3, 3)
     H = np.empty((m * q, 3, 3, f * f))
     for J in range(3):

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_DELTA9 = np.eye(9)
 _LEAST = 1e-15 - 1
 
 
@@ -38,6 +37,9 @@ class Kinematics(NamedTuple):
     """J - 1 to full relative precision, shape (...)."""
     H: Array
     """F^-T, shape (..., 3, 3)."""
+    components: NDArray[np.int64] | None = None
+    """Positions (c,) in a row-major 3 x 3 tensor that tangents are wanted for, all 9 if None. The others must
+    not couple to them, as in a section of revolution."""
 
 
 Law = Callable[[Kinematics, Array | float], tuple[Array, Array, Array]]
@@ -58,7 +60,7 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
-def kinematics(G: Array) -> Kinematics:
+def kinematics(G: Array, components: NDArray[np.int64] | None = None) -> Kinematics:
     """Volume change and F^-T of a displacement gradient, shape (..., 3, 3); J must not vanish."""
     F = G + np.eye(3)
     cof = np.empty_like(G)
@@ -68,7 +70,7 @@ def kinematics(G: Array) -> Kinematics:
             b, c = (a + 1) % 3, (a + 2) % 3
             cof[..., i, a] = F[..., j, b] * F[..., k, c] - F[..., j, c] * F[..., k, b]
     Jm1 = volume_change(G)
-    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None])
+    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None], components)
 
 
 def volume_change(G: Array) -> Array:
@@ -99,14 +101,41 @@ def lame(E: float, nu: float) -> tuple[float, float]:
     return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
 
 
-def _cross(H: Array) -> Array:
-    """H_iL H_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9)."""
-    return _pairs(H, H)
+def _vector(T: Array) -> Array:
+    """Tensors (..., 3, 3) as row-major vectors (..., 9)."""
+    return T.reshape(*T.shape[:-2], 9)
 
 
-def _pairs(X: Array, Y: Array) -> Array:
-    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9)."""
-    product = X[..., :, None, None, :] * np.swapaxes(Y, -1, -2)[..., None, :, :, None]
+def _wanted(T: Array, k: Kinematics) -> Array:
+    """The components of tensors (..., 3, 3) that tangents are wanted for, (..., c)."""
+    return _vector(T) if k.components is None else _vector(T)[..., k.components]
+
+
+def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
+    """x H + H x, for x (..., c), and `cross` (...) times H_iL H_kJ, shape (..., c, c)."""
+    H = _wanted(k.H, k)
+    A = np.stack([x, H], axis=-1) @ np.stack([H, x], axis=-2)
+    A += _pairs(cross[..., None, None] * k.H, k.H, k.components)
+    return A
+
+
+def _restricted(A: Array, k: Kinematics) -> Array:
+    """The components of a tangent (..., 9, 9) that are wanted."""
+    return A if k.components is None else A[..., k.components[:, None], k.components]
+
+
+def _cross(H: Array, components: NDArray[np.int64] | None = None) -> Array:
+    """H_iL H_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9), or over some of them."""
+    return _pairs(H, H, components)
+
+
+def _pairs(X: Array, Y: Array, components: NDArray[np.int64] | None = None) -> Array:
+    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9), or over some of them."""
+    if components is not None:
+        i, J = np.divmod(components, 3)
+        first, second = 3 * i[:, None] + J, 3 * i + J[:, None]
+        return np.asarray(_vector(X)[..., first] * _vector(Y)[..., second])
+    product = np.einsum("...il,...kj->...ijkl", X, Y)
     return np.asarray(product.reshape(*X.shape[:-2], 9, 9))
 
 
@@ -122,7 +151,7 @@ def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
 
     Returns
     -------
-    W (...), first Piola-Kirchhoff stress P (..., 3, 3), tangent dP/dF (..., 9, 9), MPa.
+    W (...), first Piola-Kirchhoff stress P (..., 3, 3), tangent dP/dF (..., 9, 9) or (..., c, c), MPa.
     """
     G, H = k.G, k.H
     strain = G + np.swapaxes(G, -1, -2) + G @ np.swapaxes(G, -1, -2)
@@ -131,12 +160,10 @@ def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
     s = mu * np.exp(-2 / 3 * log_J)
     W = mu / 2 * (np.exp(-2 / 3 * log_J) * I1m3 + 3 * np.expm1(-2 / 3 * log_J))
     P = s[..., None, None] * (strain @ H - (I1m3 / 3)[..., None, None] * H)
-    F9 = (G + np.eye(3)).reshape(*G.shape[:-2], 9)
-    H9 = H.reshape(*G.shape[:-2], 9)
+    F9, H9 = _wanted(G + np.eye(3), k), _wanted(H, k)
     I1 = I1m3 + 3
-    left = (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9)[..., None] * H9
-    A = left[..., :, None] * H9[..., None, :]
-    A = A + np.swapaxes(A, -1, -2) + s[..., None, None] * _DELTA9 + (s * I1 / 3)[..., None, None] * _cross(H)
+    A = _tangent(k, (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9)[..., None] * H9, s * I1 / 3)
+    A.reshape(*s.shape, -1)[..., :: A.shape[-1] + 1] += s[..., None]
     return W, P, A
 
 
@@ -154,7 +181,7 @@ def mooney_rivlin(k: Kinematics, mu: Array | float, share: float) -> tuple[Array
     -------
     As `neo_hookean`.
     """
-    W1, P1, A1 = neo_hookean(k, mu)
+    W1, P1, A1 = neo_hookean(k._replace(components=None), mu)
     H = k.H
     inverse = Kinematics(-np.swapaxes(k.G, -1, -2) @ H, -k.Jm1 / (1 + k.Jm1), k.G + np.eye(3))
     W2, Q, B = neo_hookean(inverse, mu)
@@ -162,7 +189,7 @@ def mooney_rivlin(k: Kinematics, mu: Array | float, share: float) -> tuple[Array
     cross = _cross(H)
     mixed = _pairs(H, P2)
     A2 = cross @ B @ cross - mixed - np.swapaxes(mixed, -1, -2)
-    return (1 - share) * W1 + share * W2, (1 - share) * P1 + share * P2, (1 - share) * A1 + share * A2
+    return (1 - share) * W1 + share * W2, (1 - share) * P1 + share * P2, _restricted((1 - share) * A1 + share * A2, k)
 
 
 def yeoh(k: Kinematics, mu: Array | float, c2: float, c3: float) -> tuple[Array, Array, Array]:
@@ -180,7 +207,7 @@ def yeoh(k: Kinematics, mu: Array | float, c2: float, c3: float) -> tuple[Array,
     x = 2 * half
     first = mu * (1 + 2 * c2 * x + 3 * c3 * x**2)
     second = mu * (2 * c2 + 6 * c3 * x)
-    slope9 = slope.reshape(*slope.shape[:-2], 9)
+    slope9 = _wanted(slope, k)
     bend = (2 * second)[..., None, None] * slope9[..., :, None] * slope9[..., None, :]
     W = mu / 2 * x * (1 + c2 * x + c3 * x**2)
     return W, first[..., None, None] * slope, first[..., None, None] * A + bend
@@ -232,7 +259,7 @@ def ogden(
     frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
     A = frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2)
     P = (n * S[..., None, :]) @ np.swapaxes(N, -1, -2)
-    return (scale * W).sum(axis=-1), scale[..., None] * P, scale[..., None] * A
+    return (scale * W).sum(axis=-1), scale[..., None] * P, _restricted(scale[..., None] * A, k)
 
 
 def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
@@ -274,6 +301,5 @@ def pressure_terms(k: Kinematics, p: Array) -> tuple[Array, Array, Array]:
     """
     J = 1 + k.Jm1
     cof = J[..., None, None] * k.H
-    H9 = k.H.reshape(*k.H.shape[:-2], 9)
-    A = (p * J)[..., None, None] * (H9[..., :, None] * H9[..., None, :] - _cross(k.H))
+    A = _tangent(k, (p * J / 2)[..., None] * _wanted(k.H, k), -p * J)
     return p[..., None, None] * cof, A, cof

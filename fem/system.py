@@ -27,8 +27,8 @@ from fem.elements import Elements, Surface
 from fem.linear import Pattern
 from fem.rigid import RigidBody
 
-CHUNK = 256
-"""Elements that are integrated at a time, so that their tensors stay in the processor's cache."""
+CHUNK = 4096
+"""Integration points that are treated at a time, so that their tensors stay in the processor's cache."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -115,7 +115,8 @@ class System:
         )
         self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
         self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
-        cuts = [*range(0, self._inner, CHUNK), *range(self._inner, m, CHUNK), m]
+        step = max(CHUNK // (elements.weights.shape[1] * len(elements.angles.theta)), 1)
+        cuts = [*range(0, self._inner, step), *range(self._inner, m, step), m]
         self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
         self._number(fixed)
         self._fill()
@@ -196,7 +197,7 @@ class System:
         Kuu, Kup = [], []
         energy = 0.0
         for part in self._parts:
-            k = material.kinematics(elements.gradient(e, part, state.u))
+            k = material.kinematics(elements.gradient(e, part, state.u), e.angles.components)
             p, w = elements.pressure(e, part, corner), elements.volumes(e, part)
             W, P, A = self.law(k, self.mu[part])
             Pp, Ap, B = material.pressure_terms(k, p)
@@ -204,7 +205,9 @@ class System:
             energy += float(np.sum(w * (W + p * k.Jm1 - p**2 * soft / 2)))
             fu[part] = elements.displacement_forces(e, part, w[..., None, None] * (P + Pp))
             fp[part] = elements.pressure_forces(e, part, w * (k.Jm1 - p * soft))
-            Kuu.append(elements.displacement_stiffness(e, part, w[..., None, None] * (A + Ap)))
+            A += Ap
+            A *= w[..., None, None]
+            Kuu.append(elements.displacement_stiffness(e, part, A))
             Kup.append(elements.coupling(e, part, w[..., None, None] * B))
         forces, blocks, spring_energy = self._springs(state, plate)
         forces -= self.dead

@@ -372,6 +372,46 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     return FAILED if failed else GOOD
 
 
+@app.command
+def bench(
+    *,
+    quick: bool = False,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+    out: Path | None = None,
+    as_json: AsJson = False,
+) -> int:
+    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
+
+    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+
+    Parameters
+    ----------
+    quick
+        Medians of 3 runs instead of 5, up to 50 000 unknowns.
+    peers
+        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        The program CalculiX.
+    out
+        Folder of bench.csv, BENCH.md and size.png.
+    """
+    folder = None if out is None else files.output_folder(out)
+    from studies import bench as work
+    from studies import benchfiles
+
+    with console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, peers_folder=peers, ccx=ccx, progress=progress)
+    console.report(rows, as_json=as_json, title="Speed", brief=benchfiles.BRIEF)
+    for row in rows:
+        if row["message"]:
+            console.say(f"magtip: {row['case']}: {row['message']}")
+    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
+    if missed:
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
+    return GOOD
+
+
 def _judge(records: list[dict[str, Any]]) -> int:
     """0 if every state is reached, else 3 and a sentence."""
     failed = [record for record in records if record.get("status", "ok") != "ok"]

@@ -178,6 +178,26 @@ def fit(
         )
 
 
+def size(path: str | Path, rows: Sequence[Row]) -> None:
+    """CPU seconds and peak memory of the half model against its unknowns, on logarithmic axes."""
+    n = [row["dofs"] for row in rows]
+    solve = [row["cpu_s"] - row["mesh_s"] for row in rows]
+    curves = (("solve", solve, FEM, "o", "-"), ("mesh", [row["mesh_s"] for row in rows], ANALYTIC, "s", "--"))
+    with _figure(path, 2, 1) as (_, axes):
+        for label, y, colour, marker, dashes in curves:
+            axes[0].plot(n, y, label=label, color=colour, marker=marker, linestyle=dashes)
+        axes[1].plot(n, [row["peak_MB"] for row in rows], label="peak", color=HOMOGENEOUS, marker="^")
+        slope = [solve[-1] * (value / n[-1]) for value in n]
+        axes[0].plot(n, slope, color="#777777", linestyle=":", label="in proportion to the unknowns")
+        _label(axes[0], "a", "CPU time (s)")
+        _label(axes[1], "b", "peak memory (MB)")
+        axes[1].set_xlabel("unknowns (1)")
+        for axis in axes:
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.legend(frameon=False, loc="upper left")
+
+
 def _panel_axis(axes: Mapping[str, Sequence[float]], others: Sequence[str]) -> str | None:
     """The axis whose values get panels of their own, where there is more than one axis besides the first."""
     fits = [name for name in others if len(set(axes[name])) <= 4]

@@ -49,7 +49,6 @@ BAD = [
     ("solve", "paper", "--grip", 2, "--shear", 1, "--depth", 1),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--friction", "stick"),
     ("solve", "paper", "--depth", 1, "--harmonics", 3),
-    ("solve", "paper", "--depth", 1, "--model", "harmonic"),
     ("solve", "paper", "--depth", 1, "--model", "spherical"),
     ("solve", "paper", "--depth", 1, "--shear", 1, "--model", "axisymmetric"),
     ("solve", "paper", "--depth", 1, "--accuracy", "best"),

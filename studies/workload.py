@@ -1,0 +1,89 @@
+"""One measured solve, in a process of its own: `python -m studies.workload SPEC` prints one JSON object.
+
+Imports are over before the clock starts, so that they can be told apart. CPU seconds count this process and its
+children; those of the children alone are the tetrahedral mesher's. `SPEC` is a JSON object:
+
+    {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
+    {"task": "first", "command": [...]}      a command line of magtip, timed by the clock on the wall
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import resource
+import sys
+import time
+from typing import Any
+
+Answer = dict[str, Any]
+
+
+def main(text: str) -> None:
+    """Do what a specification says and print the answer."""
+    spec = json.loads(text)
+    print(json.dumps(first(spec) if spec["task"] == "first" else trace(spec)))
+
+
+def trace(spec: Answer) -> Answer:
+    """Follow a path of loads with the finite elements and tell forces, iterations and cost."""
+    from dataclasses import replace
+
+    from fem import equilibrium
+    from geometry.design import paper
+    from geometry.scene import Load
+
+    with contextlib.suppress(ImportError):
+        import pypardiso  # noqa: F401
+    loads = [Load(**load) for load in spec["loads"]]
+    accuracy = replace(equilibrium.STANDARD, name="bench", **spec["accuracy"])
+    before, wall, base = _cpu(), time.perf_counter(), _peak(resource.RUSAGE_SELF)
+    found = equilibrium.trace(paper(), loads, accuracy, magnet=spec["magnet"], model=spec["model"], estimate=False)
+    own, children = (now - then for now, then in zip(_cpu(), before, strict=True))
+    bad = [s for s in found if s.status != "ok"]
+    return {
+        "status": bad[0].status if bad else "ok",
+        "message": bad[0].message if bad else "",
+        "forces_N": [s.response.force for s in found],
+        "dofs": found[-1].dofs,
+        "iterations": sum(s.newton_iterations for s in found),
+        "import_s": before[0],
+        "cpu_s": own + children,
+        "mesh_s": children,
+        "wall_s": time.perf_counter() - wall,
+        "base_MB": base,
+        "solver": "pardiso" if "pypardiso" in sys.modules else "superlu",
+    }
+
+
+def first(spec: Answer) -> Answer:
+    """Imports and one command line, as a user waits for them: by the clock on the wall."""
+    begin = time.perf_counter()
+    import fem.equilibrium  # noqa: F401
+    from studies import cli, states  # noqa: F401
+
+    imported = time.perf_counter()
+    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+        status = cli.main(spec["command"])
+    return {
+        "status": "ok" if status == cli.GOOD else "failed",
+        "message": "" if status == cli.GOOD else f"exit status {status}",
+        "import_s": imported - begin,
+        "wall_s": time.perf_counter() - begin,
+    }
+
+
+def _cpu() -> tuple[float, float]:
+    """CPU seconds of this process and of its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time(), children.ru_utime + children.ru_stime
+
+
+def _peak(who: int) -> float:
+    """Largest resident memory so far, MB."""
+    return resource.getrusage(who).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
