@@ -282,13 +282,13 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
         return Path(build(harmonics=raised, rim=(edge, min(accuracy.section_patch, edge / 4))), held)
     glued = next(load.depth for load in loads if slides(load)) / design.D
     # the first press has no fine mesh where its contact ends, the second one has
-    edge = _contact_edge(build(), glued)
-    edge = _contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
+    edge = contact_edge(build(), glued)
+    edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
     build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     return Path(build(), raised=functools.partial(build, harmonics=raised), rim=edge)
 
 
-def _contact_edge(d: models.Discretisation, depth: float) -> float:
+def contact_edge(d: models.Discretisation, depth: float) -> float:
     """Undeformed radius at which the contact of a press ends, in units of D."""
     path = Path(d)
     try:

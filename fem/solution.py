@@ -99,7 +99,7 @@ def read(path: Path, design: Design, load: Load, direction: Array, reason: str, 
     plate = path.plate()
     residual, _, _ = contact.traction(path.skin, state.u, plate)
     total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
-    shift, tilt = _pose(d, state.u, path.q)
+    shift, tilt = pose(d, state.u, path.q)
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
@@ -134,7 +134,7 @@ def read(path: Path, design: Design, load: Load, direction: Array, reason: str, 
     )
 
 
-def _pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
+def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
     """Displacement (3,) of the magnet's centre, and its rotation (2,) as angles that carry z towards x and y.
 
     Without a rigid magnet: the material point at the centre, and the rotation of the polar decomposition there.
