@@ -191,7 +191,7 @@ def test_no_magnet_to_mesh():
 def test_a_mesh_that_folds_is_made_again_once_finer(monkeypatch):
     tried = []
     monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk))
-    monkeypatch.setattr(meshing, "_curved", lambda mesh, shape, rounded: None)
+    monkeypatch.setattr(meshing, "_curved", lambda mesh, sizes: None)
     with pytest.raises(RuntimeError, match="folds over"):
         tetrahedra(PAPER, 1.0)
     assert tried == [1.0, 0.8]
@@ -202,7 +202,7 @@ def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
     straight = meshing.MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
     )
-    relaxed = meshing._curved(straight, PAPER, rounded=True)
+    relaxed = meshing._curved(straight, Sizes.of(PAPER, 1.2, None))
     assert quality(half, PAPER).least_jacobian < 0.4 <= quality(relaxed, PAPER).least_jacobian
 
 
