@@ -39,8 +39,8 @@ class Accuracy:
     ----------
     name : quick, standard or fine.
     section_size, solid_size : edge lengths of the section and the tetrahedral mesh, in units of D.
-    section_patch, solid_patch : edge lengths at the tip where it is glued or gripped; a coarse one holds more of
-        the skin than it should, and the tip shears too stiffly.
+    section_patch, solid_patch : edge lengths where the glued or gripped patch of skin ends (under a tilted plate at
+        the tip); with coarse ones the tip shears too stiffly.
     harmonics : number of harmonics of the harmonic model.
     """
 
@@ -52,9 +52,9 @@ class Accuracy:
     harmonics: int
 
 
-QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.055, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.04, 3)
-FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.03, 4)
+QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.03, 2)
+STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.012, 3)
+FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 FLOOR = 0.065

@@ -6,7 +6,7 @@ All lengths are in the unit of the `Shape` that is passed in. A half surface is 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -48,12 +48,13 @@ class Sizes:
         if shape.has_magnet:
             edge = min(edge, max(bulk / 4, shape.magnet_edge_radius / 2), 0.2 * shape.magnet_diameter)
         radius, at_ring = ring or (0.0, 0.0)
-        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), bulk / 2, edge, min(at_ring, bulk), radius)
+        clamp = bulk / 5 if ring else bulk / 2
+        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), clamp, edge, min(at_ring, bulk), radius)
 
     def finer(self, factor: float) -> Sizes:
         """All sizes multiplied by a factor."""
-        scaled = (factor * size for size in (self.bulk, self.tip, self.rim, self.edge, self.ring))
-        return Sizes(self.shape, *scaled, ring_radius=self.ring_radius)
+        names = ("bulk", "tip", "rim", "edge", "ring")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
 
     @property
     def rounded(self) -> bool:
