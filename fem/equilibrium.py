@@ -40,8 +40,8 @@ class Accuracy:
     ----------
     name : quick, standard or fine.
     section_size, solid_size : edge lengths of the section and the tetrahedral mesh, in units of D.
-    section_patch, solid_patch : edge lengths at the tip where it is glued or gripped; a coarse one holds more of
-        the skin than it should, and the tip shears too stiffly.
+    section_patch, solid_patch : edge lengths where the glued or gripped patch of skin ends (under a tilted plate at
+        the tip); with coarse ones the tip shears too stiffly.
     harmonics : number of harmonics of the harmonic model.
     """
 
@@ -53,9 +53,9 @@ class Accuracy:
     harmonics: int
 
 
-QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.055, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.04, 3)
-FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.03, 4)
+QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.03, 2)
+STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.015, 3)
+FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 FLOOR = 0.065
@@ -267,25 +267,29 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     sideways = any(map(slides, loads))
     grip, tilt = loads[0].grip, loads[0].plate_tilt
     held = None if grip is None else grip / design.D
-    if name in ("half", "full"):
-        size = accuracy.solid_size
-        tip = accuracy.solid_patch if sideways or tilt else size / 2
-        return Path(models.solid(shape, design.nu, magnet, size, tip, silicone, half=name == "half"), held, tilt)
     size = accuracy.section_size
     tip = min(size, math.sqrt(shape.R * min(depths, default=1.0)) * size / QUICK.section_size / 6)
     build = functools.partial(models.section, shape, design.nu, magnet, size, tip, silicone)
-    if not sideways:
-        return Path(build(harmonics=accuracy.harmonics if name == "harmonic" else 0), held)
-    raised = accuracy.harmonics
-    if held is not None:
+    edge = None
+    if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
-        return Path(build(harmonics=raised, rim=(edge, min(accuracy.section_patch, edge / 4))), held)
-    glued = next(load.depth for load in loads if slides(load)) / design.D
-    # the first press has no fine mesh where its contact ends, the second one has
-    edge = contact_edge(build(), glued)
-    edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
+    elif sideways and not tilt:
+        glued = next(load.depth for load in loads if slides(load)) / design.D
+        # the first press has no fine mesh where its contact ends, the second one has
+        edge = contact_edge(build(), glued)
+        edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
+    if name in ("half", "full"):
+        coarse = accuracy.solid_size
+        solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=name == "half")
+        if edge is None or edge == shape.R:
+            return Path(solid(accuracy.solid_patch if sideways or tilt else coarse / 2), held, tilt)
+        return Path(solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=edge)
+    if edge is None:
+        return Path(build(harmonics=accuracy.harmonics if name == "harmonic" else 0), held)
     build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
-    return Path(build(), raised=functools.partial(build, harmonics=raised), rim=edge)
+    if held is not None:
+        return Path(build(harmonics=accuracy.harmonics), held)
+    return Path(build(), raised=functools.partial(build, harmonics=accuracy.harmonics), rim=edge)
 
 
 def contact_edge(d: models.Discretisation, depth: float) -> float:

@@ -89,11 +89,22 @@ def section(
 
 
 def solid(
-    shape: Shape, nu: float, magnet: Magnet, size: float, tip_size: float, law: Law = neo_hookean, *, half: bool
+    shape: Shape,
+    nu: float,
+    magnet: Magnet,
+    size: float,
+    tip_size: float,
+    law: Law = neo_hookean,
+    *,
+    half: bool,
+    rim: tuple[float, float] | None = None,
 ) -> Discretisation:
-    """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D."""
+    """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D.
+
+    rim : where the patch of contact will end, as for `geometry.mesh.tetrahedra`.
+    """
     held = magnet == "rigid"
-    mesh = _solid_mesh(shape, size, tip_size, half, "hole" if held else "none")
+    mesh = _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -140,6 +151,11 @@ def _section_mesh(
 
 @functools.lru_cache(maxsize=4)
 def _solid_mesh(
-    shape: Shape, size: float, tip_size: float, half: bool, magnet: Literal["hole", "none"]
+    shape: Shape,
+    size: float,
+    tip_size: float,
+    rim: tuple[float, float] | None,
+    half: bool,
+    magnet: Literal["hole", "none"],
 ) -> skfem.MeshTet2:
-    return tetrahedra(shape, size, tip_size=tip_size, half=half, magnet=magnet)
+    return tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet)

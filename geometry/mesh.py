@@ -38,7 +38,7 @@ import sys, numpy, pytetwild
 with numpy.load(sys.argv[1]) as given:
     points, cells = pytetwild.tetrahedralize(
         given["points"], given["faces"], edge_length_abs=float(given["size"]), epsilon=float(given["epsilon"]),
-        num_threads=1, vtk_ordering=True, quiet=True,
+        num_threads=1, vtk_ordering=True, quiet=True, disable_filtering=bool(given["around"]),
         bg_vertices=given["grid"], bg_tets=given["tets"], bg_values=given["values"])
 numpy.savez(sys.argv[2], points=points, cells=cells)
 """
@@ -51,6 +51,7 @@ def tetrahedra(
     half: bool = True,
     magnet: Parts = "regions",
     tip_size: float | None = None,
+    rim: tuple[float, float] | None = None,
     timeout: float = 300,
 ) -> MeshTet2:
     """Mesh of the beam in the unit of `shape`, base at z = 0, curved to the exact surfaces.
@@ -61,6 +62,8 @@ def tetrahedra(
     half : only the part y >= 0.
     magnet : "regions" meshes it, with an interface that conforms; "hole" leaves it out; "none" is all silicone.
     tip_size : edge length in the zone of contact at the tip; half of `size` by default.
+    rim : radius of a ring around the axis on the dome, and the edge length there: edges follow it, so that every
+        facet of the dome lies within it or without.
     timeout : time limit of one run of fTetWild, s.
 
     Returns
@@ -71,13 +74,20 @@ def tetrahedra(
     Raises
     ------
     BadInput
-        A size is not a positive number, or the shape has no magnet to mesh or one that sticks out.
+        A size is not a positive number, the ring is not on the dome, or the shape has no magnet to mesh or one that
+        sticks out.
     RuntimeError
-        fTetWild failed, ran out of time, or twice gave a mesh that cannot be curved.
+        fTetWild failed, ran out of time, or twice gave a mesh that cannot be curved or has no edges on the ring.
     """
-    for name, value in (("size", size), ("tip_size", size if tip_size is None else tip_size)):
-        if not 0 < value < math.inf:
+    given = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
+    for name, value in given.items():
+        if value is not None and not 0 < value < math.inf:
             raise BadInput(f"{name} must be a positive finite length; got {value:g}")
+    if rim is not None and not rim[1] <= rim[0] <= 0.99 * shape.R:
+        raise BadInput(
+            f"the rim's radius must lie between its edge length {rim[1]:g} and 0.99 R = {0.99 * shape.R:g}; "
+            f"got {rim[0]:g}"
+        )
     if magnet == "none":
         shape = shape.without_magnet()
     elif not shape.has_magnet:
@@ -86,18 +96,20 @@ def tetrahedra(
         raise BadInput(f"the magnet must lie inside the beam; got a wall of {shape.wall:.3g}: take a smaller magnet")
     factor = WORK_DIAMETER / shape.D
     work = shape.scaled(factor)
-    sizes = Sizes.of(work, factor * size, None if tip_size is None else factor * tip_size)
+    ring = None if rim is None else (factor * rim[0], factor * rim[1])
+    sizes = Sizes.of(work, factor * size, None if tip_size is None else factor * tip_size, ring)
     for finer in (1.0, 0.8):
         tried = sizes.finer(finer)
         straight = _raw(tried, half, timeout)
         if magnet == "hole":
             straight = straight.restrict(straight.subdomains["silicone"])
             del straight.subdomains["magnet"]
-        mesh = _curved(straight, work, tried.rounded)
+        mesh = _curved(straight, tried)
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / factor)
     raise RuntimeError(
-        f"the mesh of size {size:g} folds over when it is curved to the exact surfaces: try a smaller size"
+        f"the mesh of size {size:g} folds over when it is curved to the exact surfaces"
+        + (": try a smaller size" if rim is None else " or has no edges along its rim: try a smaller size there")
     )
 
 
@@ -111,7 +123,16 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
     epsilon = surface.envelope(sizes)
     soup, soup_faces = np.vstack([points, inner]), np.vstack([faces, inner_faces + len(points)])
     surface.check_surface(soup, soup_faces, epsilon, sizes.shape.wall)
-    p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, surface.background(sizes, half), timeout)
+    if sizes.ring:
+        strip, strip_faces = surface.fin(sizes, half)
+        soup_faces = np.vstack([soup_faces, strip_faces + len(soup)])
+        soup = np.vstack([soup, strip])
+    field = surface.background(sizes, half)
+    p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, field, timeout, around=sizes.ring > 0)
+    if sizes.ring:  # beside an open strip fTetWild does not know inside from outside
+        t = t[surface.winding(p[t].mean(axis=1), points, faces) > 0.5]
+        used, t = np.unique(t, return_inverse=True)
+        p, t = p[used], t.reshape(-1, 4)
     inside = surface.winding(p[t].mean(axis=1), inner, inner_faces) > 0.5
     parts = {"silicone": np.flatnonzero(~inside)}
     if sizes.shape.has_magnet:
@@ -121,9 +142,19 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
 
 
 def _tetwild(
-    points: Floats, faces: Ints, size: float, epsilon: float, field: tuple[Floats, Ints, Floats], timeout: float
+    points: Floats,
+    faces: Ints,
+    size: float,
+    epsilon: float,
+    field: tuple[Floats, Ints, Floats],
+    timeout: float,
+    *,
+    around: bool = False,
 ) -> tuple[Floats, Ints]:
-    """Points (n, 3) and cells (m, 4) from fTetWild in a child process; lengths in the unit of `points`."""
+    """Points (n, 3) and cells (m, 4) from fTetWild in a child process; lengths in the unit of `points`.
+
+    around : keep the cells outside too, out to a box.
+    """
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     with tempfile.TemporaryDirectory() as folder:
         given, found = Path(folder, "given.npz"), Path(folder, "found.npz")
@@ -136,6 +167,7 @@ def _tetwild(
             grid=field[0],
             tets=field[1].astype(np.int32),
             values=field[2],
+            around=around,
         )
         command = [sys.executable, "-c", _CHILD, str(given), str(found)]
         try:
@@ -203,20 +235,38 @@ def _nodes_on(mesh: MeshTet1, facets: Ints) -> NDArray[np.bool_]:
     return on
 
 
-def _curved(mesh: MeshTet1, shape: Shape, rounded: bool) -> MeshTet2 | None:
-    """The mesh with quadratic cells on the exact surfaces; None if that folds a cell over."""
+def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
+    """Which vertices and edges, in this order, are on the ring; None if a facet lies on both its sides."""
+    skin = mesh.boundaries["skin"]
+    out = np.hypot(mesh.p[0], mesh.p[1])
+    near = np.hypot(out - sizes.ring_radius, mesh.p[2] - sizes.ring_height) < 2 * surface.envelope(sizes)
+    inside = ~near & (out < sizes.ring_radius) & (mesh.p[2] > sizes.shape.H)
+    inner = inside[mesh.facets[:, skin]].any(axis=0)
+    outer = (~inside & ~near)[mesh.facets[:, skin]].any(axis=0)
+    if not inner.any() or (inner == outer).any():
+        return None
+    return _nodes_on(mesh, skin[inner]) & _nodes_on(mesh, skin[outer])
+
+
+def _curved(mesh: MeshTet1, sizes: Sizes) -> MeshTet2 | None:
+    """The mesh with quadratic cells on the exact surfaces; None if that folds a cell over or misses the ring."""
     on = {name: _nodes_on(mesh, facets) for name, facets in mesh.boundaries.items()}
-    if "magnet" in on and not rounded:
+    if sizes.ring:
+        ring = _ring(mesh, sizes)
+        if ring is None:
+            return None
+        on["ring"] = ring
+    if "magnet" in on and not sizes.rounded:
         facets = mesh.boundaries["magnet"]
         lid = np.abs(_normals(mesh, facets)[2]) > 0.7
         on["edge"] = _nodes_on(mesh, facets[lid]) & _nodes_on(mesh, facets[~lid])
     n = mesh.nvertices
-    p = surface.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape)
+    p = surface.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, sizes)
     top = p[2].argmax()
-    if math.hypot(p[0, top], p[1, top]) < 0.01 * shape.R:
-        p[:, top] = 0, 0, shape.L  # what a plate touches first
+    if math.hypot(p[0, top], p[1, top]) < 0.01 * sizes.shape.R:
+        p[:, top] = 0, 0, sizes.shape.L  # what a plate touches first
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=p))
-    x = surface.project(straight.doflocs, on, shape)
+    x = surface.project(straight.doflocs, on, sizes)
     x[:, :n] = p
     nodes = straight.dofs.element_dofs
     share = np.ones(x.shape[1])

@@ -6,11 +6,12 @@ All lengths are in the unit of the `Shape` that is passed in. A half surface is 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay
 
 from geometry.design import Shape
 
@@ -28,6 +29,7 @@ class Sizes:
     Attributes
     ----------
     bulk, tip, rim, edge : far from everything, at the tip, at the clamped outer edge, at the magnet's two edges.
+    ring, ring_radius : on a ring around the axis on the dome, and its radius; 0 without a ring.
     """
 
     shape: Shape
@@ -35,25 +37,34 @@ class Sizes:
     tip: float
     rim: float
     edge: float
+    ring: float = 0.0
+    ring_radius: float = 0.0
 
     @classmethod
-    def of(cls, shape: Shape, size: float, tip_size: float | None) -> Sizes:
+    def of(cls, shape: Shape, size: float, tip_size: float | None, ring: tuple[float, float] | None = None) -> Sizes:
         """The sizes that follow from the size in the bulk, which is at most half the radius."""
         bulk = min(size, shape.R / 2)
         edge = bulk / 2
         if shape.has_magnet:
             edge = min(edge, max(bulk / 4, shape.magnet_edge_radius / 2), 0.2 * shape.magnet_diameter)
-        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), bulk / 2, edge)
+        radius, at_ring = ring or (0.0, 0.0)
+        clamp = bulk / 5 if ring else bulk / 2
+        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), clamp, edge, min(at_ring, bulk), radius)
 
     def finer(self, factor: float) -> Sizes:
         """All sizes multiplied by a factor."""
-        scaled = (factor * size for size in (self.bulk, self.tip, self.rim, self.edge))
-        return Sizes(self.shape, *scaled)
+        names = ("bulk", "tip", "rim", "edge", "ring")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
 
     @property
     def rounded(self) -> bool:
         """Whether the fillet of the magnet is large enough to be seen by the facets."""
         return self.shape.has_magnet and self.shape.magnet_edge_radius >= 0.25 * self.edge
+
+    @property
+    def ring_height(self) -> float:
+        """z of the ring."""
+        return self.shape.H + math.sqrt(self.shape.R**2 - self.ring_radius**2)
 
     def at(self, r: Floats, z: Floats) -> Floats:
         """Target edge length at points (r, z), arrays of one shape."""
@@ -62,6 +73,9 @@ class Sizes:
         tip = self.tip + GROWTH * np.maximum(np.hypot(r, z - s.L) - contact, 0)
         rim = self.rim + GROWTH * np.hypot(r - s.R, z)
         size = np.minimum(np.minimum(tip, rim), self.bulk)
+        if self.ring:
+            away = np.hypot(r - self.ring_radius, z - self.ring_height)
+            size = np.minimum(size, self.ring + GROWTH * np.maximum(away - self.ring, 0))
         if not s.has_magnet:
             return size
         a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius
@@ -82,8 +96,24 @@ def body(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     """Outer surface of the beam: points of shape (n, 3) and outward triangles of shape (m, 3)."""
     s = sizes.shape
     side = _line(sizes, (s.R, 0.0), (s.R, s.H))
-    dome = _arc(sizes, (0.0, s.H), s.R, 0.0, math.pi / 2)
-    return _revolve(sizes, np.vstack([side, dome[1:]]), half)
+    cuts = [0.0, math.acos(sizes.ring_radius / s.R), math.pi / 2] if sizes.ring else [0.0, math.pi / 2]
+    dome = [_arc(sizes, (0.0, s.H), s.R, low, high)[1:] for low, high in pairwise(cuts)]
+    return _revolve(sizes, np.vstack([side, *dome]), half)
+
+
+def fin(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+    """A narrow strip through the ring, normal to the dome, from within the beam to without.
+
+    A mesh that conforms to it and to the dome has edges along the ring, where they cross.
+    """
+    s = sizes.shape
+    x, y = _arc(sizes, (0.0, s.H), s.R, 0.0, math.acos(sizes.ring_radius / s.R))[-1]
+    count = _count(sizes, x, y, half)
+    shares = (1 - min(3 * sizes.ring, s.wall / 3) / s.R, 1.0, 1 + 1.5 * sizes.ring / s.R)
+    circles = [_circle(share * x, s.H + share * (y - s.H), count, half) for share in shares]
+    index = np.arange(count + 1) % len(circles[0])
+    faces = [_strip(k * len(circles[0]) + index, (k + 1) * len(circles[0]) + index) for k in range(2)]
+    return np.vstack(circles), np.vstack(faces)
 
 
 def magnet(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
@@ -123,19 +153,14 @@ def _spaced(sizes: Sizes, curve: Floats, least: int) -> Floats:
 
 def _revolve(sizes: Sizes, profile: Floats, half: bool) -> tuple[Floats, Ints]:
     """Closed surface from a profile (r, z), shape (n, 2), of rising z, with flat lids where it ends off the axis."""
-    turn = math.pi if half else 2 * math.pi
     points: list[Floats] = []
     rings: list[Ints] = []
     first = 0
     for r, z in profile:
         n = 0
         if r > 1e-9 * sizes.shape.R:
-            local = float(sizes.at(np.array(r), np.array(z)))
-            n = max(math.ceil(turn * r / local), 6 if half else 12)
-        angle = np.linspace(0, turn, n + 1)[: None if half or n == 0 else -1]
-        ring = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
-        if half and n:
-            ring[[0, -1], 1] = 0
+            n = _count(sizes, r, z, half)
+        ring = _circle(r, z, n, half)
         index = first + np.arange(n + 1) % len(ring)
         points.append(ring if n else np.array([[0.0, 0.0, z]]))
         rings.append(index)
@@ -148,6 +173,21 @@ def _revolve(sizes: Sizes, profile: Floats, half: bool) -> tuple[Floats, Ints]:
     found = np.array(faces, dtype=np.int64)
     whole = (found[:, 0] != found[:, 1]) & (found[:, 1] != found[:, 2]) & (found[:, 2] != found[:, 0])
     return np.vstack(points), found[whole]
+
+
+def _count(sizes: Sizes, r: float, z: float, half: bool) -> int:
+    """Number of steps around the axis."""
+    turn = math.pi if half else 2 * math.pi
+    return max(math.ceil(turn * r / float(sizes.at(np.array(r), np.array(z)))), 6 if half else 12)
+
+
+def _circle(r: float, z: float, count: int, half: bool) -> Floats:
+    """Points (n, 3) in so many steps around the axis."""
+    angle = np.linspace(0, math.pi if half else 2 * math.pi, count + 1)[: None if half or count == 0 else -1]
+    ring = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
+    if half and count:
+        ring[[0, -1], 1] = 0
+    return ring
 
 
 def _lid(ring: Ints) -> Ints:
@@ -174,7 +214,8 @@ def _strip(low: Ints, high: Ints) -> list[tuple[int, int, int]]:
 def envelope(sizes: Sizes) -> float:
     """Greatest distance that fTetWild may stray from the facets."""
     fillet = 0.1 * sizes.shape.magnet_edge_radius if sizes.rounded else math.inf
-    return min(0.05 * min(sizes.edge, sizes.rim), fillet, sizes.shape.wall / 8)
+    least = min(sizes.edge, sizes.rim, sizes.ring or math.inf)
+    return min(0.05 * least, fillet, sizes.shape.wall / 8)
 
 
 def check_surface(points: Floats, faces: Ints, epsilon: float, wall: float) -> None:
@@ -221,6 +262,9 @@ def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
     axes[2] = axes[2][near]
     n = [len(axis) for axis in axes]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    if sizes.ring:
+        grid, cells = _denser(grid, sizes, half)
+        return grid, cells, sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
     strides = np.array([n[1] * n[2], n[2], 1])
     corner = np.arange(len(grid)).reshape(n)[:-1, :-1, :-1].ravel()
     tets = []
@@ -229,6 +273,32 @@ def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
         odd = np.linalg.det(np.eye(3)[list(order)]) < 0
         tets.append(corner[:, None] + (path[[0, 2, 1, 3]] if odd else path))
     return grid, np.vstack(tets), sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
+
+
+def _denser(grid: Floats, sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+    """The points (n, 3) of a grid with those of tubes around the ring, and the tetrahedra (m, 4) between them.
+
+    The points are moved at random by little, or Delaunay's tetrahedra of a regular grid would not be unique.
+    """
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    r, z, h = sizes.ring_radius, sizes.ring_height, sizes.ring
+    turn = np.arange(8) * math.pi / 4
+    radii = h * 2.0 ** np.arange(max(math.ceil(math.log2(0.05 * sizes.shape.D / h)), 0) + 1)
+    out = np.concatenate([[0.0], *(radius * np.cos(turn) for radius in radii)])
+    up = np.concatenate([[0.0], *(radius * np.sin(turn) for radius in radii)])
+    count = _count(sizes, r, z, half)
+    margin = 2 / count if half else 0.0
+    angle = np.linspace(-margin, (math.pi if half else 2 * math.pi) + margin, count + 3)[:, None]
+    tubes = np.stack([(r + out) * np.cos(angle), (r + out) * np.sin(angle), z + up + 0 * angle], axis=-1)
+    points = np.vstack([grid, tubes.reshape(-1, 3)])
+    points = points[((points >= low) & (points <= high)).all(axis=1)]
+    moved = points + np.random.default_rng(0).uniform(-0.1, 0.1, points.shape) * h
+    points = np.where((points == low) | (points == high), points, np.clip(moved, low, high))
+    tets = Delaunay(points).simplices.astype(np.int64)
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    six = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a))
+    tets[six < 0] = tets[six < 0][:, [0, 2, 1, 3]]
+    return points, tets[np.abs(six) > 1e-6 * h**3]
 
 
 def winding(points: Floats, vertices: Floats, faces: Ints) -> Floats:
@@ -243,8 +313,9 @@ def winding(points: Floats, vertices: Floats, faces: Ints) -> Floats:
     return total / (2 * math.pi)
 
 
-def project(x: Floats, on: dict[str, NDArray[np.bool_]], shape: Shape) -> Floats:
-    """The points x of shape (3, n) moved to the closest points of the surfaces that they are on."""
+def project(x: Floats, on: dict[str, NDArray[np.bool_]], sizes: Sizes) -> Floats:
+    """The points x of shape (3, n) moved to the closest points of the surfaces, and of the ring, that they are on."""
+    shape = sizes.shape
     x = x.copy()
     if "symmetry" in on:
         x[1, on["symmetry"]] = 0
@@ -254,6 +325,10 @@ def project(x: Floats, on: dict[str, NDArray[np.bool_]], shape: Shape) -> Floats
     scale = shape.R / np.sqrt(x[0, skin] ** 2 + x[1, skin] ** 2 + rise**2)
     x[:2, skin] *= scale
     x[2, skin] += rise * (scale - 1)
+    if "ring" in on:
+        ring = on["ring"]
+        x[:2, ring] *= sizes.ring_radius / np.hypot(x[0, ring], x[1, ring])
+        x[2, ring] = sizes.ring_height
     if "magnet" in on:
         mask = on["magnet"]
         x[:, mask] = _on_magnet(x[:, mask], on["edge"][mask] if "edge" in on else None, shape)

@@ -158,6 +158,17 @@ def test_magnet_under_a_grip_moves_alike_in_the_half_model():
     assert other.tilt == pytest.approx(one.tilt, rel=0.02)
 
 
+@pytest.mark.parametrize("load", [Load(shear_x=1.0, grip=2.0), Load(depth=1.0, shear_x=0.5, friction="stick")])
+def test_the_half_model_shears_like_the_harmonic_one(load):
+    """Nearly independent models: both hold the same patch of skin, whose edge both meshes follow."""
+    rough = replace(QUICK, solid_size=0.15, solid_patch=0.025)
+    half = trace(paper(), [load], rough, model="half", estimate=False)[0].response
+    section = trace(paper(), [load], rough, model="harmonic", estimate=False)[0].response
+    assert half.force[0] == pytest.approx(section.force[0], rel=0.02)
+    assert half.shift[0] == pytest.approx(section.shift[0], rel=0.02)
+    assert half.tilt == pytest.approx(section.tilt, rel=0.02)
+
+
 def test_work_of_a_sticking_shear_is_stored():
     """The glued plate moves sideways only: its force times its way is the energy, by Simpson's rule."""
     way = np.linspace(0, 1, 9)

@@ -154,6 +154,17 @@ def test_background_grid_is_filled_by_positive_tetrahedra():
     assert 0 < values.min() <= values.max() <= sizes.bulk
 
 
+@pytest.mark.parametrize(("half", "radius"), [(True, 1.4), (True, 3.4), (False, 1.4)])
+def test_background_around_a_rim(half, radius):
+    sizes = Sizes.of(PAPER, 1.0, None, (radius, 0.1))
+    points, tets, values = surface.background(sizes, half)
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    volumes = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6
+    assert volumes.min() > 0
+    assert volumes.sum() == pytest.approx(np.prod(np.ptp(points, axis=0)))
+    assert values.min() == pytest.approx(0.1, rel=0.01)
+
+
 def test_bad_surfaces_are_refused():
     points, faces = surface.body(Sizes.of(PAPER, 2.0, None), True)
     surface.check_surface(points, faces, 0.01, 1.0)
@@ -191,7 +202,7 @@ def test_no_magnet_to_mesh():
 def test_a_mesh_that_folds_is_made_again_once_finer(monkeypatch):
     tried = []
     monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk))
-    monkeypatch.setattr(meshing, "_curved", lambda mesh, shape, rounded: None)
+    monkeypatch.setattr(meshing, "_curved", lambda mesh, sizes: None)
     with pytest.raises(RuntimeError, match="folds over"):
         tetrahedra(PAPER, 1.0)
     assert tried == [1.0, 0.8]
@@ -202,8 +213,42 @@ def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
     straight = meshing.MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
     )
-    relaxed = meshing._curved(straight, PAPER, rounded=True)
+    relaxed = meshing._curved(straight, Sizes.of(PAPER, 1.2, None))
     assert quality(half, PAPER).least_jacobian < 0.4 <= quality(relaxed, PAPER).least_jacobian
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_edges_follow_the_rim(half):
+    """A closed chain (open in half a beam) with all its nodes on the ring, and no facet on both sides."""
+    radius, size = 1.4, 0.25
+    mesh = tetrahedra(PAPER, 1.6, half=half, magnet="hole", rim=(radius, size))
+    check_quality(mesh, PAPER, most=4e-4)
+    facets = mesh.facets[:, mesh.boundaries["skin"]]
+    facets = facets[:, mesh.p[2, facets].min(axis=0) > PAPER.H]
+    out = np.hypot(mesh.p[0], mesh.p[1])
+    on = np.abs(out - radius) < TOUCH
+    beyond = np.where(on, 0, np.sign(out - radius))[facets]
+    assert (beyond.min(axis=0) * beyond.max(axis=0) >= 0).all()
+    assert (np.abs(beyond).max(axis=0) > 0).all()
+    pairs = {tuple(sorted(f[[i, k]])) for f in facets.T for i, k in ((0, 1), (0, 2), (1, 2))}
+    chain = [k for k, edge in enumerate(mesh.edges.T) if on[edge].all() and tuple(sorted(edge)) in pairs]
+    degree = np.bincount(mesh.edges[:, chain].ravel())
+    assert np.array_equal(np.unique(degree[degree > 0]), [1, 2] if half else [2])
+    assert np.count_nonzero(degree == 1) == (2 if half else 0)
+    middle = mesh.doflocs[:, mesh.nvertices + np.array(chain)]
+    assert np.hypot(middle[0], middle[1]) == pytest.approx(radius, abs=TOUCH)
+    assert len(chain) == pytest.approx((1 if half else 2) * math.pi * radius / size, rel=0.25)
+
+
+@pytest.mark.parametrize("rim", [(0.1, 0.2), (4.0, 0.2), (math.nan, 0.2), (1.0, -1.0), (1.0, math.nan)])
+def test_bad_rims(rim):
+    with pytest.raises(BadInput, match="rim"):
+        tetrahedra(PAPER, 1.0, rim=rim)
+
+
+def test_a_mesh_that_misses_its_rim_is_never_returned(half):
+    straight = meshing.MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
+    assert meshing._curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2))) is None
 
 
 def test_a_child_that_dies_or_hangs(monkeypatch):
