@@ -1,0 +1,68 @@
+"""Sideways stability and small shear about a press."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import stability
+from fem.equilibrium import QUICK, STANDARD, trace
+from geometry.design import BadInput, Design, paper
+from geometry.scene import Load
+
+
+@pytest.mark.parametrize("L", [40.0, 80.0])
+def test_a_slender_beam_gives_way_near_eulers_load(L):
+    """Shortening and the dome shift it by a few per cent, less so for the longer beam."""
+    beam = Design(L=L)
+    found = stability.critical(beam, "ignored", accuracy=QUICK, deepest=0.1 * L)
+    assert found.force == pytest.approx(stability.euler_load(beam), rel=0.5 / (L / beam.D))
+
+
+def test_critical_depth_of_a_beam_of_three_diameters_does_not_depend_on_the_mesh():
+    depths = [stability.critical(Design(L=24.0), "ignored", accuracy=level).depth for level in (QUICK, STANDARD)]
+    assert depths[0] == pytest.approx(depths[1], rel=0.01)
+    assert depths[1] == pytest.approx(0.96, rel=0.01)
+
+
+def test_a_guided_tip_holds_longer():
+    slender = Design(L=40.0)
+    free = stability.critical(slender, "ignored", accuracy=QUICK)
+    guided = stability.critical(slender, "ignored", accuracy=QUICK, guided=True)
+    assert free.depth is not None
+    assert guided.depth is None or guided.depth > 2 * free.depth
+
+
+def test_a_stubby_beam_is_stable():
+    found = stability.critical(
+        Design(L=5.0, magnet_diameter=0, magnet_height=0, magnet_edge_radius=0),
+        "ignored",
+        accuracy=QUICK,
+        deepest=0.8,
+    )
+    assert found.depth is None
+    assert found.stable_to == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_small_shear_is_the_start_of_a_finite_one(magnet):
+    small = stability.small_shear(paper(), 1.0, magnet, accuracy=QUICK)
+    way = 0.01
+    level = replace(QUICK, section_patch=0.01)
+    state = trace(paper(), [Load(depth=1.0, shear_x=way, friction="stick")], level, magnet=magnet, estimate=False)[0]
+    force, shift, tilt = state.response.force[0], state.response.shift[0], state.response.tilt
+    np.testing.assert_allclose((shift / way, tilt / way), (small.shift, small.tilt), rtol=0.01)
+    assert force / way == pytest.approx(small.stiffness, rel=0.01)
+
+
+def test_small_shear_scales_with_size_and_modulus():
+    one = stability.small_shear(paper(), 1.0, accuracy=QUICK)
+    other = stability.small_shear(replace(paper(), E=2 * paper().E), 1.0, accuracy=QUICK)
+    assert other.stiffness == pytest.approx(2 * one.stiffness, rel=1e-9)
+    assert other.tilt == pytest.approx(one.tilt, rel=1e-9)
+
+
+@pytest.mark.parametrize("depth", [0.0, -1.0, 50.0])
+def test_depths_that_mean_nothing(depth):
+    with pytest.raises(BadInput, match="depth"):
+        stability.small_shear(paper(), depth)
