@@ -134,7 +134,8 @@ def walk(
         change once it has sheared.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
         COARSER and with one harmonic less. The difference is taken, but at least FLOOR times the section's edge
-        length over D, because a difference may vanish by chance.
+        length over D, because a difference may vanish by chance. Also look whether an axisymmetric press would be
+        stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
 
     Yields
@@ -165,7 +166,7 @@ def _walk(
     estimate: bool,
     progress: Progress | None,
 ) -> Iterator[Solution]:
-    states = _follow(design, loads, accuracy, magnet, name, progress)
+    states = _follow(design, loads, accuracy, magnet, name, progress, watch=estimate)
     if not estimate:
         yield from states
         return
@@ -235,6 +236,8 @@ def _follow(
     magnet: Magnet,
     name: models.Model,
     progress: Progress | None,
+    *,
+    watch: bool = False,
 ) -> Generator[Solution]:
     begin = time.perf_counter()
     D, grip = design.D, loads[0].grip
@@ -250,7 +253,7 @@ def _follow(
                 progress(i / len(loads), f"{name}: depth {load.depth:g} mm, shear {math.hypot(*_shear(load)):g} mm")
             reason = path.go(load.depth / D, turn @ _shear(load) / D)
             end = time.perf_counter()
-            state = read(path, design, load, direction, reason, end - begin)
+            state = read(path, design, load, direction, reason, end - begin, watch=watch)
             begin = end
             yield state
             if state.status not in ("ok", "unstable"):
@@ -284,8 +287,10 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
         if edge is None or edge == shape.R:
             return Path(solid(accuracy.solid_patch if sideways or tilt else coarse / 2), held, tilt)
         return Path(solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=edge)
+    if name == "axisymmetric":
+        return Path(build(), raised=functools.partial(build, harmonics=1))
     if edge is None:
-        return Path(build(harmonics=accuracy.harmonics if name == "harmonic" else 0), held)
+        return Path(build(harmonics=accuracy.harmonics), held)
     build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     if held is not None:
         return Path(build(harmonics=accuracy.harmonics), held)

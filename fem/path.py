@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from fem.contact import KAPPA, Plate
 from fem.linear import Solver
 from fem.models import Discretisation, raise_harmonics
 from fem.newton import Equilibrium, newton
+from fem.system import System
 
 Array = NDArray[np.float64]
 
@@ -37,7 +39,8 @@ class Path:
     d : the model to start with.
     grip : height below the tip within which the skin is held, or None for a plate.
     tilt : of the plate, rad.
-    raised : builds the model that takes over from an axisymmetric one when the shear begins.
+    raised : builds the model with harmonics that takes over from an axisymmetric one when the shear begins, or in
+        which its sideways stability is looked at.
     rim : undeformed radius of the patch that is glued then, the contact radius if not told.
 
     Attributes
@@ -66,6 +69,7 @@ class Path:
         self.iterations = 0
         self.unstable: int | None = None
         self.onset: tuple[Array, Array] | None = None
+        self._high: System | None = None
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
         self.gap: Array | None = None
@@ -103,6 +107,30 @@ class Path:
         if self.tied is None:
             self._glue()
         return self._leg(np.array([depth, *shear]))
+
+    def sideways(self, *, guided: bool = False) -> int | None:
+        """Number of unstable sideways directions of an axisymmetric press; None where it is not known.
+
+        Parameters
+        ----------
+        guided : what is in contact is glued to the plate; else the tip is free to slide.
+        """
+        assert self._raised is not None
+        if self._high is None:
+            self._high = self._raised().system
+        high = self._high
+        assert high.surface is not None
+        state, plate = high.state(raise_harmonics(self.d.system, high, self.q)), self.plate()
+        if guided:
+            tied = contact.overlap(high.surface, state.u, plate) > 0
+            plate = replace(plate, tied=tied, targets=contact.along(high.surface, state.u, plate))
+        solver = Solver()
+        try:
+            solver.factorise(high.assemble(state, plate).tangent)
+            negative = solver.negative()
+        finally:
+            solver.close()
+        return None if negative is None else negative - high.n_pressure - (self.unstable or 0)
 
     def close(self) -> None:
         """Give the factorisation's memory back."""

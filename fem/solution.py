@@ -22,8 +22,6 @@ Status = Literal["ok", "not_converged", "unstable", "no_contact"]
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;
 mesh noise alone stays below a third of it."""
-DEEP = 0.3
-"""Depth over D from which on an axisymmetric press is marked: the paper's sensor gives way between 0.31 and 0.34."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +79,16 @@ def slides(load: Load) -> bool:
     return bool(load.shear_x or load.shear_y) and (load.grip is not None or load.friction == "stick")
 
 
-def read(path: Path, design: Design, load: Load, direction: Array, reason: str, seconds: float) -> Solution:
+def read(
+    path: Path, design: Design, load: Load, direction: Array, reason: str, seconds: float, *, watch: bool = False
+) -> Solution:
     """The present state of a path that was to reach a load.
 
     Parameters
     ----------
     direction : (2,) unit vector in the user's frame along which the model's x axis points.
     reason : why the path stopped short; empty if it did not.
+    watch : look whether an axisymmetric press is stable sideways.
     """
     D, d = design.D, path.d
     turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
@@ -110,7 +111,7 @@ def read(path: Path, design: Design, load: Load, direction: Array, reason: str, 
         contact_radius=0.0 if path.grip else contact.contact_radius(path.skin, state.u, plate) * D,
         tilt_y=float(tilt_xy[1]),
     )
-    status, message = _judge(path, design, load, reason, response)
+    status, message = _judge(path, design, load, reason, response, watch)
     return Solution(
         load=load,
         response=response,
@@ -176,7 +177,9 @@ def _angles(axis: Array) -> Array:
     return np.zeros(2) if across == 0 else np.arctan2(across, axis[2]) * axis[:2] / across
 
 
-def _judge(path: Path, design: Design, load: Load, reason: str, response: Response) -> tuple[Status, str]:
+def _judge(
+    path: Path, design: Design, load: Load, reason: str, response: Response, watch: bool
+) -> tuple[Status, str]:
     normal, sheared, D = response.force[2], slides(load), design.D
     if reason:
         shear = float(np.linalg.norm(path.position[1:])) * D
@@ -200,7 +203,7 @@ def _judge(path: Path, design: Design, load: Load, reason: str, response: Respon
             f"the tip has given way sideways under the frictionless plate (shift {shift:.2g} mm, tilt {tilt:.2g} "
             "rad; the mesh decides to which side): the symmetric press is unstable"
         )
-    return "ok", _remark(path, design, load, sheared)
+    return "ok", _remark(path, load, sheared, watch)
 
 
 def _instability(path: Path, D: float) -> str:
@@ -217,15 +220,14 @@ def _instability(path: Path, D: float) -> str:
     )
 
 
-def _remark(path: Path, design: Design, load: Load, sheared: bool) -> str:
+def _remark(path: Path, load: Load, sheared: bool, watch: bool) -> str:
     """What a user should know of an answer that is good."""
     if (load.shear_x or load.shear_y) and not sheared:
         return "the frictionless plate slides over the tip: the shear has no effect"
-    slender, deep = design.L > 3 * design.D, load.depth > DEEP * design.D
-    if path.d.model == "axisymmetric" and load.depth > 0 and (slender or deep):
+    if watch and load.depth > 0 and path.d.model == "axisymmetric" and path.sideways():
         return (
-            "so slender a beam, or so deep a press, may give way sideways under a frictionless plate, which the "
-            "axisymmetric model cannot see: check with model half"
+            "a tip that is free to slide on a frictionless plate gives way sideways before this depth: the answer is "
+            "that of a guided one (magtip stability says at which depth)"
         )
     if load.friction == "stick" and not sheared:
         return "stick acts once the plate shears: the press itself is frictionless"

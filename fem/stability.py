@@ -27,7 +27,7 @@ from fem.material import law
 from fem.models import Discretisation
 from fem.path import Path
 from fem.solution import pose
-from fem.system import Assembly, System
+from fem.system import Assembly
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, check_load
 
@@ -157,29 +157,6 @@ def small_shear(
         path.close()
 
 
-def sideways(path: Path, high: System, *, guided: bool = False) -> int | None:
-    """Number of unstable sideways directions of an axisymmetric state; None where the factorisation does not tell.
-
-    Parameters
-    ----------
-    high : the system with one harmonic on the mesh of the path.
-    """
-    q = models.raise_harmonics(path.d.system, high, path.q)
-    plate = path.plate()
-    if guided:
-        state = high.state(q)
-        assert high.surface is not None
-        tied = contact.overlap(high.surface, state.u, plate) > 0
-        plate = replace(plate, tied=tied, targets=contact.along(high.surface, state.u, plate))
-    solver = Solver()
-    try:
-        solver.factorise(high.assemble(high.state(q), plate).tangent)
-        negative = solver.negative()
-    finally:
-        solver.close()
-    return None if negative is None else negative - high.n_pressure - (path.unstable or 0)
-
-
 def _build(
     design: Design, magnet: Magnet, accuracy: Accuracy, rim: tuple[float, float] | None = None
 ) -> functools.partial[Discretisation]:
@@ -193,17 +170,21 @@ def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
     return edge, min(RIM * accuracy.section_size, edge / 20)
 
 
+def _path(build: functools.partial[Discretisation]) -> Path:
+    return Path(build(), raised=functools.partial(build, harmonics=1))
+
+
 def _bracket(
     build: functools.partial[Discretisation], guided: bool, step: float, start: float, end: float
 ) -> tuple[float, float | None, float]:
     """Depths over D between which the first instability appears (None if there is none), and the depth reached."""
-    path, high = Path(build()), build(harmonics=1).system
+    path = _path(build)
     try:
         stable, depth = 0.0, start or step
         while True:
             if path.go(depth, np.zeros(2)):
                 return stable, None, stable
-            if sideways(path, high, guided=guided):
+            if path.sideways(guided=guided):
                 return stable, depth, depth
             if depth >= end:
                 return depth, None, depth
@@ -216,13 +197,13 @@ def _bisect(
     build: functools.partial[Discretisation], guided: bool, low: float, high: float
 ) -> tuple[float, float, float]:
     """A narrow interval of depths around the instability, and the force over E D^2 in its middle."""
-    path, system = Path(build()), build(harmonics=1).system
+    path = _path(build)
     try:
         while high - low > TOLERANCE * high:
             middle = (low + high) / 2
             if path.go(middle, np.zeros(2)):
                 break
-            if sideways(path, system, guided=guided):
+            if path.sideways(guided=guided):
                 high = middle
             else:
                 low = middle
