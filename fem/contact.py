@@ -13,7 +13,7 @@ overlap is about 0.57 d / KAPPA on a Hertz contact: the force comes out 0.85 / K
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,14 @@ def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, flo
         K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
         blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
     return forces, blocks.reshape(k, fields * f, fields * f), energy
+
+
+def glued(surface: Surface, u: Array, plate: Plate, radius: float, above: float) -> Plate:
+    """The plate with the facets glued to it whose middle lies within an undeformed radius, and above a height."""
+    out = np.hypot(surface.points[..., 0], surface.points[..., 1]).mean(axis=1, keepdims=True)
+    tied = np.broadcast_to(out < radius, surface.weights.shape) & (surface.points[..., 2] > above)
+    gap = np.maximum(-overlap(surface, u, plate), 0.0)
+    return replace(plate, tied=tied, targets=along(surface, u, plate), gap=gap)
 
 
 def from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:

@@ -73,7 +73,7 @@ class Elements:
     cells : (m, a) nodes of each element, corners first; pressures live on the first dim + 1.
     D : (m, q, 3, a) derivatives of the shape functions, see the module.
     weights : (m, q) quadrature weights times the Jacobian (and r).
-    pressure_shape : (q, dim + 1).
+    pressure_shape, shape : (q, dim + 1) and (q, a) shape functions of pressure and displacement.
     angles : fields and their functions of the angle.
     """
 
@@ -82,6 +82,7 @@ class Elements:
     D: Array
     weights: Array
     pressure_shape: Array
+    shape: Array
     angles: Angles
 
     @property
@@ -146,6 +147,15 @@ def around(harmonics: int, count: int | None = None) -> Angles:
     return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
 
 
+def twisting() -> Angles:
+    """Fields u_r, u_theta, u_z that do not depend on the angle: the axisymmetric model with torsion."""
+    E = np.eye(3)[None]
+    V = np.repeat(E[:, :, None, :], 3, axis=2)
+    V[:, :, 1] = 0
+    V[0, 1, 1, 0], V[0, 0, 1, 1] = 1, -1
+    return Angles(np.zeros(1), np.full(1, 2 * np.pi), 0, E, V, np.ones((1, 1)))
+
+
 def cartesian(dim: int) -> Angles:
     """Fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
@@ -158,7 +168,14 @@ def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
     return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
 
 
-def build(mesh: skfem.Mesh, *, axisymmetric: bool, harmonics: int = 0, order: int | None = None) -> Elements:
+def build(
+    mesh: skfem.Mesh,
+    *,
+    axisymmetric: bool,
+    harmonics: int = 0,
+    order: int | None = None,
+    angles: Angles | None = None,
+) -> Elements:
     """Elements of a second-order triangle mesh (section of revolution or plane strain) or tetrahedral mesh.
 
     Integrals are exact to an order, 4 in triangles (6 points) and 2 in tetrahedra (4 points) if not told. Order 2 in
@@ -185,7 +202,8 @@ def build(mesh: skfem.Mesh, *, axisymmetric: bool, harmonics: int = 0, order: in
         D=D,
         weights=weights,
         pressure_shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in pressure.basis], axis=1),
-        angles=around(harmonics) if axisymmetric else cartesian(dim),
+        shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in basis.basis], axis=1),
+        angles=angles or (around(harmonics) if axisymmetric else cartesian(dim)),
     )
 
 
@@ -210,7 +228,7 @@ def surface(
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     located = shape @ X
-    a = around(elements.angles.harmonics, angles) if axisymmetric else elements.angles
+    a = around(elements.angles.harmonics, angles) if axisymmetric and angles else elements.angles
     c, s, zero = np.cos(a.theta), np.sin(a.theta), np.zeros_like(a.theta)
     turned = np.stack(
         [np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]
@@ -337,6 +355,15 @@ def coupling(e: Elements, part: slice, B: Array) -> Array:
     products = (D[..., :, None] * M[:, None, None, :]).reshape(m, 3 * q, a * c)
     K = np.swapaxes(H.reshape(m, 3 * q, f * n), 1, 2) @ products
     return np.ascontiguousarray(K.reshape(m, f, n, a, c).transpose(0, 1, 3, 2, 4)).reshape(m, f * a, n * c)
+
+
+def mass(e: Elements, part: slice, density: Array) -> Array:
+    """Integral of density du . du, shape (m, f a, f a), for densities (m,)."""
+    m, _, _, a = e.D[part].shape
+    f = e.angles.fields
+    E = np.einsum("t,tif,tig->fg", e.angles.weights, e.angles.E, e.angles.E)
+    section = np.swapaxes(e.shape, 0, 1) @ ((e.weights[part] * density[:, None])[..., None] * e.shape)
+    return np.asarray(np.einsum("fg,mab->mfagb", E, section).reshape(m, f * a, f * a))
 
 
 def pressure_stiffness(e: Elements, part: slice, v: Array) -> Array:

@@ -45,6 +45,7 @@ class Path:
 
     Attributes
     ----------
+    rim : undeformed radius of the patch that is to be glued, if it was told.
     position : (3,) where plate or grip is.
     q, energy : unknowns of the present model, and what is stored in the modelled part.
     iterations : of Newton's method since the last load.
@@ -60,7 +61,7 @@ class Path:
         raised: Callable[[], Discretisation] | None = None,
         rim: float | None = None,
     ) -> None:
-        self.d, self.tilt, self._raised, self._rim = d, tilt, raised, rim
+        self.d, self.tilt, self._raised, self.rim = d, tilt, raised, rim
         self.grip = grip is not None
         self.solver = Solver()
         self.position = np.zeros(3)
@@ -108,6 +109,14 @@ class Path:
             self._glue()
         return self._leg(np.array([depth, *shear]))
 
+    @property
+    def high(self) -> System:
+        """The model with harmonics on the mesh of an axisymmetric one."""
+        assert self._raised is not None
+        if self._high is None:
+            self._high = self._raised().system
+        return self._high
+
     def sideways(self, *, guided: bool = False) -> int | None:
         """Number of unstable sideways directions of an axisymmetric press; None where it is not known.
 
@@ -115,10 +124,7 @@ class Path:
         ----------
         guided : what is in contact is glued to the plate; else the tip is free to slide.
         """
-        assert self._raised is not None
-        if self._high is None:
-            self._high = self._raised().system
-        high = self._high
+        high = self.high
         assert high.surface is not None
         state, plate = high.state(raise_harmonics(self.d.system, high, self.q)), self.plate()
         if guided:
@@ -147,13 +153,13 @@ class Path:
     def _glue(self) -> None:
         """Tie what lies within the contact radius to the plate."""
         u, plate = self.u, self.plate()
-        if self._rim is None:
+        if self.rim is None:
             out, radius = (
                 contact.from_pressure_centre(self.skin, u, plate),
                 contact.contact_radius(self.skin, u, plate),
             )
         else:
-            out, radius = np.hypot(self.skin.points[..., 0], self.skin.points[..., 1]), self._rim
+            out, radius = np.hypot(self.skin.points[..., 0], self.skin.points[..., 1]), self.rim
         self.tied = (self.skin.points[..., 2] > self.d.shape.H) & (self._facets(out) < radius)
         self.targets = contact.along(self.skin, u, plate) - self.position[1:]
         self.gap = np.maximum(-contact.overlap(self.skin, u, plate), 0.0)

@@ -3,7 +3,7 @@
 A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j phi_j(q) B_j with constant fields B_j
 and functions phi_j of the few unknowns q:
 
-- axial: q = U_z;
+- axial: q = U_z, and with torsion the angle about z, small;
 - planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x,
   Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
 - spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
@@ -28,7 +28,7 @@ class RigidBody:
     Attributes
     ----------
     fields : (j, n, fields) the constant fields B_j.
-    size : number of unknowns: 1 axial, 3 planar, 6 spatial.
+    size : number of unknowns: 1 or 2 axial, 3 planar, 6 spatial.
     """
 
     fields: Array
@@ -66,6 +66,10 @@ def section(arms: Array, angles: Angles) -> RigidBody:
     k = list(orders(angles.harmonics))
     r, z = arms.T
     rise = len(k)
+    if angles.harmonics == 0 and angles.fields == 3:
+        B = np.zeros((2, len(arms), 3))
+        B[0, :, 2], B[1, :, 1] = 1, r
+        return RigidBody(B, 2)
     if angles.harmonics == 0:
         B = np.zeros((1, len(arms), angles.fields))
         B[0, :, rise] = 1
@@ -81,8 +85,8 @@ def section(arms: Array, angles: Angles) -> RigidBody:
 def _functions(q: Array) -> tuple[Array, Array, Array]:
     """phi (j,), its first (j, size) and second derivatives (j, size, size)."""
     n = len(q)
-    if n == 1:
-        return q, np.ones((1, 1)), np.zeros((1, 1, 1))
+    if n < 3:
+        return q, np.eye(n), np.zeros((n, n, n))
     if n == 3:
         s, c = np.sin(q[2]), np.cos(q[2])
         first, second = np.zeros((4, 3)), np.zeros((4, 3, 3))

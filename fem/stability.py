@@ -148,7 +148,9 @@ def small_shear(
             raise BadInput(f"the press stops at depth {path.position[0] * D:.4g} mm ({reason}): take a smaller depth")
         high = build(harmonics=1)
         q = models.raise_harmonics(path.d.system, high.system, path.q)
-        plate = _glued(path, high, edge)
+        skin = high.system.surface
+        assert skin is not None
+        plate = contact.glued(skin, high.system.state(q).u, path.plate(), edge, high.shape.H)
         there = high.system.assemble(high.system.state(q), plate)
         moved = high.system.assemble(high.system.state(q), replace(plate, shear=np.array([1.0, 0.0])))
         step = _solved(there, there.residual - moved.residual)
@@ -222,18 +224,6 @@ def _normal(path: Path) -> float:
 def _none(reached: float, end: float, D: float) -> Critical:
     message = "" if reached >= end else f"the press itself stops at {reached * D:.4g} mm; stable up to there"
     return Critical(None, None, reached * D, message)
-
-
-def _glued(path: Path, high: Discretisation, edge: float) -> Plate:
-    """The plate with the patch inside the undeformed radius `edge` glued to it, for the model with a harmonic."""
-    skin = high.system.surface
-    assert skin is not None
-    u = high.system.state(models.raise_harmonics(path.d.system, high.system, path.q)).u
-    plate = path.plate()
-    out = np.hypot(skin.points[..., 0], skin.points[..., 1]).mean(axis=1, keepdims=True)
-    tied = np.broadcast_to(out < edge, skin.weights.shape) & (skin.points[..., 2] > high.shape.H)
-    gap = np.maximum(-contact.overlap(skin, u, plate), 0.0)
-    return replace(plate, tied=tied, targets=contact.along(skin, u, plate), gap=gap)
 
 
 def _solved(assembly: Assembly, right: Array) -> Array:

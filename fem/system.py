@@ -226,6 +226,32 @@ class System:
         matrix = self.pattern.assemble([*inner, *outer, self._compliance, own, *blocks])
         return Assembly(residual, matrix, energy, forces)
 
+    def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
+        """Consistent mass matrix about the undeformed state (upper triangle); pressures have none.
+
+        Parameters
+        ----------
+        density : of the silicone.
+        magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
+        """
+        e = self.elements
+        zero = np.zeros(self.size)
+        M = np.concatenate([elements.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
+        inner, outer = M[: self._inner], M[self._inner :]
+        (outer, _), own = self._magnet(
+            self.state(zero), np.zeros(self.fixed.shape), zero, outer, np.zeros((*outer.shape[:2], self._p.shape[1]))
+        )
+        if self.rigid:
+            own = own + np.diag(magnet)[None]
+        empty = [
+            np.zeros((*a.shape, b.shape[1])) for a, b in ((self._u[: self._inner], self._p), (self._outer, self._p))
+        ]
+        blocks = [inner, empty[0], outer, empty[1], np.zeros(self._compliance.shape), own]
+        if self.surface is not None:
+            n = self.surface.nodes.shape[1] * self.fixed.shape[1]
+            blocks.append(np.zeros((len(self.surface.nodes), n, n)))
+        return self.pattern.assemble(blocks)
+
     def _springs(self, state: State, plate: Plate | None) -> tuple[Array, list[Array], float]:
         """Nodal forces, matrices of the facets, and energy of the plate's springs."""
         nodal = np.zeros(self.fixed.shape)

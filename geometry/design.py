@@ -131,6 +131,8 @@ class Design:
     magnet_height: float = _quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
     magnet_edge_radius: float = _quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
     remanence: float = _quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet, north pole down", assumed=True)
+    density: float = _quantity(1080, "kg/m3", 1, 25000, "density of the silicone", assumed=True)
+    magnet_density: float = _quantity(7500, "kg/m3", 1, 25000, "density of the magnet (NdFeB)", assumed=True)
     l0: float = _quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
     c: float = _quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
     hall_gain: float = _quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)

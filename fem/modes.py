@@ -1,0 +1,203 @@
+"""Free vibration about the unloaded or a pressed state: frequencies and shapes.
+
+(K - omega^2 M) x = 0 with the tangent K of the section model with two harmonics and the consistent mass M of
+silicone and magnet; pressures have no mass, so K stays the symmetric indefinite matrix of the statics. Two harmonics
+hold axial (0), bending (1) and ovalling (2) modes; torsion, u_theta alone, is solved beside them. Bending and
+ovalling modes come in pairs that differ by a turn about the axis, and are given once.
+
+A pressed state is that of the frictionless press, then the patch in contact is glued to the plate, which stands
+still (friction holds it at small amplitudes). No damping, no mass of air or base.
+
+Lengths are in units of D and stresses in units of E: omega = sqrt(lambda E / rho) / D, with the silicone's rho.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from fem import contact, elements, models, rigid
+from fem.contact import Plate
+from fem.equilibrium import STANDARD, Accuracy, contact_edge
+from fem.linear import Solver
+from fem.material import lame, law
+from fem.path import Path
+from fem.system import NONE, System
+from geometry.design import BadInput, Design
+from geometry.scene import Load, Magnet, check_load
+
+Array = NDArray[np.float64]
+
+SHAPES = ("axial", "bending", "ovalling")
+"""Names of harmonics 0, 1, 2."""
+MOST = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """Natural frequencies, Hz, in rising order, and the names of their shapes."""
+
+    frequency: tuple[float, ...]
+    shape: tuple[str, ...]
+
+
+def modes(
+    design: Design,
+    magnet: Magnet = "rigid",
+    count: int = 8,
+    *,
+    depth: float = 0.0,
+    accuracy: Accuracy = STANDARD,
+) -> Modes:
+    """The lowest modes about a press to a depth in mm, 0 for the free sensor.
+
+    Raises
+    ------
+    BadInput
+        The count or the depth does not fit, the press does not reach the depth or is not stable there.
+    """
+    if not 1 <= count <= MOST:
+        raise BadInput(f"count must be between 1 and {MOST}; got {count}")
+    check_load(design, Load(depth=depth), magnet)
+    path = _pressed(design, magnet, depth, accuracy)
+    try:
+        found = [*_symmetric(path, design, magnet, count), *_torsion(path, design, magnet, max(count // 3, 2))]
+    finally:
+        path.close()
+    if min(found)[0] < 0:
+        raise BadInput(
+            f"the press is not stable at depth {depth:g} mm, so it has no vibrations: take a smaller depth"
+        )
+    scale = math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
+    found = sorted(found)[:count]
+    return Modes(tuple(math.sqrt(value) * scale for value, _ in found), tuple(name for _, name in found))
+
+
+def spring_mass(design: Design) -> tuple[float, float]:
+    """sqrt(k / m) / 2 pi of an axial spring k = E A / L, Hz, with a third of the silicone's mass (Rayleigh's rod).
+
+    First without the magnet: the paper's "approximately 970 Hz" (section IV.C), as we read it; then with all of the
+    magnet's mass added.
+    """
+    area, volume = math.pi * design.R**2, math.pi * design.R**2 * (design.H + 2 / 3 * design.R)
+    core = math.pi * design.magnet_diameter**2 / 4 * design.magnet_height
+    k = 1e3 * design.E * area / design.L
+    light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
+    return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
+
+
+def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -> Path:
+    """The axisymmetric press, with the model of two harmonics at hand and a fine mesh where the contact ends."""
+    size, d = accuracy.section_size, depth / design.D
+    shape = design.shape.scaled(1 / design.D)
+    silicone = law(design.law, design.law_numbers)
+    build = functools.partial(models.section, shape, design.nu, magnet, size, size / 2, silicone)
+    edge = None
+    if d:
+        edge = contact_edge(build(), d)
+        edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), d)
+        build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
+    path = Path(build(), raised=functools.partial(build, harmonics=2), rim=edge)
+    reason = path.go(d, np.zeros(2))
+    if reason:
+        path.close()
+        raise BadInput(
+            f"the press stops at depth {path.position[0] * design.D:.4g} mm ({reason}): take a smaller depth"
+        )
+    return path
+
+
+def _glued(path: Path, system: System, q: Array) -> Plate | None:
+    """The plate with what it touches glued to it."""
+    if path.rim is None:
+        return None
+    assert system.surface is not None
+    return contact.glued(system.surface, system.state(q).u, path.plate(), path.rim, path.d.shape.H)
+
+
+def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
+    """Mass of the magnet and its moments of inertia across and along its axis, in units of silicone and D."""
+    if magnet != "rigid":
+        return 0.0, 0.0, 0.0
+    a, h = design.magnet_diameter / 2 / design.D, design.magnet_height / design.D
+    m = design.magnet_density / design.density * math.pi * a**2 * h
+    return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
+
+
+def _symmetric(path: Path, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+    """Eigenvalues and names of axial, bending and ovalling modes."""
+    system = path.high
+    q = models.raise_harmonics(path.d.system, system, path.q)
+    m, across, _ = _inertia(design, magnet)
+    K = system.assemble(system.state(q), _glued(path, system, q)).tangent
+    M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
+    values, vectors = eigen(K, M, count)
+    order = np.abs([*elements.orders(2), *range(3)])
+    names = []
+    for x in vectors.T:
+        parts = _parts(system, M, x, order)
+        names.append(SHAPES[int(np.argmax(parts))])
+    return list(zip(values.tolist(), names, strict=True))
+
+
+def _parts(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
+    """Kinetic energy of harmonics 0, 1, 2 in a mode; the magnet moves with harmonics 0 and 1."""
+    energy = []
+    for n in range(3):
+        part = np.zeros(len(x))
+        fields = np.broadcast_to(order == n, system.free.shape)[system.free]
+        part[: system.n_free][fields] = x[: system.n_free][fields]
+        if system.n_rigid and n < 2:
+            place = system.n_free + (np.array([1]) if n == 0 else np.array([0, 2]))
+            part[place] = x[place]
+        energy.append(float(part @ (M @ part + sp.triu(M, 1).T @ part)))
+    return np.array(energy)
+
+
+def _torsion(path: Path, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+    """Eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
+    d = path.d
+    e = elements.build(d.mesh, axisymmetric=True, angles=elements.twisting())
+    fixed = np.zeros((len(e.nodes), 3), dtype=bool)
+    fixed[elements.boundary_nodes(d.mesh, "base")] = True
+    fixed[elements.boundary_nodes(d.mesh, "axis"), :2] = True
+    skin = elements.surface(d.mesh, "skin", e, axisymmetric=True, order=5)
+    glued = elements.boundary_nodes(d.mesh, "magnet") if magnet == "rigid" else NONE
+    body = rigid.section(e.nodes[glued] - [0, d.shape.H], e.angles) if magnet == "rigid" else None
+    system = System(e, skin, *lame(1.0, design.nu), fixed, glued, body, law=d.system.law)
+    low = d.system.state(path.q)
+    u = np.stack([low.u[:, 0], np.zeros(len(low.u)), low.u[:, 1]], axis=1)
+    motion = np.append(d.system.motion(path.q), 0.0) if body else np.empty(0)
+    q = system.unknowns(u, low.p, motion)
+    m, _, along = _inertia(design, magnet)
+    K = system.assemble(system.state(q), _glued(path, system, q)).tangent
+    M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
+    # torsion does not couple to the rest: keep its unknowns only
+    twist = np.zeros(system.size, dtype=bool)
+    twist[: system.n_free] = np.broadcast_to([False, True, False], system.free.shape)[system.free]
+    if body:
+        twist[system.n_free + 1] = True
+    values, _ = eigen(K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr(), count)
+    return [(float(value), "torsion") for value in values]
+
+
+def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
+    """Eigenvalues nearest to zero of K x = lambda M x for upper triangles K and M, rising, and vectors (n, count)."""
+    n = K.shape[0]
+    solver = Solver()
+    try:
+        solver.factorise(K)
+        whole = (M + sp.triu(M, 1).T).tocsr()
+        inverse = spla.LinearOperator((n, n), matvec=lambda b: solver.solve(np.ravel(b)), dtype=np.float64)
+        start = np.random.default_rng(0).normal(size=n)
+        values, vectors = spla.eigsh(K, k=count, M=whole, sigma=0.0, OPinv=inverse, v0=start)
+    finally:
+        solver.close()
+    order = np.argsort(values)
+    return values[order], vectors[:, order]

@@ -1,0 +1,117 @@
+"""Natural frequencies against beam theory, and by invariants."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from scipy.optimize import brentq
+
+from fem import elements, modes
+from fem.equilibrium import QUICK, STANDARD
+from fem.material import lame
+from fem.models import on_axis
+from fem.system import System
+from geometry.design import BadInput, paper
+
+NU = 0.4998
+
+
+def cylinder(length, angles):
+    """A clamped cylinder of diameter 1 with a flat end."""
+    mesh = skfem.MeshTri.init_tensor(np.linspace(0, 0.5, 4), np.linspace(0, length, 6 * length + 1))
+    e = elements.build(skfem.MeshTri2.from_mesh(mesh), axisymmetric=True, angles=angles)
+    fixed = np.repeat(e.nodes[:, 1:] < 1e-9, angles.fields, axis=1)
+    still = np.array([True, True, False]) if angles.fields == 3 else ~on_axis(angles.harmonics)
+    fixed[np.ix_(e.nodes[:, 0] < 1e-9, still)] = True
+    return System(e, None, *lame(1.0, NU), fixed)
+
+
+def frequencies(system, count):
+    """Angular frequencies for E = density = 1."""
+    zero = system.state(np.zeros(system.size))
+    values, _ = modes.eigen(system.assemble(zero, None).tangent, system.mass(1.0, np.zeros(0)), count)
+    return np.sqrt(values)
+
+
+def timoshenko(length, count):
+    """Angular frequencies of a clamped Timoshenko beam, diameter, E and density 1, by the transfer matrix."""
+    area, inertia = math.pi / 4, math.pi / 64
+    shear = 6 * (1 + NU) / (7 + 6 * NU) * area / (2 * (1 + NU))
+
+    def end(omega):
+        from scipy.linalg import expm
+
+        # deflection, rotation, moment, shear force along the beam
+        A = np.array(
+            [
+                [0, 1, 0, 1 / shear],
+                [0, 0, 1 / inertia, 0],
+                [0, -(omega**2) * inertia, 0, -1],
+                [-(omega**2) * area, 0, 0, 0],
+            ]
+        )
+        return np.linalg.det(expm(A * length)[2:, 2:])
+
+    grid = np.linspace(1e-4, 1.0, 4000)
+    values = np.array([end(w) for w in grid])
+    roots = [brentq(end, a, b) for a, b, x, y in zip(grid, grid[1:], values, values[1:], strict=False) if x * y < 0]
+    return np.array(roots[:count])
+
+
+def test_bending_of_a_slender_cylinder_is_timoshenkos():
+    found = frequencies(cylinder(20, elements.around(1)), 4)
+    beam = timoshenko(20, 3)
+    for omega in beam:
+        assert np.abs(found / omega - 1).min() < 0.01
+
+
+def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
+    axial = frequencies(cylinder(20, elements.around(0)), 2)
+    both = frequencies(cylinder(20, elements.twisting()), 5)
+    for k in (1, 2):
+        quarter = (2 * k - 1) * math.pi / 40
+        assert axial[k - 1] == pytest.approx(quarter, rel=0.01)
+        assert np.abs(both / (quarter / math.sqrt(2 * (1 + NU))) - 1).min() < 1e-3
+        assert np.abs(both / axial[k - 1] - 1).min() < 1e-9
+
+
+def test_total_mass_is_the_silicones():
+    system = cylinder(2, elements.around(2))
+    M = system.mass(3.0, np.zeros(0))
+    up = np.zeros(system.fixed.shape)
+    up[:, len(elements.orders(2))] = 1
+    free = up[system.free]
+    inside = free @ (M + M.T)[: system.n_free, : system.n_free] @ free - free**2 @ M.diagonal()[: system.n_free]
+    # the nodes of the clamped face carry the rest
+    assert 0.9 * 3.0 * math.pi / 2 < inside < 3.0 * math.pi / 2
+
+
+@pytest.mark.parametrize("depth", [0.0, 1.0])
+def test_frequencies_scale_and_converge(depth):
+    one = modes.modes(paper(), count=6, depth=depth, accuracy=QUICK)
+    four = modes.modes(replace(paper(), E=4.0), count=6, depth=depth, accuracy=QUICK)
+    fine = modes.modes(paper(), count=6, depth=depth, accuracy=STANDARD)
+    np.testing.assert_allclose(four.frequency, 2 * np.array(one.frequency), rtol=1e-6)
+    np.testing.assert_allclose(fine.frequency, one.frequency, rtol=0.015)
+    assert fine.shape[:3] == ("bending", "torsion", "axial")
+
+
+def test_a_heavier_magnet_lowers_the_frequencies():
+    light, heavy = (
+        modes.modes(replace(paper(), magnet_density=rho), count=3, accuracy=QUICK) for rho in (1080, 7500)
+    )
+    assert all(a > b for a, b in zip(light.frequency, heavy.frequency, strict=True))
+
+
+def test_the_papers_estimate():
+    alone, loaded = modes.spring_mass(paper())
+    assert 930 < alone < 1015
+    assert loaded < alone
+
+
+@pytest.mark.parametrize("count", [0, 1000])
+def test_counts_that_mean_nothing(count):
+    with pytest.raises(BadInput, match="count"):
+        modes.modes(paper(), count=count)
