@@ -43,6 +43,23 @@ def output_folder(path: str | Path) -> Path:
     return folder
 
 
+@contextlib.contextmanager
+def filled(path: str | Path) -> Iterator[Path]:
+    """The folder of `output_folder` while it is filled; if it is made here, it is not left empty."""
+    made = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
+    try:
+        yield output_folder(path)
+    finally:
+        for folder in made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
+    """`filled`, or None where nothing is to be written."""
+    return contextlib.nullcontext() if path is None else filled(path)
+
+
 def check_output_file(path: str | Path, *suffixes: str) -> Path:
     """A file that can be written later: right ending, and an existing folder fit to write into. Writes nothing.
 
@@ -98,15 +115,18 @@ def json_line(record: Mapping[str, Any]) -> str:
 
 
 def clean(value: Any) -> Any:
-    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None."""
+    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None.
+
+    A negative zero loses its sign.
+    """
     if isinstance(value, Mapping):
         return {str(key): clean(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [clean(item) for item in value]
     if hasattr(value, "tolist"):
         return clean(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, float):
+        return value + 0.0 if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
 
 
