@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import skfem
 
     from fem.revolve import Body
-    from fem.solution import Field
+    from fem.solution import Solution
 
 
 def output_folder(path: str | Path) -> Path:
@@ -142,17 +142,20 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh) -> None:
     _save(path, grid)
 
 
-def write_field(path: str | Path, field: Field) -> None:
+def write_field(path: str | Path, solution: Solution) -> None:
     """Write the deformed body as .vtu with displacement_mm, pressure_MPa and region at its undeformed nodes moved.
+
+    What is symmetric is written in part: the section of an axisymmetric solution, half the body of a harmonic or a
+    half one, beside the plane of its shear.
 
     The undeformed place of a point is its own less displacement_mm. Pressure is positive in compression; in the
     middle of an edge it is the mean of those at its ends.
     """
     import numpy as np
 
-    from fem.revolve import body
+    from fem.revolve import in_place
 
-    solid = body(field)
+    solid = in_place(solution)
     grid = grid_of(solid.mesh)
     moved = spatial(solid.u)
     grid.points = grid.points + moved

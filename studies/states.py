@@ -183,7 +183,7 @@ def _records(
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
     if vtu is not None:
-        files.write_field(vtu, state.field)
+        files.write_field(vtu, state)
     if png is not None:
         from studies.pictures import section_picture
 
