@@ -1,7 +1,11 @@
-"""A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures."""
+"""A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures.
+
+The fields of all models but the full one are those of a load along their own x axis; see `bearing`.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +13,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem import elements
-from fem.solution import Field
+from fem.solution import Field, Solution, slides
 
 Array = NDArray[np.float64]
 
@@ -25,6 +29,30 @@ class Body:
     u: Array
     p: Array
     vertices: NDArray[np.int64]
+
+
+def bearing(solution: Solution) -> float:
+    """Angle from the user's x axis to the line along which a solution's load shears, in (-90, 90] degrees, rad."""
+    x, y = solution.load.shear_x, solution.load.shear_y
+    if not slides(solution.load):
+        return 0.0
+    return math.atan2(-y, -x) if x < 0 or (x == 0 and y < 0) else math.atan2(y, x)
+
+
+def in_place(solution: Solution) -> Body:
+    """The body of a solution in the user's frame."""
+    found = body(solution.field)
+    return found if solution.model == "full" else turned(found, bearing(solution))
+
+
+def turned(solid: Body, angle: float) -> Body:
+    """A solid body turned about z; a section stays as it is."""
+    if angle == 0 or solid.mesh.dim() == 2:
+        return solid
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    mesh = skfem.MeshTet2(turn @ solid.mesh.doflocs, solid.mesh.t)
+    return Body(mesh, solid.u @ turn.T, solid.p, solid.vertices)
 
 
 def body(field: Field) -> Body:
@@ -44,7 +72,7 @@ def body(field: Field) -> Body:
     x = section.doflocs
     angle = np.pi * turn / half
     flat = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet(flat, t.reshape(straight.shape).T))
+    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet(flat, np.ascontiguousarray(t.reshape(straight.shape).T)))
     node, turn = _edges(field, mesh, node, turn, on_axis)
     angle = np.pi * turn / half
     k, n = np.array(elements.orders(field.angles.harmonics)), np.arange(field.angles.harmonics + 1)

@@ -157,8 +157,10 @@ def follow(
         state = None if reason else next(states, None)
         if reason or failed is None:
             outcomes.append(Outcome(None, "bad_input", reason))
+        elif state is None:
+            outcomes.append(failed)
         else:
-            outcomes.append(Outcome(state, "ok", state.message) if state and state.status == "ok" else failed)
+            outcomes.append(Outcome(state if state.status == "ok" else None, state.status, state.message))
     return outcomes
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from studies.files import json_line
@@ -44,24 +46,71 @@ def report(
     elif records:
         filled = {key for record in records for key, value in record.items() if value not in (None, "")}
         keys = [key for key in records[0] if key in filled and key not in brief]
-        heads = [" ".join(filter(None, (name, f"({unit})" if unit else ""))) for name, unit in map(_heading, keys)]
-        table(title, heads, [[_text(key, record.get(key), 4) for key in keys] for record in records])
+        table(title, _heads(keys), [[_text(key, record.get(key), 4) for key in keys] for record in records])
+
+
+def stream(
+    records: Iterable[Mapping[str, Any]], *, as_json: bool, title: str, keys: Sequence[str], count: int
+) -> list[dict[str, Any]]:
+    """Print each record as soon as it is there, and return them all.
+
+    Parameters
+    ----------
+    keys : of the columns of a table.
+    count : how many records are expected; a single one is printed upright.
+    """
+    printed: list[dict[str, Any]] = []
+    widths: list[int] = []
+    for record in records:
+        if as_json or count == 1:
+            report([record], as_json=as_json, title=title)
+        else:
+            first = not printed
+            widths = widths or [_width(key, record.get(key)) for key in keys]
+            cells = [_text(key, record.get(key), 4) for key in keys]
+            _print_table(title if first else "", _heads(keys), [cells], widths=widths, headed=first, edged=False)
+        printed.append(dict(record))
+    return printed
 
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; the heads ["", "unit", "value"] stand for name, value and unit side by side."""
+    headed = list(heads) != ["", "unit", "value"]
+    _print_table(title, heads, rows, widths=[None] * len(heads), headed=headed, edged=True)
+
+
+def _print_table(
+    title: str,
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    widths: Sequence[int | None],
+    headed: bool,
+    edged: bool,
+) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    upright = list(heads) == ["", "unit", "value"]
-    shown = Table(title=title or None, box=box.SIMPLE, show_header=not upright, title_justify="left")
-    for head in heads:
-        shown.add_column(head, overflow="fold")
+    shown = Table(title=title or None, box=box.SIMPLE, show_header=headed, show_edge=edged, title_justify="left")
+    for head, width in zip(heads, widths, strict=True):
+        shown.add_column(head, overflow="fold", width=width)
     for row in rows:
         shown.add_row(*map(Text, row))
-    Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False).print(shown)
+    terminal = sys.stdout.isatty()
+    space = shutil.get_terminal_size().columns if terminal else WIDTH
+    text = io.StringIO()
+    # fixed columns are not squeezed: a narrow terminal wraps their rows
+    space = max(space, sum((width or 0) + 3 for width in widths))
+    Console(file=text, width=space, force_terminal=terminal, highlight=False).print(shown)
+    # a bar on standard error moves aside for what is printed, not for what a console writes
+    print(text.getvalue(), end="", flush=True)
+
+
+def _width(key: str, value: Any) -> int:
+    """Columns that a key's values take in rows that are printed one by one."""
+    return 13 if key == "status" else 26 if isinstance(value, (list, tuple)) else 8
 
 
 def say(text: str) -> None:
@@ -88,7 +137,9 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
         TimeElapsedColumn(),
         TextColumn("{task.description}"),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    # the bar would draw what is meant for a pipe or a file on standard error
+    aside = sys.stdout.isatty()
+    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=aside) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
 
@@ -107,6 +158,11 @@ class _Lines:
 
 def _silent(fraction: float, text: str) -> None:
     """No progress."""
+
+
+def _heads(keys: Iterable[str]) -> list[str]:
+    """Names of columns with their units."""
+    return [f"{name} ({unit})" if unit else name for name, unit in map(_heading, keys)]
 
 
 def _heading(key: str) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""The section y = 0 of a solution as curved triangles, and these as small flat ones and lines for PyVista; mm."""
+"""The section of a solution along its shear as curved triangles, and these as small flat ones and lines; mm."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from studies.files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
-    from fem.solution import Field
+    from fem.revolve import Body
+    from fem.solution import Solution
 
 Array = NDArray[np.float64]
 Quantity = Literal["displacement", "pressure"]
@@ -28,11 +29,16 @@ class Cut(NamedTuple):
     edges: Array
 
 
-def cut_of(field: Field, quantity: Quantity) -> Cut:
-    """The section of a deformed body, that of an axisymmetric one mirrored to both sides."""
-    from fem.revolve import body
+def cut_of(solution: Solution, quantity: Quantity) -> Cut:
+    """The section of a deformed body in the plane of its shear (or y = 0), turned to y = 0.
 
-    solid = body(field)
+    That of an axisymmetric body is mirrored to both sides; a full body is cut.
+    """
+    from fem import revolve
+
+    solid = revolve.body(solution.field)
+    if solution.model == "full":
+        return _sliced(revolve.turned(solid, -revolve.bearing(solution)), quantity)
     u = spatial(solid.u)
     value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
     x = spatial(solid.mesh.doflocs.T)
@@ -47,6 +53,62 @@ def cut_of(field: Field, quantity: Quantity) -> Cut:
         rest, moved = np.concatenate([rest, rest * mirror]), np.concatenate([moved, moved * mirror])
         values = np.concatenate([values, values])
     return Cut(rest, moved, values, edges)
+
+
+def _sliced(solid: Body, quantity: Quantity) -> Cut:
+    """Where the plane y = 0 of the undeformed body cuts tetrahedra: in each of them a triangle or two.
+
+    Points are taken at barycentric coordinates of straight cells, so neighbours meet without a gap.
+    """
+    nodes = np.asarray(solid.mesh.dofs.element_dofs, dtype=np.int64).T
+    x = solid.mesh.doflocs.T
+    cell, corners = _crossings(x[nodes[:, :4], 1])
+    ends = np.array([(0, 1), (1, 2), (2, 0)])
+    middles = corners[:, ends].mean(axis=2)
+    points = np.concatenate([corners, middles[:, [0, 1, 2]]], axis=1)
+    pairs = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
+    edge_shapes = 4 * points[..., pairs[:, 0]] * points[..., pairs[:, 1]]
+    shapes = np.concatenate([points * (2 * points - 1), edge_shapes], axis=-1)
+    rest, u = (np.einsum("kpa,kai->kpi", shapes, nodal[nodes[cell]]) for nodal in (x, solid.u))
+    if quantity == "displacement":
+        value = np.linalg.norm(u, axis=2)
+    else:
+        value = np.einsum("kpa,ka->kp", shapes, nodal_pressure(solid)[nodes[cell]])
+    # an edge of the section lies in the face opposite to the corner that neither of its ends depends on
+    opposite = (corners[:, ends] == 0).all(axis=2)
+    outer = np.zeros(solid.mesh.facets.shape[1], dtype=bool)
+    outer[solid.mesh.boundary_facets()] = True
+    on_face = outer[solid.mesh.t2f[[3, 2, 1, 0]].T][cell][:, None, :]
+    triangle, side = np.nonzero((opposite & on_face).any(axis=2))
+    curve = np.stack([ends[side, 0], side + 3, ends[side, 1]], axis=1)
+    moved = rest + u
+    edges = np.stack([rest[triangle[:, None], curve], moved[triangle[:, None], curve]], axis=1)
+    return Cut(rest, moved, value, edges)
+
+
+def _crossings(y: Array) -> tuple[NDArray[np.int64], Array]:
+    """Cells (k,) and barycentric coordinates (k, 3, 4) of the triangles where y (m, 4) at the corners is 0."""
+    above = y >= 0
+    order = np.argsort(above, axis=1, kind="stable")
+    count = above.sum(axis=1)
+    cells, found = [], []
+    # places in `order`: the corners below come first
+    for number, triangles in (
+        (1, [((3, 0), (3, 1), (3, 2))]),
+        (3, [((0, 1), (0, 2), (0, 3))]),
+        (2, [((0, 2), (0, 3), (1, 3)), ((0, 2), (1, 3), (1, 2))]),
+    ):
+        cell = np.flatnonzero(count == number)
+        for triangle in triangles:
+            corners = np.zeros((len(cell), 3, 4))
+            for i, (a, b) in enumerate(triangle):
+                one, other = order[cell, a], order[cell, b]
+                share = y[cell, one] / (y[cell, one] - y[cell, other])
+                corners[np.arange(len(cell)), i, one] = 1 - share
+                corners[np.arange(len(cell)), i, other] = share
+            cells.append(cell)
+            found.append(corners)
+    return np.concatenate(cells), np.concatenate(found)
 
 
 def _triangles(mesh: Any) -> NDArray[np.int64]:

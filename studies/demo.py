@@ -105,7 +105,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]
     if reached:
-        files.write_field(folder / f"{name}.vtu", reached[-1].field)
+        files.write_field(folder / f"{name}.vtu", reached[-1])
         section_picture(folder / f"{name}_section.png", design, reached[-1])
 
 

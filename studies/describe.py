@@ -88,27 +88,27 @@ def build_cad(design: Design, out: Path, progress: Progress) -> dict[str, Any]:
 
     choices = mold.Mold()
     mold.sizes(design, choices)
-    folder = files.output_folder(out)
-    progress(0.0, "solids")
-    parts = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
-    if design.shape.has_magnet:
-        parts["magnet"] = cad.magnet(design)
-    progress(0.2, "mould")
-    parts["mold_a"], parts["mold_b"] = mold.parts(design, choices)
-    checks = mold.checks(design, choices, parts["mold_a"], parts["mold_b"])
-    record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": []}
-    record["checks"] = [dataclasses.asdict(check) for check in checks]
-    bad = [check for check in checks if not check.passed]
-    try:
-        if bad:
-            raise RuntimeError(
-                f"the mould fails its check '{bad[0].name}': {bad[0].value:.3g}, must be {bad[0].bound}; "
-                "no file is written: change the design"
-            )
-        progress(0.5, "files")
-        record["parts"] = [dataclasses.asdict(part) for part in cad.export(parts, folder)]
-    except RuntimeError as error:
-        record["status"], record["message"] = "failed", str(error)
+    with files.filled(out) as folder:
+        progress(0.0, "solids")
+        parts = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
+        if design.shape.has_magnet:
+            parts["magnet"] = cad.magnet(design)
+        progress(0.2, "mould")
+        parts["mold_a"], parts["mold_b"] = mold.parts(design, choices)
+        checks = mold.checks(design, choices, parts["mold_a"], parts["mold_b"])
+        record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": []}
+        record["checks"] = [dataclasses.asdict(check) for check in checks]
+        bad = [check for check in checks if not check.passed]
+        try:
+            if bad:
+                raise RuntimeError(
+                    f"the mould fails its check '{bad[0].name}': {bad[0].value:.3g}, must be {bad[0].bound}; "
+                    "no file is written: change the design"
+                )
+            progress(0.5, "files")
+            record["parts"] = [dataclasses.asdict(part) for part in cad.export(parts, folder)]
+        except RuntimeError as error:
+            record["status"], record["message"] = "failed", str(error)
     return record
 
 

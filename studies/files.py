@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import skfem
 
     from fem.revolve import Body
-    from fem.solution import Field
+    from fem.solution import Solution
 
 
 def output_folder(path: str | Path) -> Path:
@@ -41,6 +41,23 @@ def output_folder(path: str | Path) -> Path:
     except (OSError, ValueError) as error:
         raise BadInput(f"cannot write to the folder {str(path)!r} ({_cause(error)}): choose another folder") from None
     return folder
+
+
+@contextlib.contextmanager
+def filled(path: str | Path) -> Iterator[Path]:
+    """The folder of `output_folder` while it is filled; if it is made here, it is not left empty."""
+    made = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
+    try:
+        yield output_folder(path)
+    finally:
+        for folder in made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
+    """`filled`, or None where nothing is to be written."""
+    return contextlib.nullcontext() if path is None else filled(path)
 
 
 def check_output_file(path: str | Path, *suffixes: str) -> Path:
@@ -98,15 +115,18 @@ def json_line(record: Mapping[str, Any]) -> str:
 
 
 def clean(value: Any) -> Any:
-    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None."""
+    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None.
+
+    A negative zero loses its sign.
+    """
     if isinstance(value, Mapping):
         return {str(key): clean(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [clean(item) for item in value]
     if hasattr(value, "tolist"):
         return clean(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, float):
+        return value + 0.0 if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
 
 
@@ -122,17 +142,20 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh) -> None:
     _save(path, grid)
 
 
-def write_field(path: str | Path, field: Field) -> None:
+def write_field(path: str | Path, solution: Solution) -> None:
     """Write the deformed body as .vtu with displacement_mm, pressure_MPa and region at its undeformed nodes moved.
+
+    What is symmetric is written in part: the section of an axisymmetric solution, half the body of a harmonic or a
+    half one, beside the plane of its shear.
 
     The undeformed place of a point is its own less displacement_mm. Pressure is positive in compression; in the
     middle of an edge it is the mean of those at its ends.
     """
     import numpy as np
 
-    from fem.revolve import body
+    from fem.revolve import in_place
 
-    solid = body(field)
+    solid = in_place(solution)
     grid = grid_of(solid.mesh)
     moved = spatial(solid.u)
     grid.points = grid.points + moved

@@ -1,11 +1,12 @@
 """PyVista pictures of solutions, drawn off-screen: the deformed section with its magnet and the plate.
 
-Lengths in mm, in the plane y = 0 seen from the front.
+Lengths in mm, in the plane of the shear (y = 0 without one) seen from the front.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +44,7 @@ def section_picture(
     magnet: Magnet = "rigid",
     quantity: Quantity = "displacement",
 ) -> None:
-    """Draw the section y = 0 of a solution into a PNG file.
+    """Draw the section of a solution along its shear, or y = 0 without one, into a PNG file.
 
     Parameters
     ----------
@@ -53,10 +54,12 @@ def section_picture(
     import pyvista as pv
 
     _quiet()
-    cut = cut_of(solution.field, quantity)
+    cut = cut_of(solution, quantity)
+    slope = _slope(solution)
+    solution = _seen(solution)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")
-    reach = _reach(design, solution)
+    reach = _reach(design, solution, slope)
     ticks = _ticks(cut, quantity)
     actor = plotter.add_mesh(
         surface(cut.moved, cut.value),
@@ -72,15 +75,36 @@ def section_picture(
     if magnet == "rigid":
         _add_magnet(plotter, design, solution.response, reach)
     if solution.load.grip is None:
-        _add_plate(plotter, design, solution, reach)
+        _add_plate(plotter, design, solution, slope, reach)
     _add_ground(plotter, design, reach)
     top = design.L + max(0.0, PLATE * design.D - solution.load.depth)
     _label(plotter, (0.0, top + 0.045 * design.D), "at rest", _GREY)
     _add_bar(plotter, _TITLES[quantity], actor.mapper, len(ticks))
-    _aim(plotter, design, solution, reach)
+    _aim(plotter, design, solution, slope, reach)
     with atomic(path) as temporary:
         plotter.screenshot(temporary)
     plotter.close()
+
+
+def _seen(solution: Solution) -> Solution:
+    """The solution with what the section shows of it as motion along x and rotation about y."""
+    from fem.revolve import bearing
+
+    angle, load, response = bearing(solution), solution.load, solution.response
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = response.shift
+    load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
+    response = replace(
+        response, shift=(c * x + s * y, 0.0, z), tilt=c * response.tilt + s * response.tilt_y, tilt_y=0.0
+    )
+    return replace(solution, load=load, response=response)
+
+
+def _slope(solution: Solution) -> float:
+    """How steeply the plate falls along the section."""
+    from fem.revolve import bearing
+
+    return math.cos(bearing(solution)) * math.tan(solution.load.plate_tilt)
 
 
 def _quiet() -> None:
@@ -150,14 +174,16 @@ def _placed(local: Array, design: Design, response: Response) -> Array:
     return np.stack([x, z], axis=1)
 
 
-def _add_plate(plotter: Any, design: Design, solution: Solution, reach: float) -> None:
+def _add_plate(plotter: Any, design: Design, solution: Solution, slope: float, reach: float) -> None:
     load = solution.load
-    bottom, middle, half, thick = design.L - load.depth, load.shear_x, 1.25 * design.R, PLATE * design.D
-    corners = [(middle - half, bottom), (middle + half, bottom)]
-    corners += [(middle + half, bottom + thick), (middle - half, bottom + thick)]
+    bottom = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+    middle, half, thick = load.shear_x, 1.25 * design.R, PLATE * design.D
+    ends = [(x, bottom - slope * x) for x in (middle - half, middle + half)]
+    corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
     plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
-    _loop(plotter, np.array(corners[:2]), 0.06, color=_DARK, line_width=5)
-    _label(plotter, (min(middle + 1.02 * design.R, 1.5 * design.R), bottom + thick + 0.05 * reach), "plate")
+    _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)
+    at = min(middle + 1.02 * design.R, 1.5 * design.R)
+    _label(plotter, (at, bottom - slope * at + thick + 0.05 * reach), "plate")
 
 
 def _add_ground(plotter: Any, design: Design, reach: float) -> None:
@@ -215,17 +241,23 @@ def _width(design: Design, solution: Solution) -> tuple[float, float]:
     return min(-1.4 * design.R, shear - 1.3 * design.R), max(1.4 * design.R, shear + 1.3 * design.R)
 
 
-def _reach(design: Design, solution: Solution) -> float:
+def _top(design: Design, solution: Solution, slope: float) -> float:
+    """Greatest height in the picture."""
+    end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
+    return max(design.L, end if slope else 0.0) + 0.14 * design.D
+
+
+def _reach(design: Design, solution: Solution, slope: float) -> float:
     """Half the height of the picture; its lowest 0.28 parts are for the ground and the scale."""
     left, right = _width(design, solution)
-    return max(0.6 * (design.L + 0.14 * design.D), (right - left) / 2 / (0.78 * SIZE[0] / SIZE[1]))
+    return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (0.78 * SIZE[0] / SIZE[1]))
 
 
-def _aim(plotter: Any, design: Design, solution: Solution, reach: float) -> None:
+def _aim(plotter: Any, design: Design, solution: Solution, slope: float, reach: float) -> None:
     """Look along +y at the section, everything in the frame, the scalar bar beside it."""
     left, right = _width(design, solution)
     centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
-    height = (design.L + 0.14 * design.D - 0.28 * reach) / 2
+    height = (_top(design, solution, slope) - 0.28 * reach) / 2
     plotter.enable_parallel_projection()
     plotter.camera.focal_point = (centre, 0.0, height)
     plotter.camera.position = (centre, -10 * design.L, height)

@@ -2,72 +2,76 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Generator, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet
+from geometry.scene import STEEPEST, Load, Magnet, Response
 from studies import files, inputs
 from studies.console import Progress
+from studies.options import Method, Motion
 
 if TYPE_CHECKING:
-    from fem.equilibrium import Model
+    from fem.equilibrium import Accuracy
     from fem.solution import Solution
 
 MOST_STEPS = 1000
-DETAILS = ("message", "model", "dofs", "newton_iterations")
-"""Keys of a state that a table of several states leaves out."""
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """What a sweep is asked for."""
-
-    design: Design
-    axes: dict[str, list[float]]
-    depth: float
-    magnet: Magnet
-    accuracy: str
-
-
-def loads_of(
-    *,
-    depth: float | None = None,
-    depths: str | None = None,
-    steps: float | None = None,
-    shear: float | None = None,
-    friction: str | None = None,
-    grip: float | None = None,
-) -> list[Load]:
+def loads_of(motion: Motion) -> list[Load]:
     """The states that the options of `magtip solve` ask for, in order.
 
-    >>> [load.depth for load in loads_of(depth=1.0, steps=2)]
+    >>> [load.depth for load in loads_of(Motion(depth=1.0, steps=2))]
     [0.5, 1.0]
-    >>> [load.shear_x for load in loads_of(depth=1.0, steps=2, shear=1.0)]
+    >>> [load.shear_x for load in loads_of(Motion(depth=1.0, steps=2, shear=1.0))]
     [0.5, 1.0]
     """
-    slides = shear is not None and shear != 0
-    if sum(given is not None for given in (depth, depths)) > 1:
-        raise BadInput("--depth and --depths exclude each other: give one of them")
-    if depth is None and depths is None and grip is None:
-        raise BadInput("what the plate does is not given: add --depth D in mm, or --grip HEIGHT with --shear X")
-    if grip is not None and not slides:
-        raise BadInput("a grip only moves sideways: add --shear X in mm")
-    if grip is not None and friction is not None:
-        raise BadInput("a grip has no plate to rub on: leave --friction out")
-    if depths is not None and (steps is not None or shear is not None):
-        other = "--steps" if steps is not None else "--shear"
-        raise BadInput(f"--depths lists the states of a press: give one --depth instead to go with {other}")
-    contact = _friction(friction, "stick" if slides and grip is None else "none")
-    if depths is not None:
-        return [Load(depth=value, friction=contact) for value in inputs.parse_numbers("--depths", depths)]
-    count = _count(steps)
-    full = Load(depth=depth or 0.0, shear_x=shear or 0.0, friction=contact, grip=grip)
+    slides = _check_motion(motion)
+    contact = _friction(motion.friction, "stick" if slides and motion.grip is None else "none")
+    tilt = math.radians(motion.plate_tilt)
+    if motion.depths is not None:
+        depths = inputs.parse_numbers("--depths", motion.depths)
+        return [Load(depth=value, friction=contact, plate_tilt=tilt) for value in depths]
+    count = _count(motion.steps)
+    full = Load(
+        depth=motion.depth or 0.0,
+        shear_x=motion.shear or 0.0,
+        shear_y=motion.shear_y or 0.0,
+        friction=contact,
+        grip=motion.grip,
+        plate_tilt=tilt,
+    )
     shares = [(k + 1) / count for k in range(count)]
     if slides:
-        return [Load(full.depth, share * full.shear_x, 0.0, contact, grip) for share in shares]
-    return [Load(share * full.depth, 0.0, 0.0, contact) for share in shares]
+        return [replace(full, shear_x=share * full.shear_x, shear_y=share * full.shear_y) for share in shares]
+    return [replace(full, depth=share * full.depth) for share in shares]
+
+
+def _check_motion(motion: Motion) -> bool:
+    """Refuse options that exclude each other; returns whether there is a shear."""
+    slides = bool(motion.shear or motion.shear_y)
+    if motion.depth is not None and motion.depths is not None:
+        raise BadInput("--depth and --depths exclude each other: give one of them")
+    if motion.depth is None and motion.depths is None and motion.grip is None:
+        raise BadInput("what the plate does is not given: add --depth D in mm, or --grip HEIGHT with --shear X")
+    if motion.grip is not None and not slides:
+        raise BadInput("a grip only moves sideways: add --shear X in mm")
+    if motion.grip is not None and motion.friction is not None:
+        raise BadInput("a grip has no plate to rub on: leave --friction out")
+    if motion.grip is not None and motion.plate_tilt:
+        raise BadInput("a grip has no plate to tilt: leave --plate-tilt out")
+    if motion.depths is not None:
+        given = {"--steps": motion.steps, "--shear": motion.shear, "--shear-y": motion.shear_y}
+        for name, value in given.items():
+            if value is not None:
+                raise BadInput(f"--depths lists the states of a press: give one --depth instead to go with {name}")
+    steepest = math.degrees(STEEPEST)
+    if not abs(motion.plate_tilt) <= steepest:
+        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {motion.plate_tilt:g}")
+    return slides
 
 
 def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
@@ -89,34 +93,101 @@ def _count(steps: float | None) -> int:
     return int(steps)
 
 
+def columns(loads: list[Load]) -> list[str]:
+    """Keys of a state that a table of several states shows: what moves, and what answers."""
+    aside = any(load.shear_y for load in loads)
+    shown = {
+        "status": True,
+        "depth_mm": loads[0].grip is None,
+        "shear_mm": any(load.shear_x for load in loads),
+        "shear_y_mm": aside,
+        "plate_tilt_rad": bool(loads[0].plate_tilt),
+        "force_N": True,
+        "shift_mm": True,
+        "tilt_rad": True,
+        "tilt_y_rad": aside,
+        "contact_radius_mm": loads[0].grip is None,
+        "error_estimate": True,
+        "shift_error_estimate": True,
+        "tilt_error_estimate": True,
+        "seconds": True,
+    }
+    return [key for key, wanted in shown.items() if wanted]
+
+
 def solve(
     design: Design,
     loads: list[Load],
-    accuracy: str,
-    magnet: Magnet,
-    model: Model,
+    method: Method,
     *,
     out: Path | None,
     picture: Path | None,
     progress: Progress,
-) -> list[dict[str, Any]]:
-    """Solve, write the files of the last state, and return a record of each state that was reached."""
+) -> Generator[dict[str, Any]]:
+    """A record of each state as soon as it is reached.
+
+    Whatever ends it, be it an interruption or the caller that closes it, files are written of the last good state.
+
+    Raises
+    ------
+    BadInput
+        At once, if the files cannot be written or the loads fit neither the design, the method nor each other.
+    """
     from fem import equilibrium
 
     vtu = None if out is None else files.check_output_file(out, ".vtu")
     png = None if picture is None else files.check_output_file(picture, ".png")
-    level = equilibrium.LEVELS[accuracy]
+    level = _level(loads, method)
+    found = equilibrium.walk(design, loads, level, magnet=method.magnet, model=method.model, progress=progress)
+    return _records(design, loads, method, found, vtu, png)
+
+
+def _level(loads: list[Load], method: Method) -> Accuracy:
+    """The accuracy, with the number of harmonics asked for."""
+    from fem import equilibrium
+
+    level, harmonics = equilibrium.LEVELS[method.accuracy], method.harmonics
+    if harmonics is None:
+        return level
+    most = equilibrium.MOST_HARMONICS
+    if not (0 <= harmonics <= most and harmonics == int(harmonics)):
+        raise BadInput(f"--harmonics must be a whole number between 0 and {most}; got {harmonics:g}")
+    model = equilibrium.choose_model(loads, method.model)
+    if model != "harmonic":
+        raise BadInput(f"--harmonics goes with model harmonic; these loads get {model}: add --model harmonic")
+    if harmonics == 0 and any(load.shear_x or load.shear_y for load in loads):
+        raise BadInput("--harmonics 0 is a body of revolution, which cannot carry a shear: give 1 or more")
+    return replace(level, harmonics=int(harmonics))
+
+
+def _records(
+    design: Design,
+    loads: list[Load],
+    method: Method,
+    found: Iterator[Solution],
+    vtu: Path | None,
+    png: Path | None,
+) -> Generator[dict[str, Any]]:
+    last: Solution | None = None
+    reached = 0
     try:
-        found = equilibrium.trace(design, loads, level, magnet=magnet, model=model, progress=progress)
+        for last in found:
+            reached += 1
+            yield solution_record(last)
     except RuntimeError as error:
-        return [_unsolved(loads[0], model, str(error))]
+        yield _unsolved(loads[reached], method.model, str(error))
+    finally:
+        if last is not None:
+            _write(design, last, method.magnet, vtu, png)
+
+
+def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
     if vtu is not None:
-        files.write_field(vtu, found[-1].field)
+        files.write_field(vtu, state)
     if png is not None:
         from studies.pictures import section_picture
 
-        section_picture(png, design, found[-1], magnet=magnet)
-    return [solution_record(state) for state in found]
+        section_picture(png, design, state, magnet=magnet)
 
 
 def solution_record(state: Solution) -> dict[str, Any]:
@@ -125,110 +196,65 @@ def solution_record(state: Solution) -> dict[str, Any]:
         "status": state.status,
         "message": state.message,
         "model": state.model,
-        "depth_mm": state.load.depth,
-        "shear_mm": state.load.shear_x,
-        "force_N": list(state.response.force),
-        "shift_mm": list(state.response.shift),
-        "tilt_rad": state.response.tilt,
-        "contact_radius_mm": state.response.contact_radius,
+        **_motion_record(state.load),
+        **_response_record(state.response),
         "error_estimate": state.error_estimate,
+        "shift_error_estimate": state.shift_error_estimate,
+        "tilt_error_estimate": state.tilt_error_estimate,
         "dofs": state.dofs,
         "newton_iterations": state.newton_iterations,
         "seconds": state.seconds,
     }
 
 
+def _motion_record(load: Load) -> dict[str, Any]:
+    return {
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "shear_y_mm": load.shear_y,
+        "plate_tilt_rad": load.plate_tilt,
+    }
+
+
+def _response_record(response: Response) -> dict[str, Any]:
+    return {
+        "force_N": list(response.force),
+        "shift_mm": list(response.shift),
+        "tilt_rad": response.tilt,
+        "tilt_y_rad": response.tilt_y,
+        "contact_radius_mm": response.contact_radius,
+    }
+
+
 def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
     """The record of a state that has no mesh to be solved on."""
-    missing = ("force_N", "shift_mm", "tilt_rad", "contact_radius_mm", "error_estimate")
+    missing = ("force_N", "shift_mm", "tilt_rad", "tilt_y_rad", "contact_radius_mm")
+    estimates = ("error_estimate", "shift_error_estimate", "tilt_error_estimate")
     return {
         "status": "not_converged",
         "message": message,
         "model": model,
-        "depth_mm": load.depth,
-        "shear_mm": load.shear_x,
-        **dict.fromkeys(missing),
+        **_motion_record(load),
+        **dict.fromkeys((*missing, *estimates)),
         "dofs": 0,
         "newton_iterations": 0,
         "seconds": 0.0,
     }
 
 
-def compared(row: dict[str, Any]) -> dict[str, Any]:
-    """What a table on the screen shows of a row of a comparison or a sweep; the rest is in the files."""
-    load = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
-    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
-    keys = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
-    errors = ("force_error_percent", "force_x_error_percent", "fem_tilt_rad", "status")
-    return {key: row[key] for key in (*load, *keys, *errors) if key in row}
-
-
-def analytic(design: Design, depth: float, shear: float, level: str) -> dict[str, Any]:
+def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> dict[str, Any]:
     """The formulas' answer under the same names, with the readings; these are None without a magnet."""
     from analytic import beam, hall
 
-    response = beam.solve(design, Load(depth=depth, shear_x=shear, friction="stick" if shear else "none"), level)
+    friction: Literal["none", "stick"] = "stick" if any(shear) else "none"
+    load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
+    response = beam.solve(design, load, level)
     seen = hall.readings(design, response) if design.shape.has_magnet else None
     return {
         "status": "ok",
         "level": level,
-        "depth_mm": depth,
-        "shear_mm": shear,
-        "force_N": list(response.force),
-        "shift_mm": list(response.shift),
-        "tilt_rad": response.tilt,
-        "contact_radius_mm": response.contact_radius,
+        **_motion_record(load),
+        **_response_record(response),
         "readings_T": None if seen is None else list(seen.B_T),
         "readings_V": None if seen is None else list(seen.V),
     }
-
-
-def grid_of(
-    source: str | None,
-    axes: list[str],
-    design: str | None,
-    depth: float | None,
-    magnet: Magnet | None,
-    accuracy: str | None,
-    sets: list[str],
-) -> Grid:
-    """What a sweep is asked for: by a study, or by axes and a design, with the options that replace its values."""
-    if source is not None and design is not None:
-        raise BadInput(f"the design is given twice, {source!r} and --design {design!r}: give one of them")
-    if source is not None and inputs.is_study(source):
-        if axes:
-            raise BadInput(f"the study {source!r} has its own axes: leave --axis out, or give a design instead")
-        study = inputs.read_study(source)
-        depth, accuracy = depth if depth is not None else study.depth, accuracy or study.accuracy
-        magnet, values = magnet or study.magnet or "rigid", study.axes
-        varied = inputs.study_design(study, sets, magnet=magnet)
-    else:
-        if not axes:
-            raise BadInput("a sweep needs a study's TOML file with a table [axes], or --axis NAME=a,b,c")
-        magnet, values = magnet or "rigid", inputs.parse_axes(axes)
-        varied = inputs.read_design(source or design or "paper", sets, magnet=magnet)
-    if "depth" in values and depth is not None:
-        raise BadInput("the depth is an axis and given by itself too: leave one of them out")
-    if "depth" not in values and depth is None:
-        raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
-    if depth is not None:
-        Load(depth=depth)
-    return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
-
-
-def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, Any]]:
-    """Run a sweep."""
-    folder = None if out is None else files.output_folder(out)
-    from fem.equilibrium import LEVELS
-    from studies import sweep as work
-
-    rows: list[dict[str, Any]] = work.run(
-        grid.design,
-        grid.axes,
-        folder,
-        depth=grid.depth,
-        magnet=grid.magnet,
-        accuracy=LEVELS[grid.accuracy],
-        progress=progress,
-    )
-    return rows

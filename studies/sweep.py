@@ -79,6 +79,7 @@ def run(
     axes : values of any of D, L, f, E and depth; the first axis is that of the plot.
     folder : where to; None writes nothing.
     depth : of the press where it is not an axis, mm.
+    magnet : a design without one is solved as all silicone, whatever is asked for.
 
     Returns
     -------
@@ -92,6 +93,7 @@ def run(
     count = math.prod(len(values) for values in axes.values())
     if count > MOST_CASES:
         raise BadInput(f"a sweep may have {MOST_CASES} cases; these axes make {count}: take fewer values")
+    magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
     solved = _solve(cases, magnet, accuracy, progress)
     rows = [_row(case, outcome) for case, outcome in zip(cases, solved, strict=True)]

@@ -1,0 +1,125 @@
+"""The verbs that put the solver to the test: verify, extremes, accuracy, bench."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from studies import console, files
+from studies.options import FAILED, GOOD, AsJson
+
+
+def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solve published and closed-form problems, and judge each against its tolerance; status 3 if one fails.
+
+    Parameters
+    ----------
+    quick
+        On coarser meshes: half a minute instead of four.
+    out
+        Folder of verify.csv and VERIFY.md.
+    """
+    from studies import verify as work
+
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, progress=progress)
+    printed = rows if as_json else [work.shown(row) for row in rows]
+    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS)
+    failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solve scenes at the edge of what is allowed: each must end in a right answer or a clear status, else status 3.
+
+    Parameters
+    ----------
+    quick
+        On quick accuracy and without the slow scenes: one minute.
+    out
+        Folder of extremes.csv and EXTREMES.md.
+    """
+    from studies import extremes as work
+
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(quick=quick, folder=folder, progress=progress):
+            print(files.json_line(row) if as_json else work.line(row), flush=True)
+            rows.append(row)
+    failed = [row["scene"] for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} scenes end wrongly: {'; '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def accuracy(
+    *, quick: bool = False, out: Path | None = None, minutes: float | None = None, as_json: AsJson = False
+) -> int:
+    """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
+
+    Parameters
+    ----------
+    quick
+        Two designs at level quick only: half a minute instead of an hour, against a rougher reference.
+    out
+        Folder of accuracy.csv, ACCURACY.md and a picture, and of the solves, from which a stopped run goes on.
+    minutes
+        Begin no further solve after this time, and report what there is.
+    """
+    from studies import accuracy as work
+    from studies import calibration
+    from studies.extremes import versions
+
+    origin = versions()
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(
+            quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
+        )
+        if folder is not None:
+            calibration.write(folder, rows, origin, quick=quick)
+    for name, table in (("Estimates", calibration.shares(rows)), ("Levels", calibration.summary(rows))):
+        console.report(table, as_json=as_json, title=name)
+    missed = calibration.verdicts(rows)
+    if missed:
+        console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
+    return FAILED if missed else GOOD
+
+
+def bench(
+    *,
+    quick: bool = False,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+    out: Path | None = None,
+    as_json: AsJson = False,
+) -> int:
+    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
+
+    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+
+    Parameters
+    ----------
+    quick
+        Medians of 3 runs instead of 5, up to 50 000 unknowns.
+    peers
+        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        The program CalculiX.
+    out
+        Folder of bench.csv, BENCH.md and size.png.
+    """
+    from studies import bench as work
+    from studies import benchfiles
+
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, peers_folder=peers, ccx=ccx, progress=progress)
+    console.report(rows, as_json=as_json, title="Speed", brief=benchfiles.BRIEF)
+    for row in rows:
+        if row["message"]:
+            console.say(f"magtip: {row['case']}: {row['message']}")
+    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
+    if missed:
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
+    return GOOD

@@ -1,0 +1,84 @@
+"""What `magtip sweep` is asked for, by a study or by options, and what tables on the screen show of its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput, Design
+from geometry.scene import Load, Magnet
+from studies import files, inputs
+from studies.console import Progress
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """What a sweep is asked for."""
+
+    design: Design
+    axes: dict[str, list[float]]
+    depth: float
+    magnet: Magnet
+    accuracy: str
+
+
+def grid_of(
+    source: str | None,
+    axes: list[str],
+    design: str | None,
+    depth: float | None,
+    magnet: Magnet | None,
+    accuracy: str | None,
+    sets: list[str],
+) -> Grid:
+    """What a sweep is asked for: by a study, or by axes and a design, with the options that replace its values."""
+    if source is not None and design is not None:
+        raise BadInput(f"the design is given twice, {source!r} and --design {design!r}: give one of them")
+    if source is not None and inputs.is_study(source):
+        if axes:
+            raise BadInput(f"the study {source!r} has its own axes: leave --axis out, or give a design instead")
+        study = inputs.read_study(source)
+        depth, accuracy = depth if depth is not None else study.depth, accuracy or study.accuracy
+        magnet, values = magnet or study.magnet or "rigid", study.axes
+        varied = inputs.study_design(study, sets, magnet=magnet)
+    else:
+        if not axes:
+            raise BadInput("a sweep needs a study's TOML file with a table [axes], or --axis NAME=a,b,c")
+        magnet, values = magnet or "rigid", inputs.parse_axes(axes)
+        varied = inputs.read_design(source or design or "paper", sets, magnet=magnet)
+    if "depth" in values and depth is not None:
+        raise BadInput("the depth is an axis and given by itself too: leave one of them out")
+    if "depth" not in values and depth is None:
+        raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
+    if depth is not None:
+        Load(depth=depth)
+    return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
+
+
+def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, Any]]:
+    """Run a sweep."""
+    from fem.equilibrium import LEVELS
+    from studies import sweep as work
+
+    level = LEVELS[grid.accuracy]
+    with files.results(out) as folder:
+        rows: list[dict[str, Any]] = work.run(
+            grid.design,
+            grid.axes,
+            folder,
+            depth=grid.depth,
+            magnet=grid.magnet,
+            accuracy=level,
+            progress=progress,
+        )
+    return rows
+
+
+def compared(row: dict[str, Any]) -> dict[str, Any]:
+    """What a table on the screen shows of a row of a comparison or a sweep; the rest is in the files."""
+    load = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
+    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
+    keys = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
+    errors = ("force_error_percent", "force_x_error_percent", "fem_tilt_rad", "status")
+    return {key: row[key] for key in (*load, *keys, *errors) if key in row}

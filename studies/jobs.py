@@ -1,0 +1,144 @@
+"""The verbs that work through many states or measurements: demo, compare, sweep, fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from geometry.design import Design
+from geometry.scene import Magnet
+from studies import console, files, grids, inputs
+from studies.inputs import AccuracyName
+from studies.options import FAILED, GOOD, AsJson, Sets, Source, judged
+
+Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
+Data = Annotated[str, Parameter(name="FILE", help="CSV: stretch or strain, and nominal_stress_MPa, _kPa or _Pa.")]
+
+
+def demo(*, out: Path = Path("out/demo")) -> int:
+    """The main job on the paper's sensor: CAD, mould, mesh, finite elements, formulas, comparison, report.
+
+    Parameters
+    ----------
+    out
+        Folder of the results.
+    """
+    from studies import demo as work
+
+    with files.filled(out) as folder, console.progress(as_json=False) as progress:
+        found = work.run(folder, progress=progress)
+    for sentence in found["summary"]["sentences"]:
+        print(f"- {sentence}")
+    print(f"\nAll results are in {out}; start with REPORT.md.")
+    if found["status"] != "ok":
+        console.say(f"magtip: not all of it succeeded: {found['message']}")
+        return FAILED
+    return GOOD
+
+
+def compare(
+    source: Source,
+    /,
+    *,
+    out: Path | None = None,
+    accuracy: AccuracyName = "standard",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Finite elements and formulas side by side, in press and in shear.
+
+    Parameters
+    ----------
+    out
+        Folder of tables and plots.
+    accuracy
+        Of the finite elements.
+    """
+    given = inputs.read_design(source, sets or [])
+    from fem.equilibrium import LEVELS
+    from studies import compare as work
+
+    _say_what_is_ignored(given)
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        summary = work.run(given, folder, accuracy=LEVELS[accuracy], progress=progress)
+    if as_json:
+        console.report([summary], as_json=True)
+    else:
+        for name in ("press", "shear"):
+            console.report([grids.compared(row) for row in summary[name]], as_json=False, title=name.capitalize())
+    return judged([*summary["press"], *summary["shear"]])
+
+
+def sweep(
+    source: Study = None,
+    /,
+    *,
+    axis: list[str] | None = None,
+    design: str | None = None,
+    depth: float | None = None,
+    magnet: Magnet | None = None,
+    accuracy: AccuracyName | None = None,
+    out: Path | None = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Both models over a grid of D, L, f, E and the depth, one row per case.
+
+    magtip sweep STUDY.toml runs a study; magtip sweep --axis D=6,8,10 --depth 1 does without a file. Options given
+    beside a study replace its own values.
+
+    Parameters
+    ----------
+    axis
+        NAME=a,b,c with NAME one of D, L, f, E, depth; repeatable.
+    design
+        The design to vary: a preset or a TOML file; paper by default.
+    depth
+        Depth of the press where it is not an axis, mm.
+    magnet
+        As a rigid body (the default), or ignored.
+    accuracy
+        Of the finite elements; standard by default.
+    out
+        Folder of the table and the plot.
+    """
+    case = grids.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
+    if case.magnet == "rigid":
+        _say_what_is_ignored(case.design)
+    with console.progress(as_json=as_json) as progress:
+        rows = grids.sweep(case, out, progress)
+    shown = rows if as_json else [grids.compared(row) for row in rows]
+    console.report(shown, as_json=as_json, title="Sweep")
+    failed = [row for row in rows if row["status"] != "ok"]
+    for reason in dict.fromkeys(row["message"] for row in failed if row["message"]):
+        console.say(f"magtip: {sum(row['message'] == reason for row in failed)} of {len(rows)} cases: {reason}")
+    return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
+
+
+def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: AsJson = False) -> int:
+    """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
+
+    Parameters
+    ----------
+    out
+        Folder of the table, the plot and design.toml, which holds the best law that is stable throughout.
+    nu
+        Poisson's ratio that E is for.
+    """
+    from studies import fit as work
+
+    with files.results(out) as folder:
+        records = work.run(data, nu, folder)
+    shown = records if as_json else [work.flat(record) for record in records]
+    console.report(shown, as_json=as_json, title="Laws, the best first by AICc", brief=("warning",))
+    for record in records:
+        if record["warning"]:
+            console.say(f"Warning: {record['warning']}.")
+    return GOOD
+
+
+def _say_what_is_ignored(design: Design) -> None:
+    if not design.shape.has_magnet:
+        console.say("magtip: the design has no magnet (magnet_diameter is 0): it is solved as all silicone")

@@ -1,0 +1,85 @@
+"""What several verbs take, and the exit statuses of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from geometry.scene import Magnet
+from studies import console
+from studies.inputs import AccuracyName
+
+GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
+
+Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
+Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
+AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
+Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
+
+DEPTH = Parameter(help="How far the plate comes down after first touch, mm.")
+SHEAR = Parameter(help="Sideways motion of the plate or the grip along x, mm.")
+SHEAR_Y = Parameter(help="Sideways motion along y, mm.")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What the plate or the grip does.
+
+    Attributes
+    ----------
+    depths
+        Several depths of a press, d1,d2,d3.
+    steps
+        N states on the way: of the depth, or with a shear, of the shear at the full depth.
+    plate_tilt
+        Rotation of the plate about y that carries its normal from z towards x, degrees.
+    friction
+        none, stick (the patch in contact is glued to the plate), or a Coulomb coefficient.
+        By default none for a press, and stick when the plate shears.
+    grip
+        No plate: all surface points within this height of the tip are moved sideways, mm.
+    """
+
+    depth: Annotated[float | None, DEPTH] = None
+    depths: str | None = None
+    steps: float | None = None
+    shear: Annotated[float | None, SHEAR] = None
+    shear_y: Annotated[float | None, SHEAR_Y] = None
+    plate_tilt: float = 0.0
+    friction: str | None = None
+    grip: float | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Method:
+    """How finite elements solve it.
+
+    Attributes
+    ----------
+    magnet
+        As a rigid body, or ignored: all silicone.
+    model
+        auto takes the smallest that can carry the load.
+    harmonics
+        Number of harmonics of the harmonic model, in place of the accuracy's.
+    accuracy
+        Of the mesh and the harmonics.
+    """
+
+    magnet: Magnet = "rigid"
+    model: Model = "auto"
+    harmonics: float | None = None
+    accuracy: AccuracyName = "standard"
+
+
+def judged(records: Sequence[dict[str, Any]]) -> int:
+    """0 if every record is good, else 3 and a sentence."""
+    failed = [record for record in records if record.get("status", "ok") != "ok"]
+    if failed:
+        console.say(f"magtip: {failed[-1].get('message') or 'the solve failed: ' + failed[-1]['status']}")
+    return FAILED if failed else GOOD

@@ -1,0 +1,161 @@
+"""The verbs of one design: in numbers, as solids, as a mesh, and under load."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Annotated
+
+from geometry.scene import Magnet
+from studies import console, describe, inputs, sideways, states, vibration
+from studies.inputs import AccuracyName
+from studies.options import DEPTH, GOOD, SHEAR, SHEAR_Y, AsJson, Method, Motion, Sets, Source, judged
+
+
+def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
+    """Every value of a design and where it comes from, derived values, what is assumed, warnings."""
+    describe.show(inputs.read_design(source, sets or []), as_json=as_json)
+    return GOOD
+
+
+def cad(source: Source, /, *, out: Path, sets: Sets = None, as_json: AsJson = False) -> int:
+    """Write beam, silicone, magnet, mold_a and mold_b as .step, .stl and .3mf, and check the mould.
+
+    Parameters
+    ----------
+    out
+        Folder of the files.
+    """
+    given = inputs.read_design(source, sets or [])
+    with console.progress(as_json=as_json) as progress:
+        record = describe.build_cad(given, out, progress)
+    describe.show_cad(record, as_json=as_json)
+    return judged([record])
+
+
+def mesh(
+    source: Source, /, *, out: Path, size: float | None = None, sets: Sets = None, as_json: AsJson = False
+) -> int:
+    """Write the tetrahedral mesh of silicone and magnet as .vtu, and print its quality.
+
+    Parameters
+    ----------
+    out
+        A .vtu file.
+    size
+        Edge length away from features, mm; D/8 by default.
+    """
+    given = inputs.read_design(source, sets or [])
+    with console.progress(as_json=as_json) as progress:
+        record = describe.build_mesh(given, out, size, progress)
+    console.report([record], as_json=as_json, title="Mesh")
+    return judged([record])
+
+
+def solve(
+    source: Source,
+    /,
+    *,
+    motion: Motion = Motion(),
+    method: Method = Method(),
+    out: Path | None = None,
+    picture: Path | None = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Force, shift and tilt of the magnet by finite elements, each state as soon as it is reached.
+
+    If a solve stops short, the last good state is given, and the exit status is 3.
+
+    Parameters
+    ----------
+    out
+        A .vtu file for the deformed body of the last state.
+    picture
+        A .png file for the deformed section of the last state.
+    """
+    given = inputs.read_design(source, sets or [], magnet=method.magnet)
+    loads = states.loads_of(motion)
+    title, keys = "Finite elements", states.columns(loads)
+    with console.progress(as_json=as_json) as progress:
+        reached = states.solve(given, loads, method, out=out, picture=picture, progress=progress)
+        with contextlib.closing(reached):
+            records = console.stream(reached, as_json=as_json, title=title, keys=keys, count=len(loads))
+    return judged(records)
+
+
+def analytic(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float, DEPTH],
+    shear: Annotated[float, SHEAR] = 0.0,
+    shear_y: Annotated[float, SHEAR_Y] = 0.0,
+    level: str = "paper",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Force, shift of the magnet and readings by formulas; the tip sticks to a plate that shears.
+
+    Parameters
+    ----------
+    level
+        Which formulas: paper.
+    """
+    record = states.analytic(inputs.read_design(source, sets or []), depth, (shear, shear_y), level)
+    console.report([record], as_json=as_json, title="Formulas")
+    return GOOD
+
+
+def stability(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float | None, DEPTH] = None,
+    magnet: Magnet = "rigid",
+    accuracy: AccuracyName = "standard",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """At which depth a press gives way sideways, with a free and with a guided tip; at a depth, small shear about it.
+
+    Parameters
+    ----------
+    magnet
+        As a rigid body, or ignored: all silicone.
+    accuracy
+        Of the mesh.
+    """
+    given = inputs.read_design(source, sets or [], magnet=magnet)
+    with console.progress(as_json=as_json) as progress:
+        record = sideways.run(given, magnet, accuracy, depth, progress)
+    console.report([record], as_json=as_json, title="Stability")
+    return judged([record])
+
+
+def modes(
+    source: Source,
+    /,
+    *,
+    count: int = 8,
+    depth: Annotated[float, DEPTH] = 0.0,
+    magnet: Magnet = "rigid",
+    accuracy: AccuracyName = "standard",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Natural frequencies and shapes of the free sensor, or of one pressed against a plate that it sticks to.
+
+    Parameters
+    ----------
+    count
+        How many, pairs of bending or ovalling modes counted once.
+    magnet
+        As a rigid body, or ignored: all silicone.
+    accuracy
+        Of the mesh.
+    """
+    given = inputs.read_design(source, sets or [], magnet=magnet)
+    record = vibration.run(given, magnet, count, depth, accuracy)
+    console.report([record], as_json=as_json, title="Natural frequencies")
+    return judged([record])

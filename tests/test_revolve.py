@@ -1,0 +1,141 @@
+"""Solid bodies of harmonic solutions: volume, exact motions, pressures, no seams, and the user's frame."""
+
+import math
+
+import numpy as np
+import pytest
+import skfem
+
+from fem import elements, revolve
+from fem.equilibrium import QUICK, trace
+from fem.solution import Field
+from geometry.cad import beam_volume, magnet_volume
+from geometry.design import paper
+from geometry.scene import Load
+from geometry.section import section
+
+
+def field(N, w, z, p=lambda n, r, z: 0 * r, magnet="hole"):
+    """A field of N harmonics on the paper's section, from functions w(k, r, z), z(n, r, z), p(n, r, z)."""
+    mesh = section(paper().shape, 1.0, magnet=magnet)
+    x = mesh.doflocs
+    vertices = np.unique(mesh.dofs.element_dofs[:3])
+    n = range(N + 1)
+    u = np.stack([*(w(k, *x) for k in elements.orders(N)), *(z(k, *x) for k in n)], axis=1)
+    pressures = np.stack([p(k, *x[:, vertices]) for k in n], axis=1)
+    return Field(mesh=mesh, u=u, p=pressures, vertices=vertices, angles=elements.around(N))
+
+
+def rigid(N, phi, move):
+    """Translation, and rotation by phi about y through the origin; see the notes on `fem.rigid`."""
+
+    def w(k, r, z):
+        if k == -1:
+            return move[0] + z * math.sin(phi)
+        return r * (math.cos(phi) - 1) / 2 if k in (-2, 0) else 0 * r
+
+    def rise(n, r, z):
+        return (move[1] + z * (math.cos(phi) - 1), -r * math.sin(phi), 0 * r, 0 * r)[n]
+
+    return field(N, w, rise)
+
+
+@pytest.mark.parametrize("magnet", ["hole", "none"])
+def test_volume_is_that_of_the_silicone(magnet):
+    solid = revolve.body(field(2, lambda k, r, z: 0 * r, lambda n, r, z: 0 * r, magnet=magnet))
+    dx = skfem.Basis(solid.mesh, skfem.ElementTetP2(), intorder=6).dx
+    shape = paper().shape
+    silicone = beam_volume(shape) - (magnet_volume(shape) if magnet == "hole" else 0.0)
+    assert dx.min() > 0
+    assert 2 * dx.sum() == pytest.approx(silicone, rel=1e-3)
+
+
+@pytest.mark.parametrize("N", [1, 2, 3])
+def test_rigid_motions_are_exact(N):
+    phi, move = 0.3, (0.7, -0.2)
+    solid = revolve.body(rigid(N, phi, move))
+    turn = np.array([[math.cos(phi), 0, math.sin(phi)], [0, 1, 0], [-math.sin(phi), 0, math.cos(phi)]])
+    exact = solid.mesh.doflocs.T @ (turn - np.eye(3)).T + [move[0], 0, move[1]]
+    assert np.abs(solid.u - exact).max() < 1e-12
+
+
+def test_pressures_follow_their_harmonics():
+    none = lambda k, r, z: 0 * r  # noqa: E731
+    solid = revolve.body(field(2, none, none, lambda n, r, z: (z, r, r**2)[n]))
+    x, y, z = solid.mesh.doflocs[:, solid.vertices]
+    assert np.abs(solid.p - (z + x + x**2 - y**2)).max() < 1e-12
+
+
+def test_nodes_on_the_axis_are_there_once():
+    given = rigid(2, 0.3, (0.7, -0.2))
+    solid = revolve.body(given)
+    x = solid.mesh.doflocs
+    on_axis = np.hypot(x[0], x[1]) < 1e-9
+    rest = given.mesh.doflocs[:, given.mesh.doflocs[0] < 1e-9]
+    assert np.array_equal(np.sort(x[2, on_axis]), np.sort(rest[1]))
+    assert len(np.unique(np.round(x, 9), axis=1).T) == x.shape[1]
+
+
+def test_outer_faces_are_skin_base_magnet_or_the_plane_of_symmetry():
+    given = rigid(2, 0.0, (0.0, 0.0))
+    solid = revolve.body(given)
+    mesh = solid.mesh
+    facets = mesh.boundary_facets()
+    middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
+    flat = np.abs(mesh.p[1][mesh.facets[:, facets]]).max(axis=0) < 1e-9
+    # a seam between wedges or cells would show as an outer face inside the silicone
+    edge = np.unique(given.mesh.facets[:, given.mesh.boundary_facets()])
+    outline = given.mesh.p[:, edge]
+    distance = np.abs(
+        np.hypot(middle[0], middle[1])[:, None] + 1j * middle[2][:, None] - outline[0] - 1j * outline[1]
+    )
+    assert distance[~flat].min(axis=1).max() < 0.6
+    corners = mesh.p[:, mesh.facets[:, facets[~flat]]]
+    r = np.hypot(corners[0], corners[1])
+    nearest = np.abs((r + 1j * corners[2])[..., None] - outline[0] - 1j * outline[1]).min(axis=2)
+    assert nearest.max() < 1e-9
+
+
+def test_between_nodes_the_series_is_interpolated():
+    wave = lambda k, r, z: np.where(k == -1, 1.0, r ** abs(k + 1)) * np.sin(z / 9) / (2 + abs(k))  # noqa: E731
+    rise = lambda n, r, z: r**n * z / 50  # noqa: E731
+    solid = revolve.body(field(2, wave, rise))
+    basis = skfem.Basis(solid.mesh, skfem.ElementVector(skfem.ElementTetP2()), intorder=4)
+    dofs = np.zeros(basis.N)
+    dofs[basis.get_dofs(elements=True).flatten()] = 0
+    nodes = np.concatenate([basis.nodal_dofs, basis.edge_dofs], axis=1)
+    dofs[nodes] = solid.u.T
+    found = np.asarray(basis.interpolate(dofs))
+    x, y, z = np.asarray(basis.global_coordinates())
+    r, theta = np.hypot(x, y), np.arctan2(y, x)
+    w = {k: wave(k, r, z) for k in elements.orders(2)}
+    exact = np.stack(
+        [
+            sum(w[k] * np.cos((k + 1) * theta) for k in w),
+            sum(w[k] * np.sin((k + 1) * theta) for k in w),
+            sum(rise(n, r, z) * np.cos(n * theta) for n in range(3)),
+        ]
+    )
+    assert np.abs(found - exact).max() < 5e-3 * np.abs(exact).max()
+
+
+def test_body_lies_in_the_users_frame():
+    load = Load(grip=2.0, shear_x=1.0, shear_y=-1.0)
+    (solution,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
+    assert solution.model == "harmonic"
+    assert revolve.bearing(solution) == pytest.approx(-math.pi / 4)
+    solid = revolve.in_place(solution)
+    top = np.argmax(solid.mesh.doflocs[2])
+    assert solid.u[top, :2] == pytest.approx([1.0, -1.0], abs=2e-3)
+    # the half that is kept lies on one side of the plane of the shear
+    assert (solid.mesh.doflocs[:2].sum(axis=0)).min() > -1e-9
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "degrees"), [(1, 0, 0), (-1, 0, 0), (0, 1, 90), (0, -1, 90), (-1, 1, -45), (1, 1, 45), (0, 0, 0)]
+)
+def test_bearing_is_that_of_the_line(x, y, degrees):
+    from types import SimpleNamespace
+
+    given = SimpleNamespace(load=Load(depth=1.0, shear_x=x, shear_y=y, friction="stick"))
+    assert revolve.bearing(given) == pytest.approx(math.radians(degrees))
