@@ -25,7 +25,7 @@ from fem.material import law
 from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, read, slides
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.scene import Load, Magnet, Response, check_load
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
@@ -169,33 +169,52 @@ def _walk(
     if not estimate:
         yield from states
         return
-    companions = _follow(design, loads, _coarser(accuracy), magnet, name, None)
-    least = FLOOR * accuracy.section_size
+    companions = _follow(design, loads, coarser(accuracy), magnet, name, None)
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, least)
+            yield state if companion is None else _with_estimates(state, companion, accuracy)
 
 
-def _coarser(accuracy: Accuracy) -> Accuracy:
+def coarser(accuracy: Accuracy) -> Accuracy:
+    """That of the companion."""
     sizes = ("section_size", "solid_size", "section_patch", "solid_patch")
     changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
     return replace(accuracy, harmonics=max(accuracy.harmonics - 1, 1), **changed)
 
 
-def _with_estimates(state: Solution, companion: Solution, least: float) -> Solution:
+def estimates(
+    one: Response, other: Response, accuracy: Accuracy, model: str, *, sideways: bool
+) -> tuple[float | None, float | None, float | None]:
+    """Relative errors of force, shift and tilt from the mesh, from a response and its companion's.
+
+    Parameters
+    ----------
+    sideways : whether the load moves the tip sideways.
+    """
+    least = FLOOR * accuracy.section_size
+    return (
+        _difference(one.force, other.force, least),
+        _difference(one.shift, other.shift, least),
+        _difference((one.tilt, one.tilt_y), (other.tilt, other.tilt_y), least),
+    )
+
+
+def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    one, other = state.response, companion.response
+    force, shift, tilt = estimates(
+        state.response, companion.response, accuracy, state.model, sideways=slides(state.load)
+    )
     return replace(
         state,
         seconds=seconds,
-        error_estimate=_difference(one.force, other.force, least),
-        shift_error_estimate=_difference(one.shift, other.shift, least),
-        tilt_error_estimate=_difference((one.tilt, one.tilt_y), (other.tilt, other.tilt_y), least),
+        error_estimate=force,
+        shift_error_estimate=shift,
+        tilt_error_estimate=tilt,
     )
 
 
