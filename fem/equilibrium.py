@@ -53,14 +53,20 @@ class Accuracy:
     harmonics: int
 
 
-QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.055, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.04, 3)
-FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.03, 4)
+QUICK = Accuracy("quick", 0.12, 0.16, 0.01, 0.055, 2)
+STANDARD = Accuracy("standard", 0.06, 0.14, 0.004, 0.04, 3)
+FINE = Accuracy("fine", 0.04, 0.10, 0.00125, 0.03, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
-FLOOR = 0.065
-"""Least error estimate per edge length of the section; set on twelve designs against a mesh of 0.018 D, so that
-nearly all true errors lie below the estimate."""
+RULES = {
+    "press": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
+    "stick": ((0.7, 0.055, 1.5), (0.4, 0.21, 2.0), (0.5, 0.0095, 0.75)),
+    "grip": ((1.3, 0.065, 1.5), (1.2, 0.023, 1.5), (0.5, 0.028, 1.0)),
+    "solid": ((1.0, 0.45, 1.5), (1.0, 0.45, 1.5), (1.0, 0.25, 1.5)),
+}
+"""How the errors of force, shift and tilt are estimated on a section, by the load, and on tetrahedra: the difference
+to the companion times the first number, but at least the second times (edge length / D) to the power of the third.
+Set with `magtip accuracy`, which holds the estimates against true errors."""
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
@@ -133,8 +139,7 @@ def walk(
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
         change once it has sheared.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less. The difference is taken, but at least FLOOR times the section's edge
-        length over D, because a difference may vanish by chance.
+        COARSER and with one harmonic less. RULES say how they follow from the difference, which may vanish by chance.
     progress : called with a fraction of the path and a text.
 
     Yields
@@ -184,20 +189,18 @@ def coarser(accuracy: Accuracy) -> Accuracy:
 
 
 def estimates(
-    one: Response, other: Response, accuracy: Accuracy, model: str, *, sideways: bool
+    one: Response, other: Response, load: Load, accuracy: Accuracy, model: str
 ) -> tuple[float | None, float | None, float | None]:
-    """Relative errors of force, shift and tilt from the mesh, from a response and its companion's.
-
-    Parameters
-    ----------
-    sideways : whether the load moves the tip sideways.
-    """
-    least = FLOOR * accuracy.section_size
-    return (
-        _difference(one.force, other.force, least),
-        _difference(one.shift, other.shift, least),
-        _difference((one.tilt, one.tilt_y), (other.tilt, other.tilt_y), least),
+    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's."""
+    scene, edge = "press" if not slides(load) else "grip" if load.grip is not None else "stick", accuracy.section_size
+    if model in ("half", "full"):
+        scene, edge = "solid", accuracy.solid_size
+    pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
+    force, shift, tilt = (
+        _estimate(*pair, factor, floor * edge**power)
+        for pair, (factor, floor, power) in zip(pairs, RULES[scene], strict=True)
     )
+    return force, shift, tilt
 
 
 def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) -> Solution:
@@ -206,9 +209,7 @@ def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) ->
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt = estimates(
-        state.response, companion.response, accuracy, state.model, sideways=slides(state.load)
-    )
+    force, shift, tilt = estimates(state.response, companion.response, state.load, accuracy, state.model)
     return replace(
         state,
         seconds=seconds,
@@ -218,10 +219,10 @@ def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) ->
     )
 
 
-def _difference(one: Sequence[float], other: Sequence[float], least: float) -> float | None:
-    """Relative difference of two vectors, at least `least`; None where there is nothing."""
+def _estimate(one: Sequence[float], other: Sequence[float], factor: float, least: float) -> float | None:
+    """Relative difference of two vectors times a factor, at least `least`; None where there is nothing."""
     size = math.hypot(*one)
-    return max(math.dist(one, other) / size, least) if size else None
+    return max(factor * math.dist(one, other) / size, least) if size else None
 
 
 def _axis(load: Load) -> float:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from fem import equilibrium
-from fem.equilibrium import LEVELS, Accuracy
-from geometry.scene import Response
+from fem.equilibrium import LEVELS, Accuracy, Model
+from geometry.scene import Load, Magnet, Response
 from studies import trials
 from studies.files import json_line
 from studies.trials import Trial
@@ -37,51 +37,63 @@ JUMP = 0.25
 REPEATS, NUDGE = 3, 1e-4
 """Meshes of tetrahedra for each state, and the relative change of their size that makes fTetWild mesh anew."""
 FINE_SHEARS = (0, 1, 2, 3)
-SOLIDS = (0, 3)
-"""Designs that are sheared at level fine too, and those that are solved with tetrahedra."""
+SOLIDS, CHECKED = (0, 3), (0, 6)
+"""Designs that are sheared at level fine too, those solved with tetrahedra, and those whose reference is checked."""
 NOTHING = 1e-6
 """Shift over D, or tilt in rad, below which there is no relative error."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Task:
-    """A trial at one level, the companion of that level, and the reference."""
+    """A trial at one level, the companion of that level, and the reference; or the reference against a finer one."""
 
     trial: Trial
     level: Accuracy
     repeat: int = 0
+    fineness: int = 1
 
     @property
     def solves(self) -> dict[str, tuple[Trial, Accuracy]]:
         """What has to be solved: the level, its companion, the reference."""
         trial, level = self.trial, replace(self.level, solid_size=self.level.solid_size * (1 + NUDGE * self.repeat))
         judge = replace(trial, model="auto") if trial.model == "half" else trial
+        check = level.name == "reference"
         return {
             "": (trial, level),
-            "companion_": (trial, equilibrium.coarser(level)),
-            "reference_": (judge, trials.reference(trial.scene)),
+            "companion_": (trial, level if check else equilibrium.coarser(level)),
+            "reference_": (judge, trials.reference(trial.scene, 2 if check else self.fineness)),
         }
 
 
 def tasks(*, quick: bool = False) -> list[Task]:
-    """All of them, the cheap ones first; if quick, two designs at level quick and without tetrahedra."""
-    names = ("quick",) if quick else ("quick", "standard", "fine")
-    numbers = range(2 if quick else trials.DESIGNS)
-    both: Sequence[Any] = ("rigid",) if quick else ("rigid", "ignored")
-
-    def made(scene: str, level: str, chosen: Sequence[int], model: Any = "auto", repeat: int = 0) -> list[Task]:
-        return [Task(trials.trial(n, magnet, scene, model), LEVELS[level], repeat) for n in chosen for magnet in both]
-
-    found = [task for name in names for task in made("press", name, numbers)]
-    found += [t for name in names[:2] for scene in ("stick", "grip") for t in made(scene, name, numbers)]
+    """All of them, the cheap ones first; if quick, two designs at level quick and against a rougher reference."""
     if quick:
-        return found
-    found += [t for i in range(REPEATS) for name in names[:2] for t in made("stick", name, SOLIDS, "half", i)]
-    return found + [task for scene in ("stick", "grip") for task in made(scene, "fine", FINE_SHEARS)]
+        made = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
+        return [replace(task, fineness=0) for task in made]
+    names, numbers, repeats = ("quick", "standard", "fine"), range(trials.DESIGNS), range(REPEATS)
+    magnets: Sequence[Magnet] = ("rigid", "ignored")
+    found = [_task(n, m, "press", name) for name in names for m in magnets for n in numbers]
+    checked = [trials.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
+    found += [Task(trial, trials.reference(trial.scene)) for trial in checked]
+    for magnet in magnets:
+        found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
+        found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
+        found += [_task(n, magnet, "stick", name, "half", i) for name in names[:2] for n in SOLIDS for i in repeats]
+    return found
 
 
-def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> list[Row]:
-    """One row for each state; solves in the folder's solves.jsonl that the same code made are not done again."""
+def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto", repeat: int = 0) -> Task:
+    return Task(trials.trial(number, magnet, scene, model), LEVELS[level], repeat)
+
+
+def run(
+    *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf, progress: Progress | None = None
+) -> list[Row]:
+    """One row for each state; solves in the folder's solves.jsonl that the same code made are not done again.
+
+    After `minutes` no further solve is begun: states that miss one have the status not_run.
+    """
+    end = time.monotonic() + 60 * minutes
     chosen = tasks(quick=quick)
     store = None if folder is None else folder / "solves.jsonl"
     known = {} if store is None else dict(_read(store))
@@ -89,6 +101,8 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
     for i, (name, (trial, accuracy)) in enumerate(needed.items()):
         if name in known:
             continue
+        if time.monotonic() > end:
+            break
         if progress is not None:
             progress(i / len(needed), f"{trial.name}, {accuracy.name}")
         known[name] = follow(trial, accuracy)
@@ -118,9 +132,8 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
     """What a solve depends on, as text."""
-    harmonic = trial.model == "auto" and trial.scene != "press"
     unused: dict[str, Any] = {"name": ""} | ({"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {})
-    unused |= {} if harmonic else {"harmonics": 0}
+    unused |= {"harmonics": 0, "section_patch": 0} if trial.scene == "press" else {}
     loads = [dataclasses.astuple(load) for load in trial.loads]
     used = dataclasses.astuple(replace(accuracy, **unused))
     return json.dumps([trial.magnet, trial.model, dataclasses.astuple(trial.design), *loads, used])
@@ -149,7 +162,8 @@ def _read(store: Path) -> Iterator[tuple[str, list[State]]]:
 
 def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:
     """A row for each load of a task."""
-    paths = {role: known[key(*solve)] for role, solve in task.solves.items()}
+    none = [{"status": "not_run", "message": "no time"}]
+    paths = {role: known.get(key(*solve), none) for role, solve in task.solves.items()}
     return [
         _row(
             task,
@@ -168,7 +182,7 @@ def _row(task: Task, i: int, found: dict[str, State], lost: bool) -> Row:
         "design": trial.number,
         "held_out": trial.held_out,
         "magnet": trial.magnet,
-        "scene": "press" if trial.scene == "stick" and not load.shear_x else trial.scene,
+        "scene": "pressed" if trial.scene == "stick" and not load.shear_x else trial.scene,
         "path": trial.scene,
         "model": found[""].get("model", trial.model),
         "level": task.level.name,
@@ -182,7 +196,7 @@ def _row(task: Task, i: int, found: dict[str, State], lost: bool) -> Row:
         return row
     for role, state in found.items():
         row |= _numbers(role, state)
-    row |= _errors(task, row["model"], load.shear_x != 0, {role: _response(state) for role, state in found.items()})
+    row |= _errors(task, row["model"], load, {role: _response(state) for role, state in found.items()})
     if any(row[f"{name}_error"] > JUMP for name in QUANTITIES):
         row |= {"status": "jump", "message": f"an error exceeds {JUMP:g}"}
     return row
@@ -207,15 +221,15 @@ def _numbers(role: str, state: State) -> Row:
     }
 
 
-def _errors(task: Task, model: str, sideways: bool, found: dict[str, Response]) -> Row:
+def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> Row:
     """True errors and estimates, NaN where there is nothing to be relative to."""
     one, other, truth = found[""], found["companion_"], found["reference_"]
-    estimated = equilibrium.estimates(one, other, task.level, model, sideways=sideways)
+    estimated = equilibrium.estimates(one, other, load, task.level, model)
     pairs = [(one.force, truth.force), (one.shift, truth.shift), ((one.tilt,), (truth.tilt,))]
     row: Row = {}
     for name, (a, b), estimate in zip(QUANTITIES, pairs, estimated, strict=True):
         some = name == "force" or math.hypot(*b) > NOTHING
         row[f"{name}_error"] = math.dist(a, b) / math.hypot(*b) if some else math.nan
         row[f"{name}_estimate"] = estimate if some and estimate is not None else math.nan
-    row["sideways_error"] = abs(one.force[0] / truth.force[0] - 1) if sideways else math.nan
+    row["sideways_error"] = abs(one.force[0] / truth.force[0] - 1) if load.shear_x else math.nan
     return row

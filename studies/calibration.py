@@ -14,16 +14,17 @@ from studies.accuracy import COVERAGE, GOALS, QUANTITIES, SHARP, SHARPNESS, Row
 from studies.compare import write_table
 from studies.files import atomic, write_text
 
-SCENES = ("press", "stick", "grip")
-LOOKS = {"press": "#0072B2", "stick": "#D55E00", "grip": "#009E73", "half": "#CC79A7"}
+LOOKS = {"press": "#0072B2", "pressed": "#56B4E9", "stick": "#D55E00", "grip": "#009E73", "half": "#CC79A7"}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
+LEAST = 1e-3
+"""Least true error in the picture, %; smaller ones are drawn there."""
 LEAST_STATES = 8
 """Fewer states than this allow no verdict on shares."""
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
     """Statistics of each level, model, scene and quantity, in that order."""
-    good = [row for row in rows if row["status"] == "ok"]
+    good = _judged(rows)
     groups = _grouped(good, lambda row: (row["level"], _model(row), row["scene"]))
     found = []
     for (level, model, scene), members in groups.items():
@@ -41,7 +42,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 def shares(rows: Sequence[Row]) -> list[Row]:
     """Coverage and sharpness of each scene and quantity over all levels, of all designs and of those held out."""
-    good = [row for row in rows if row["status"] == "ok"]
+    good = _judged(rows)
     found = []
     for (model, scene), members in _grouped(good, lambda row: (_model(row), row["scene"])).items():
         for name in QUANTITIES:
@@ -51,6 +52,22 @@ def shares(rows: Sequence[Row]) -> list[Row]:
                     head = {"model": model, "scene": scene, "quantity": name, "designs": designs}
                     found.append(head | _statistics(pairs))
     return found
+
+
+def references(rows: Sequence[Row]) -> list[Row]:
+    """How far the reference is from a finer mesh, in percent of each quantity."""
+    good = [row for row in rows if row["level"] == "reference" and row["status"] == "ok"]
+    names = (*QUANTITIES, "sideways")
+    return [
+        {key: row[key] for key in ("design", "scene", "depth_mm", "shear_mm")}
+        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in names}
+        for row in good
+    ]
+
+
+def _judged(rows: Iterable[Row]) -> list[Row]:
+    """The states of the levels that ended well."""
+    return [row for row in rows if row["status"] == "ok" and row["level"] in GOALS]
 
 
 def pairs_of(rows: Iterable[Row], name: str) -> list[tuple[float, float]]:
@@ -88,7 +105,7 @@ def noise(rows: Sequence[Row]) -> list[Row]:
         for name in QUANTITIES:
             values = [[row[key] for row in repeats] for key in _components(name)]
             size = math.hypot(*(statistics.fmean(v) for v in values))
-            if scene != "press" or name != "tilt":
+            if scene != "pressed" or name != "tilt":
                 spreads[level, scene, name].append(math.hypot(*map(statistics.stdev, values)) / size)
     head = ("level", "scene", "quantity")
     return [
@@ -150,13 +167,16 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
             *_markdown(spread),
             "",
         ]
-    lines += ["## Reference meshes", "", *_references(), ""]
+    lines += ["## Reference meshes", "", *_references(0 if quick else 1), ""]
+    if checked := references(rows):
+        lines += ["Against one more refinement:", "", *_markdown(checked), ""]
     lines += ["## States left out", "", *_left_out(rows), "", "## Designs", "", *_designs(rows), ""]
     write_text(folder / "ACCURACY.md", "\n".join([*lines, f"Made with `{command}`, {origin}."]) + "\n")
 
 
-def _references() -> list[str]:
-    return [f"- {scene}: {trials.reference(scene)}" for scene in SCENES]
+def _references(fineness: int) -> list[str]:
+    scenes = (("press", "press"), ("stick and grip", "stick"))
+    return [f"- {name}: `{trials.reference(scene, fineness)}`" for name, scene in scenes]
 
 
 def _left_out(rows: Sequence[Row]) -> list[str]:
@@ -219,12 +239,15 @@ def _colour(row: Row) -> str:
 
 
 def _scatter(axis: Any, rows: Sequence[Row], name: str) -> None:
-    for row in rows:
-        if row["status"] == "ok" and pairs_of([row], name):
-            true, estimate = max(100 * row[f"{name}_error"], 1e-4), 100 * row[f"{name}_estimate"]
+    for row in _judged(rows):
+        if pairs_of([row], name):
+            true, estimate = max(100 * row[f"{name}_error"], LEAST), 100 * row[f"{name}_estimate"]
             look = {"marker": MARKERS[row["level"]], "color": LOOKS[_colour(row)], "alpha": 0.55}
             axis.plot(true, estimate, linestyle="", markersize=4.5, markeredgewidth=0, **look)
-    ends = [1e-4, 30]
+    ends = [LEAST, 20]
     axis.plot(ends, ends, color="black", linewidth=1)
     axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
-    axis.set(xscale="log", yscale="log", xlabel=f"true error of the {name} (%)", xlim=ends, ylim=(3e-3, 30))
+    for factor, text in ((1.0, "estimate = error"), (SHARP, f"{SHARP:g} errors")):
+        axis.annotate(text, (1.6, 1.25 * factor * 1.6), rotation=51, rotation_mode="anchor", fontsize=8)
+    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
+    axis.set(xscale="log", yscale="log", xlabel=f"true error of the {name} (%)", xlim=ends, ylim=(5e-3, 20))

@@ -7,6 +7,7 @@ Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve 
 from __future__ import annotations
 
 import io
+import math
 import os
 import sys
 from pathlib import Path
@@ -373,15 +374,19 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 
 
 @app.command
-def accuracy(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+def accuracy(
+    *, quick: bool = False, out: Path | None = None, minutes: float | None = None, as_json: AsJson = False
+) -> int:
     """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
 
     Parameters
     ----------
     quick
-        Two designs at level quick only: half a minute instead of an hour.
+        Two designs at level quick only: half a minute instead of an hour, against a rougher reference.
     out
         Folder of accuracy.csv, ACCURACY.md and a picture, and of the solves, from which a stopped run goes on.
+    minutes
+        Begin no further solve after this time, and report what there is.
     """
     folder = None if out is None else files.output_folder(out)
     from studies import accuracy as work
@@ -390,7 +395,9 @@ def accuracy(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 
     origin = versions()
     with console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, progress=progress)
+        rows = work.run(
+            quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
+        )
     if folder is not None:
         calibration.write(folder, rows, origin, quick=quick)
     for name, table in (("Estimates", calibration.shares(rows)), ("Levels", calibration.summary(rows))):

@@ -107,7 +107,7 @@ def test_a_crash_is_a_finding(press, monkeypatch):
 
 def test_the_full_study_covers_all_levels_scenes_and_models():
     made = accuracy.tasks()
-    assert {task.level.name for task in made} == set(LEVELS)
+    assert {task.level.name for task in made} == {*LEVELS, "reference"}
     for scene in ("press", "stick", "grip"):
         assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
             (n, magnet) for n in range(12) for magnet in ("rigid", "ignored")
@@ -115,6 +115,18 @@ def test_the_full_study_covers_all_levels_scenes_and_models():
     assert len({t.repeat for t in made if t.trial.model == "half"}) == 3
     solves = {accuracy.key(*t.solves[""]) for t in made if t.trial.model == "half"}
     assert len(solves) == sum(t.trial.model == "half" for t in made)
+
+
+def test_the_reference_is_held_against_a_finer_one():
+    checked = [task for task in accuracy.tasks() if task.level.name == "reference"]
+    assert {task.trial.scene for task in checked} == {"press", "stick"}
+    for task in checked:
+        (_, used), (_, finer) = task.solves[""], task.solves["reference_"]
+        assert finer.section_size < used.section_size
+        assert finer.section_patch <= used.section_patch
+    found = row(0.0, 0.0, level="reference")
+    assert calibration.summary([found]) == []
+    assert calibration.references([found])[0]["force_percent"] == 0
 
 
 def test_shares_and_verdicts():
@@ -130,7 +142,7 @@ def test_shares_and_verdicts():
 
 def test_mesh_noise_is_the_spread_over_meshes():
     numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "shift_z_mm": -1.0, "tilt_rad": 0.0}
-    rows = [row(0.01, 0.02, model="half", force_z_N=f, **numbers) for f in (0.99, 1.0, 1.01)]
+    rows = [row(0.01, 0.02, model="half", scene="pressed", force_z_N=f, **numbers) for f in (0.99, 1.0, 1.01)]
     (force, shift) = calibration.noise(rows)
     assert force["mean_percent"] == pytest.approx(1.0)
     assert shift["mean_percent"] == 0.0
