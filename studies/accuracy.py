@@ -180,7 +180,7 @@ def _row(task: Task, i: int, found: dict[str, State], lost: bool) -> Row:
     bad = {role: state for role, state in found.items() if state["status"] != "ok"}
     row: Row = {
         "design": trial.number,
-        "held_out": trial.held_out,
+        "odd": trial.odd,
         "magnet": trial.magnet,
         "scene": "pressed" if trial.scene == "stick" and not load.shear_x else trial.scene,
         "path": trial.scene,

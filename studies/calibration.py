@@ -41,12 +41,12 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 
 def shares(rows: Sequence[Row]) -> list[Row]:
-    """Coverage and sharpness of each scene and quantity over all levels, of all designs and of those held out."""
+    """Coverage and sharpness of each scene and quantity over all levels, of all designs and of the odd ones."""
     good = _judged(rows)
     found = []
     for (model, scene), members in _grouped(good, lambda row: (_model(row), row["scene"])).items():
         for name in QUANTITIES:
-            for designs, chosen in (("all", members), ("held out", [row for row in members if row["held_out"]])):
+            for designs, chosen in (("all", members), ("odd", [row for row in members if row["odd"]])):
                 pairs = pairs_of(chosen, name)
                 if pairs:
                     head = {"model": model, "scene": scene, "quantity": name, "designs": designs}
@@ -180,8 +180,10 @@ def _references(fineness: int) -> list[str]:
 
 
 def _left_out(rows: Sequence[Row]) -> list[str]:
-    bad = [row for row in rows if row["status"] != "ok"]
-    said = [
+    missing = sum(row["status"] == "not_run" for row in rows)
+    bad = [row for row in rows if row["status"] not in ("ok", "not_run")]
+    said = [f"- {missing} states were not solved: the time was up."] if missing else []
+    said += [
         f"- design {row['design']}, magnet {row['magnet']}, {row['model']} {row['path']}, {row['level']}, depth "
         f"{row['depth_mm']:g} mm, shear {row['shear_mm']:g} mm: {row['status']}; {row['message']}"
         for row in bad
@@ -193,7 +195,7 @@ def _designs(rows: Sequence[Row]) -> list[str]:
     names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     chosen = sorted({row["design"] for row in rows})
     values = [{name: getattr(trials.designs()[i], name) for name in names} for i in chosen]
-    return _markdown([{"design": i, "held out": i % 2 == 1} | value for i, value in zip(chosen, values, strict=True)])
+    return _markdown([{"design": i} | value for i, value in zip(chosen, values, strict=True)])
 
 
 def _markdown(rows: Sequence[Row]) -> list[str]:
