@@ -251,5 +251,5 @@ def _scatter(axis: Any, rows: Sequence[Row], name: str) -> None:
     axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
     for factor, text in ((1.0, "estimate = error"), (SHARP, f"{SHARP:g} errors")):
         axis.annotate(text, (1.6, 1.25 * factor * 1.6), rotation=51, rotation_mode="anchor", fontsize=8)
-    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
     axis.set(xscale="log", yscale="log", xlabel=f"true error of the {name} (%)", xlim=ends, ylim=(5e-3, 20))
+    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
