@@ -194,7 +194,7 @@ def _left_out(rows: Sequence[Row]) -> list[str]:
 def _designs(rows: Sequence[Row]) -> list[str]:
     names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     chosen = sorted({row["design"] for row in rows})
-    values = [{name: getattr(trials.designs()[i], name) for name in names} for i in chosen]
+    values = [{name: f"{getattr(trials.designs()[i], name):g}" for name in names} for i in chosen]
     return _markdown([{"design": i} | value for i, value in zip(chosen, values, strict=True)])
 
 
