@@ -25,7 +25,7 @@ from fem.material import law
 from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, read, slides
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.scene import Load, Magnet, Response, check_load
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
@@ -53,14 +53,20 @@ class Accuracy:
     harmonics: int
 
 
-QUICK = Accuracy("quick", 0.12, 0.16, 0.02, 0.03, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.005, 0.015, 3)
-FINE = Accuracy("fine", 0.035, 0.10, 0.0025, 0.01, 4)
+QUICK = Accuracy("quick", 0.12, 0.16, 0.01, 0.03, 2)
+STANDARD = Accuracy("standard", 0.06, 0.14, 0.004, 0.015, 3)
+FINE = Accuracy("fine", 0.04, 0.10, 0.00125, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
-FLOOR = 0.065
-"""Least error estimate per edge length of the section; set on twelve designs against a mesh of 0.018 D, so that
-nearly all true errors lie below the estimate."""
+RULES = {
+    "press": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
+    "stick": ((0.7, 0.055, 1.5), (0.4, 0.21, 2.0), (0.5, 0.0095, 0.75)),
+    "grip": ((1.3, 0.065, 1.5), (1.2, 0.023, 1.5), (0.5, 0.028, 1.0)),
+    "solid": ((1.0, 0.45, 1.5), (1.0, 0.45, 1.5), (1.0, 0.25, 1.5)),
+}
+"""How the errors of force, shift and tilt are estimated on a section, by the load, and on tetrahedra: the difference
+to the companion times the first number, but at least the second times (edge length / D) to the power of the third.
+Set with `magtip accuracy`, which holds the estimates against true errors."""
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
@@ -133,9 +139,8 @@ def walk(
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
         change once it has sheared.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less. The difference is taken, but at least FLOOR times the section's edge
-        length over D, because a difference may vanish by chance. Also look whether an axisymmetric press would be
-        stable sideways, and say so in the message if not.
+        COARSER and with one harmonic less. RULES say how they follow from the difference, which may vanish by chance.
+        Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
 
     Yields
@@ -170,40 +175,55 @@ def _walk(
     if not estimate:
         yield from states
         return
-    companions = _follow(design, loads, _coarser(accuracy), magnet, name, None)
-    least = FLOOR * accuracy.section_size
+    companions = _follow(design, loads, coarser(accuracy), magnet, name, None)
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, least)
+            yield state if companion is None else _with_estimates(state, companion, accuracy)
 
 
-def _coarser(accuracy: Accuracy) -> Accuracy:
+def coarser(accuracy: Accuracy) -> Accuracy:
+    """That of the companion."""
     sizes = ("section_size", "solid_size", "section_patch", "solid_patch")
     changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
     return replace(accuracy, harmonics=max(accuracy.harmonics - 1, 1), **changed)
 
 
-def _with_estimates(state: Solution, companion: Solution, least: float) -> Solution:
+def estimates(
+    one: Response, other: Response, load: Load, accuracy: Accuracy, model: str
+) -> tuple[float | None, float | None, float | None]:
+    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's."""
+    scene, edge = "press" if not slides(load) else "grip" if load.grip is not None else "stick", accuracy.section_size
+    if model in ("half", "full"):
+        scene, edge = "solid", accuracy.solid_size
+    pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
+    force, shift, tilt = (
+        _estimate(*pair, factor, floor * edge**power)
+        for pair, (factor, floor, power) in zip(pairs, RULES[scene], strict=True)
+    )
+    return force, shift, tilt
+
+
+def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    one, other = state.response, companion.response
+    force, shift, tilt = estimates(state.response, companion.response, state.load, accuracy, state.model)
     return replace(
         state,
         seconds=seconds,
-        error_estimate=_difference(one.force, other.force, least),
-        shift_error_estimate=_difference(one.shift, other.shift, least),
-        tilt_error_estimate=_difference((one.tilt, one.tilt_y), (other.tilt, other.tilt_y), least),
+        error_estimate=force,
+        shift_error_estimate=shift,
+        tilt_error_estimate=tilt,
     )
 
 
-def _difference(one: Sequence[float], other: Sequence[float], least: float) -> float | None:
-    """Relative difference of two vectors, at least `least`; None where there is nothing."""
+def _estimate(one: Sequence[float], other: Sequence[float], factor: float, least: float) -> float | None:
+    """Relative difference of two vectors times a factor, at least `least`; None where there is nothing."""
     size = math.hypot(*one)
-    return max(math.dist(one, other) / size, least) if size else None
+    return max(factor * math.dist(one, other) / size, least) if size else None
 
 
 def _axis(load: Load) -> float:

@@ -33,7 +33,7 @@ NAN = math.nan
 def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> Iterator[Row]:
     """A row for each scene as it ends; at the end extremes.csv and EXTREMES.md are written if told where."""
     rows: list[Row] = []
-    origin = _origin()
+    origin = versions()
     chosen = scenes(quick=quick)
     for i, scene in enumerate(chosen):
         if progress is not None:
@@ -159,7 +159,7 @@ def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.2g}"
 
 
-def _origin() -> str:
+def versions() -> str:
     """Versions, and the commit where the code lies in a repository."""
     names = ("magtip", "numpy", "scipy", "scikit-fem", "pytetwild")
     versions = ", ".join(f"{name} {version(name)}" for name in names)

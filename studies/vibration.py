@@ -1,4 +1,4 @@
-"""What `magtip modes` says: natural frequencies, the paper's estimate beside them, and what is usable up to 600 Hz."""
+"""What `magtip modes` says: natural frequencies, the paper's estimate beside them, what is usable to 600 Hz."""
 
 from __future__ import annotations
 

@@ -62,13 +62,14 @@ def first(spec: Answer) -> Answer:
     begin = time.perf_counter()
     import fem.equilibrium  # noqa: F401
     from studies import cli, states  # noqa: F401
+    from studies.options import GOOD
 
     imported = time.perf_counter()
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
         status = cli.main(spec["command"])
     return {
-        "status": "ok" if status == cli.GOOD else "failed",
-        "message": "" if status == cli.GOOD else f"exit status {status}",
+        "status": "ok" if status == GOOD else "failed",
+        "message": "" if status == GOOD else f"exit status {status}",
         "import_s": imported - begin,
         "wall_s": time.perf_counter() - begin,
     }

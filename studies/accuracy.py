@@ -1,0 +1,235 @@
+"""How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
+
+The true error of a state is the length of the difference of its vector (force; shift of the magnet; tilt) to that of
+the reference, over the length of the reference's. `coverage` is the share of states whose true error is at most the
+estimate, `sharp` the share whose estimate is at most three times the true error. `sideways` is the error of the
+force along the shear alone, over itself: it has no estimate, and is a small part of the force's vector under a plate.
+States that did not end well, or whose error exceeds JUMP, are listed and left out of the statistics.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from fem import equilibrium
+from fem.equilibrium import LEVELS, Accuracy, Model
+from geometry.scene import Load, Magnet, Response
+from studies import trials
+from studies.files import json_line
+from studies.trials import Trial
+
+Progress = Callable[[float, str], None]
+Row = dict[str, Any]
+State = dict[str, Any]
+
+QUANTITIES = ("force", "shift", "tilt")
+GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
+COVERAGE, SHARPNESS, SHARP = 0.95, 0.5, 3.0
+JUMP = 0.25
+REPEATS, NUDGE = 3, 1e-4
+"""Meshes of tetrahedra for each state, and the relative change of their size that makes fTetWild mesh anew."""
+FINE_SHEARS = (0, 1, 2, 3)
+SOLIDS, CHECKED = (0, 3), (0, 6)
+"""Designs that are sheared at level fine too, those solved with tetrahedra, and those whose reference is checked."""
+NOTHING = 1e-6
+"""Shift over D, or tilt in rad, below which there is no relative error."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Task:
+    """A trial at one level, the companion of that level, and the reference; or the reference against a finer one."""
+
+    trial: Trial
+    level: Accuracy
+    repeat: int = 0
+    fineness: int = 1
+
+    @property
+    def solves(self) -> dict[str, tuple[Trial, Accuracy]]:
+        """What has to be solved: the level, its companion, the reference."""
+        trial, level = self.trial, replace(self.level, solid_size=self.level.solid_size * (1 + NUDGE * self.repeat))
+        judge = replace(trial, model="auto") if trial.model == "half" else trial
+        check = level.name == "reference"
+        return {
+            "": (trial, level),
+            "companion_": (trial, level if check else equilibrium.coarser(level)),
+            "reference_": (judge, trials.reference(trial.scene, 2 if check else self.fineness)),
+        }
+
+
+def tasks(*, quick: bool = False) -> list[Task]:
+    """All of them, the cheap ones first; if quick, two designs at level quick and against a rougher reference."""
+    if quick:
+        made = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
+        return [replace(task, fineness=0) for task in made]
+    names, numbers, repeats = ("quick", "standard", "fine"), range(trials.DESIGNS), range(REPEATS)
+    magnets: Sequence[Magnet] = ("rigid", "ignored")
+    found = [_task(n, m, "press", name) for name in names for m in magnets for n in numbers]
+    checked = [trials.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
+    found += [Task(trial, trials.reference(trial.scene)) for trial in checked]
+    for magnet in magnets:
+        found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
+        found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
+        found += [_task(n, magnet, "stick", name, "half", i) for name in names[:2] for n in SOLIDS for i in repeats]
+    return found
+
+
+def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto", repeat: int = 0) -> Task:
+    return Task(trials.trial(number, magnet, scene, model), LEVELS[level], repeat)
+
+
+def run(
+    *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf, progress: Progress | None = None
+) -> list[Row]:
+    """One row for each state; solves in the folder's solves.jsonl that the same code made are not done again.
+
+    After `minutes` no further solve is begun: states that miss one have the status not_run.
+    """
+    end = time.monotonic() + 60 * minutes
+    chosen = tasks(quick=quick)
+    store = None if folder is None else folder / "solves.jsonl"
+    known = {} if store is None else dict(_read(store))
+    needed = {key(*solve): solve for task in chosen for solve in task.solves.values()}
+    for i, (name, (trial, accuracy)) in enumerate(needed.items()):
+        if name in known:
+            continue
+        if time.monotonic() > end:
+            break
+        if progress is not None:
+            progress(i / len(needed), f"{trial.name}, {accuracy.name}")
+        known[name] = follow(trial, accuracy)
+        if store is not None:
+            with store.open("a", encoding="utf-8") as file:
+                file.write(json_line({"code": code(), "key": name, "states": known[name]}) + "\n")
+    return [row for task in chosen for row in rows_of(task, known)]
+
+
+def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
+    """The states of a trial, without estimates; an exception is the last state, with its text as the message."""
+    states, begin = [], time.process_time()
+    try:
+        for s in equilibrium.walk(
+            trial.design, trial.loads, accuracy, magnet=trial.magnet, model=trial.model, estimate=False
+        ):
+            spent, begin = time.process_time() - begin, time.process_time()
+            states.append(
+                {"status": s.status, "message": s.message, "model": s.model, "dofs": s.dofs}
+                | {"iterations": s.newton_iterations, "cpu_s": spent, "response": dataclasses.asdict(s.response)}
+            )
+    except Exception as error:
+        # whatever goes wrong with a mesh is a finding of this study
+        states.append({"status": "crashed", "message": f"{type(error).__name__}: {error}"})
+    return states
+
+
+def key(trial: Trial, accuracy: Accuracy) -> str:
+    """What a solve depends on, as text."""
+    unused: dict[str, Any] = {"name": ""} | ({"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {})
+    unused |= {"harmonics": 0, "section_patch": 0} if trial.scene == "press" else {}
+    loads = [dataclasses.astuple(load) for load in trial.loads]
+    used = dataclasses.astuple(replace(accuracy, **unused))
+    return json.dumps([trial.magnet, trial.model, dataclasses.astuple(trial.design), *loads, used])
+
+
+def code() -> str:
+    """A digest of the modules that solve."""
+    root = Path(__file__).parents[1]
+    files = sorted(file for folder in ("geometry", "fem") for file in (root / folder).glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+def _read(store: Path) -> Iterator[tuple[str, list[State]]]:
+    """The solves in a file that the present code made; a line cut short is left out."""
+    if not store.exists():
+        return
+    present = code()
+    for line in store.read_text("utf-8").splitlines():
+        try:
+            record = json.loads(line)
+        except ValueError:
+            continue
+        if record["code"] == present:
+            yield record["key"], record["states"]
+
+
+def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:
+    """A row for each load of a task."""
+    none = [{"status": "not_run", "message": "no time"}]
+    paths = {role: known.get(key(*solve), none) for role, solve in task.solves.items()}
+    return [
+        _row(
+            task,
+            i,
+            {role: path[min(i, len(path) - 1)] for role, path in paths.items()},
+            i >= min(map(len, paths.values())),
+        )
+        for i in range(len(task.trial.loads))
+    ]
+
+
+def _row(task: Task, i: int, found: dict[str, State], lost: bool) -> Row:
+    trial, load = task.trial, task.trial.loads[i]
+    bad = {role: state for role, state in found.items() if state["status"] != "ok"}
+    row: Row = {
+        "design": trial.number,
+        "odd": trial.odd,
+        "magnet": trial.magnet,
+        "scene": "pressed" if trial.scene == "stick" and not load.shear_x else trial.scene,
+        "path": trial.scene,
+        "model": found[""].get("model", trial.model),
+        "level": task.level.name,
+        "repeat": task.repeat,
+        "depth_mm": load.depth,
+        "shear_mm": load.shear_x,
+        "status": next((state["status"] for state in bad.values()), "lost" if lost else "ok"),
+        "message": "; ".join(f"{role.strip('_') or 'level'}: {state['message']}" for role, state in bad.items()),
+    }
+    if row["status"] != "ok":
+        return row
+    for role, state in found.items():
+        row |= _numbers(role, state)
+    row |= _errors(task, row["model"], load, {role: _response(state) for role, state in found.items()})
+    if any(row[f"{name}_error"] > JUMP for name in QUANTITIES):
+        row |= {"status": "jump", "message": f"an error exceeds {JUMP:g}"}
+    return row
+
+
+def _response(state: State) -> Response:
+    given = state["response"]
+    return Response(**given | {name: tuple(given[name]) for name in ("force", "shift")})
+
+
+def _numbers(role: str, state: State) -> Row:
+    r = _response(state)
+    return {
+        f"{role}force_x_N": r.force[0],
+        f"{role}force_z_N": r.force[2],
+        f"{role}shift_x_mm": r.shift[0],
+        f"{role}shift_z_mm": r.shift[2],
+        f"{role}tilt_rad": r.tilt,
+        f"{role}dofs": state["dofs"],
+        f"{role}iterations": state["iterations"],
+        f"{role}cpu_s": state["cpu_s"],
+    }
+
+
+def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> Row:
+    """True errors and estimates, NaN where there is nothing to be relative to."""
+    one, other, truth = found[""], found["companion_"], found["reference_"]
+    estimated = equilibrium.estimates(one, other, load, task.level, model)
+    pairs = [(one.force, truth.force), (one.shift, truth.shift), ((one.tilt,), (truth.tilt,))]
+    row: Row = {}
+    for name, (a, b), estimate in zip(QUANTITIES, pairs, estimated, strict=True):
+        some = name == "force" or math.hypot(*b) > NOTHING
+        row[f"{name}_error"] = math.dist(a, b) / math.hypot(*b) if some else math.nan
+        row[f"{name}_estimate"] = estimate if some and estimate is not None else math.nan
+    row["sideways_error"] = abs(one.force[0] / truth.force[0] - 1) if load.shear_x else math.nan
+    return row

@@ -1,0 +1,255 @@
+"""What the rows of `accuracy` amount to: statistics, verdicts, the table to read and the picture."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from studies import accuracy, trials
+from studies.accuracy import COVERAGE, GOALS, QUANTITIES, SHARP, SHARPNESS, Row
+from studies.compare import write_table
+from studies.files import atomic, write_text
+
+LOOKS = {"press": "#0072B2", "pressed": "#56B4E9", "stick": "#D55E00", "grip": "#009E73", "half": "#CC79A7"}
+MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
+LEAST = 1e-3
+"""Least true error in the picture, %; smaller ones are drawn there."""
+LEAST_STATES = 8
+"""Fewer states than this allow no verdict on shares."""
+
+
+def summary(rows: Sequence[Row]) -> list[Row]:
+    """Statistics of each level, model, scene and quantity, in that order."""
+    good = _judged(rows)
+    groups = _grouped(good, lambda row: (row["level"], _model(row), row["scene"]))
+    found = []
+    for (level, model, scene), members in groups.items():
+        for name in QUANTITIES:
+            pairs = pairs_of(members, name)
+            if pairs:
+                head = {"level": level, "model": model, "scene": scene, "quantity": name}
+                found.append(head | _statistics(pairs) | _goal(level, [true for true, _ in pairs]))
+        aside = [row["sideways_error"] for row in members if math.isfinite(row["sideways_error"])]
+        if aside:
+            head = {"level": level, "model": model, "scene": scene, "quantity": "sideways"}
+            found.append(head | _statistics([(true, math.nan) for true in aside]) | _goal(level, aside))
+    return found
+
+
+def shares(rows: Sequence[Row]) -> list[Row]:
+    """Coverage and sharpness of each scene and quantity over all levels, of all designs and of the odd ones."""
+    good = _judged(rows)
+    found = []
+    for (model, scene), members in _grouped(good, lambda row: (_model(row), row["scene"])).items():
+        for name in QUANTITIES:
+            for designs, chosen in (("all", members), ("odd", [row for row in members if row["odd"]])):
+                pairs = pairs_of(chosen, name)
+                if pairs:
+                    head = {"model": model, "scene": scene, "quantity": name, "designs": designs}
+                    found.append(head | _statistics(pairs))
+    return found
+
+
+def references(rows: Sequence[Row]) -> list[Row]:
+    """How far the reference is from a finer mesh, in percent of each quantity."""
+    good = [row for row in rows if row["level"] == "reference" and row["status"] == "ok"]
+    names = (*QUANTITIES, "sideways")
+    return [
+        {key: row[key] for key in ("design", "scene", "depth_mm", "shear_mm")}
+        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in names}
+        for row in good
+    ]
+
+
+def _judged(rows: Iterable[Row]) -> list[Row]:
+    """The states of the levels that ended well."""
+    return [row for row in rows if row["status"] == "ok" and row["level"] in GOALS]
+
+
+def pairs_of(rows: Iterable[Row], name: str) -> list[tuple[float, float]]:
+    """True error and estimate of a quantity in the rows that have both."""
+    pairs = [(row[f"{name}_error"], row[f"{name}_estimate"]) for row in rows]
+    return [(true, estimate) for true, estimate in pairs if math.isfinite(true) and math.isfinite(estimate)]
+
+
+def verdicts(rows: Sequence[Row]) -> list[str]:
+    """One sentence for each promise that is not kept."""
+    said = []
+    for row in shares(rows):
+        if row["designs"] != "all" or row["states"] < LEAST_STATES:
+            continue
+        where = f"{row['model']} {row['scene']}, {row['quantity']}"
+        if not row["coverage"] >= COVERAGE:
+            said.append(f"{where}: {row['coverage']:.0%} of the true errors lie below the estimate")
+        if not row["sharpness"] >= SHARPNESS:
+            said.append(f"{where}: {row['sharpness']:.0%} of the estimates lie below {SHARP:g} true errors")
+    for row in summary(rows):
+        if not row["met"]:
+            where = f"{row['model']} {row['scene']}, {row['quantity']}, {row['level']}"
+            said.append(f"{where}: an error of {row['max_percent']:.2g} %, goal {row['goal_percent']:g} %")
+    return said
+
+
+def noise(rows: Sequence[Row]) -> list[Row]:
+    """Relative standard deviation of the half model's answers over its meshes: mean and greatest of the states."""
+    half = [row for row in rows if row["model"] == "half" and row["status"] == "ok"]
+    states = _grouped(half, lambda row: (row["level"], row["scene"], row["design"], row["magnet"], row["shear_mm"]))
+    spreads = defaultdict(list)
+    for (level, scene, *_), repeats in states.items():
+        if len(repeats) < 2:
+            continue
+        for name in QUANTITIES:
+            values = [[row[key] for row in repeats] for key in _components(name)]
+            size = math.hypot(*(statistics.fmean(v) for v in values))
+            if scene != "pressed" or name != "tilt":
+                spreads[level, scene, name].append(math.hypot(*map(statistics.stdev, values)) / size)
+    head = ("level", "scene", "quantity")
+    return [
+        dict(zip(head, group, strict=True))
+        | {"states": len(found), "mean_percent": 100 * statistics.fmean(found), "max_percent": 100 * max(found)}
+        for group, found in spreads.items()
+    ]
+
+
+def _components(name: str) -> tuple[str, ...]:
+    return {"force": ("force_x_N", "force_z_N"), "shift": ("shift_x_mm", "shift_z_mm"), "tilt": ("tilt_rad",)}[name]
+
+
+def _model(row: Row) -> str:
+    return "half" if row["model"] == "half" else "section"
+
+
+def _grouped(rows: Iterable[Row], key: Callable[[Row], tuple[Any, ...]]) -> dict[tuple[Any, ...], list[Row]]:
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return groups
+
+
+def _statistics(pairs: Sequence[tuple[float, float]]) -> Row:
+    true = sorted(error for error, _ in pairs)
+    estimated = not math.isnan(pairs[0][1])
+    return {
+        "states": len(pairs),
+        "median_percent": 100 * statistics.median(true),
+        "p95_percent": 100 * true[min(len(true) - 1, math.ceil(0.95 * len(true)) - 1)],
+        "max_percent": 100 * true[-1],
+        "coverage": sum(t <= e for t, e in pairs) / len(pairs) if estimated else math.nan,
+        "sharpness": sum(e <= SHARP * t for t, e in pairs) / len(pairs) if estimated else math.nan,
+    }
+
+
+def _goal(level: str, true: Sequence[float]) -> Row:
+    return {"goal_percent": 100 * GOALS[level], "met": max(true) <= GOALS[level]}
+
+
+def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
+    """accuracy.csv with all states, ACCURACY.md to read, errors.png."""
+    write_table(folder / "accuracy.csv", rows, digits=9)
+    picture(folder / "errors.png", rows)
+    command = f"magtip accuracy{' --quick' if quick else ''}"
+    good, missed = sum(row["status"] == "ok" for row in rows), verdicts(rows)
+    lines = ["# Accuracy", "", f"`{command}`: {good} of {len(rows)} states compared. "]
+    lines[-1] += f"{len(missed)} promises are not kept." if missed else "All promises are kept."
+    lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
+    lines += ["", *(accuracy.__doc__ or "").strip().splitlines(), "", "![Estimates over true errors](errors.png)", ""]
+    lines += ["## Estimates", "", *_markdown(shares(rows)), "", "## Levels", "", *_markdown(summary(rows)), ""]
+    if spread := noise(rows):
+        lines += [
+            "## Mesh noise of the half model",
+            "",
+            "Standard deviation over meshes.",
+            "",
+            *_markdown(spread),
+            "",
+        ]
+    lines += ["## Reference meshes", "", *_references(0 if quick else 1), ""]
+    if checked := references(rows):
+        lines += ["Against one more refinement:", "", *_markdown(checked), ""]
+    lines += ["## States left out", "", *_left_out(rows), "", "## Designs", "", *_designs(rows), ""]
+    write_text(folder / "ACCURACY.md", "\n".join([*lines, f"Made with `{command}`, {origin}."]) + "\n")
+
+
+def _references(fineness: int) -> list[str]:
+    scenes = (("press", "press"), ("stick and grip", "stick"))
+    return [f"- {name}: `{trials.reference(scene, fineness)}`" for name, scene in scenes]
+
+
+def _left_out(rows: Sequence[Row]) -> list[str]:
+    missing = sum(row["status"] == "not_run" for row in rows)
+    bad = [row for row in rows if row["status"] not in ("ok", "not_run")]
+    said = [f"- {missing} states were not solved: the time was up."] if missing else []
+    said += [
+        f"- design {row['design']}, magnet {row['magnet']}, {row['model']} {row['path']}, {row['level']}, depth "
+        f"{row['depth_mm']:g} mm, shear {row['shear_mm']:g} mm: {row['status']}; {row['message']}"
+        for row in bad
+    ]
+    return said or ["None."]
+
+
+def _designs(rows: Sequence[Row]) -> list[str]:
+    names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    chosen = sorted({row["design"] for row in rows})
+    values = [{name: f"{getattr(trials.designs()[i], name):g}" for name in names} for i in chosen]
+    return _markdown([{"design": i} | value for i, value in zip(chosen, values, strict=True)])
+
+
+def _markdown(rows: Sequence[Row]) -> list[str]:
+    heads = list(rows[0]) if rows else []
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    return [*lines, *("| " + " | ".join(_cell(row[head]) for head in heads) + " |" for row in rows)]
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}" if math.isfinite(value) else ""
+    return str(value)
+
+
+def picture(path: Path, rows: Sequence[Row]) -> None:
+    """Estimate over true error of force, shift and tilt; between the lines an estimate is both safe and sharp."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from studies.plots import STYLE
+
+    with mpl.rc_context(STYLE), atomic(path) as temporary:
+        figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(1, 3, sharex=True, sharey=True).ravel().tolist()
+        for axis, name in zip(axes, QUANTITIES, strict=True):
+            _scatter(axis, rows, name)
+        axes[0].set_ylabel("estimate (%)")
+        grey: dict[str, Any] = {"color": "#555555", "linestyle": ""}
+        handles = [Line2D([], [], marker=mark, label=level, **grey) for level, mark in MARKERS.items()]
+        seen = {_colour(row) for row in rows}
+        handles += [Line2D([], [], marker="o", linestyle="", color=LOOKS[n], label=n) for n in LOOKS if n in seen]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+        figure.savefig(temporary, dpi=200)
+
+
+def _colour(row: Row) -> str:
+    return "half" if row["model"] == "half" else str(row["scene"])
+
+
+def _scatter(axis: Any, rows: Sequence[Row], name: str) -> None:
+    for row in _judged(rows):
+        if pairs_of([row], name):
+            true, estimate = max(100 * row[f"{name}_error"], LEAST), 100 * row[f"{name}_estimate"]
+            look = {"marker": MARKERS[row["level"]], "color": LOOKS[_colour(row)], "alpha": 0.55}
+            axis.plot(true, estimate, linestyle="", markersize=4.5, markeredgewidth=0, **look)
+    ends = [LEAST, 20]
+    axis.plot(ends, ends, color="black", linewidth=1)
+    axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
+    for factor, text in ((1.0, "estimate = error"), (SHARP, f"{SHARP:g} errors")):
+        axis.annotate(text, (1.6, 1.25 * factor * 1.6), rotation=51, rotation_mode="anchor", fontsize=8)
+    axis.set(xscale="log", yscale="log", xlabel=f"true error of the {name} (%)", xlim=ends, ylim=(5e-3, 20))
+    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
