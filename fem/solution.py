@@ -184,7 +184,8 @@ def _judge(
     if reason:
         shear = float(np.linalg.norm(path.position[1:])) * D
         at = f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
-        return "not_converged", f"stopped at {at}: {reason}; try a smaller load or a finer accuracy"
+        before = f"; {_instability(path, D)}" if path.onset is not None else ""
+        return "not_converged", f"stopped at {at}: {reason}; try a smaller load or another accuracy{before}"
     if load.depth > 0 and not normal > 0 and not sheared:
         remedy = (
             "the plate has not reached it to within rounding: take a larger depth"

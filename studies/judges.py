@@ -22,6 +22,8 @@ from geometry.scene import Load, Magnet
 
 LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+SHORT = 0.02
+"""How far a fresh solve to a last good state may stop short of it, as a share of the load."""
 SAME = 1e-6
 """Largest relative difference of force and energy between a last good state and a fresh solve to it."""
 
@@ -82,13 +84,13 @@ def follow(scene: Scene, loads: Sequence[Load] | None = None, **other: object) -
     Raises
     ------
     StoppedError
-        The last state is not "ok".
+        The path stopped short of its last load.
     """
     case = replace(scene, **other) if other else scene  # type: ignore[arg-type]
     found = trace(
         case.design, loads or case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False
     )
-    if found[-1].status != "ok":
+    if found[-1].status not in ("ok", "unstable"):
         raise StoppedError(found[-1])
     return found
 
@@ -272,8 +274,8 @@ def kept(scene: Scene, end: Solution) -> Finding:
     try:
         again = follow(scene, [*before, end.load])[-1]
     except StoppedError as stop:
-        where = f"depth {stop.solution.load.depth:.4g} mm, shear {stop.solution.load.shear_x:.4g} mm"
-        return Finding(end, f"{check}, which stopped at {where}", math.inf, SAME)
+        short = 1 - _way(stop.solution.load) / _way(end.load)
+        return Finding(end, f"{check}, which stopped short of it", short, SHORT)
     return Finding(end, check, _apart(end, again), SAME)
 
 

@@ -10,6 +10,7 @@ from fem.equilibrium import LEVELS, QUICK
 from geometry.design import paper
 from studies import accuracy, calibration, cli, trials
 from studies.accuracy import QUANTITIES, Task
+from studies.options import FAILED
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +153,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     monkeypatch.setattr(
         accuracy, "run", lambda **options: [row(0.031, 0.04), row(0, 0, status="unstable", message="!")]
     )
-    assert cli.main(["accuracy", "--out", str(tmp_path), "--json"]) == cli.FAILED
+    assert cli.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "promises are not kept" in said.err
     assert all(json.loads(line)["quantity"] for line in said.out.splitlines())

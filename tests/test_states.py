@@ -11,7 +11,8 @@ import studies
 from analytic import beam
 from geometry.design import paper
 from geometry.scene import Load
-from studies import cli, states
+from studies import options, states
+from studies.options import Motion
 
 SOLVE_KEYS = {
     "status",
@@ -24,6 +25,11 @@ SOLVE_KEYS = {
     "tilt_rad",
     "contact_radius_mm",
     "error_estimate",
+    "shift_error_estimate",
+    "tilt_error_estimate",
+    "shear_y_mm",
+    "plate_tilt_rad",
+    "tilt_y_rad",
     "dofs",
     "newton_iterations",
     "seconds",
@@ -69,7 +75,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     def fail(*_, **__):
         raise RuntimeError("fTetWild failed: try another size")
 
-    monkeypatch.setattr(equilibrium, "trace", fail)
+    monkeypatch.setattr(equilibrium, "_start", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")
     assert (status, err) == (3, "magtip: fTetWild failed: try another size\n")
     (state,) = strict(out)
@@ -97,7 +103,7 @@ def test_analytic_json(run, shear, strict):
 
 
 @pytest.mark.parametrize(
-    ("options", "loads"),
+    ("given", "loads"),
     [
         ({"depth": 1.0}, [Load(1.0)]),
         ({"depth": 1.0, "steps": 2}, [Load(0.5), Load(1.0)]),
@@ -110,17 +116,19 @@ def test_analytic_json(run, shear, strict):
             [Load(1.0, 0.5, friction="stick"), Load(1.0, 1.0, friction="stick")],
         ),
         ({"grip": 2.0, "shear": 1.0}, [Load(0.0, 1.0, grip=2.0)]),
+        ({"depth": 1.0, "shear_y": 0.5}, [Load(1.0, 0.0, 0.5, friction="stick")]),
+        ({"depth": 1.0, "plate_tilt": 90 / math.pi}, [Load(1.0, plate_tilt=0.5)]),
     ],
 )
-def test_options_as_loads(options, loads):
-    assert states.loads_of(**options) == loads
+def test_options_as_loads(given, loads):
+    assert states.loads_of(Motion(**given)) == loads
 
 
 def test_choices_match_the_solver():
     from fem import equilibrium
     from studies.inputs import AccuracyName
 
-    assert get_args(cli.Model) == get_args(equilibrium.Model)
+    assert get_args(options.Model) == get_args(equilibrium.Model)
     assert set(get_args(AccuracyName)) == set(equilibrium.LEVELS)
 
 
