@@ -45,8 +45,8 @@ def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = 
     """Force over deflection of the tip at small strain, over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
 
     Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about a diameter
-    of the beam, the more the larger nu is. Unless bonded, the base
-    keeps its plane and its middle alone, and the load's reaction is spread over it.
+    of the beam, the more the larger nu is. Unless bonded, the base keeps its plane and its middle alone, and the
+    load's reaction is spread over it.
     """
     system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
     force = SMALL / slenderness**2
