@@ -1,4 +1,4 @@
-"""Clamped cylinders under a sideways load at the tip: the elastica, and Timoshenko's beam at small strain.
+"""Clamped cylinders under a sideways load at the tip, the elastica and Timoshenko's beam, and vibrating.
 
 Fourier elements with two harmonics on a rectangular section, in which rigid rotations of a cross-section are exact.
 Diameter and Young's modulus are 1; the load is a uniform dead traction on the flat end. Rows of rectangles shrink
@@ -11,11 +11,14 @@ import math
 
 import numpy as np
 import skfem
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from fem import elements
 from fem.elements import Elements
 from fem.material import lame
 from fem.models import on_axis
+from fem.modes import eigen
 from fem.system import State, System
 from studies.problems import SKIN, body, facet_loads, find, ramp
 
@@ -53,6 +56,44 @@ def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = 
     system.dead = force * system.dead
     moved = _tip_motion(find(system).state, _tip(e))[0]
     return force / moved * compliance(slenderness, nu)
+
+
+def vibration(slenderness: int, nu: float, *, rows: int, count: int) -> list[float]:
+    """The lowest bending frequencies over those of Timoshenko's beam, clamped and free."""
+    system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
+    K = system.assemble(system.state(np.zeros(system.size)), None).tangent
+    values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
+    sideways = np.abs([*elements.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
+    bends = np.broadcast_to(sideways, system.free.shape)[system.free]
+    moved = np.abs(vectors[: system.n_free])
+    bending = [float(value) for value, x in zip(values, moved.T, strict=True) if x[bends].max() > x[~bends].max()]
+    return [math.sqrt(a) / b for a, b in zip(bending, frequencies(slenderness, nu, count), strict=False)]
+
+
+def frequencies(slenderness: float, nu: float, count: int) -> list[float]:
+    """Angular frequencies of Timoshenko's clamped and free beam, D = E = rho = 1.
+
+    Along the beam w' = phi + g, phi' = m, m' = -omega^2 phi - kappa G A g / I and g' = -omega^2 w / (kappa G), with
+    w = phi = 0 at the clamp and m = g = 0 at the end. A slender one has 3.516 sqrt(I / A) / L^2:
+
+    >>> round(frequencies(100.0, 0.3, 1)[0] * 1e4 / math.sqrt(INERTIA / AREA), 3)
+    3.516
+    """
+    kappa_G = 6 * (1 + nu) / (7 + 6 * nu) / (2 * (1 + nu))
+    stiff = kappa_G * AREA / INERTIA
+
+    def ends(omega: float) -> float:
+        A = np.array([[0, 1, 0, 1], [0, 0, 1, 0], [0, -(omega**2), 0, -stiff], [-(omega**2) / kappa_G, 0, 0, 0]])
+        return float(np.linalg.det(expm(slenderness * A)[2:, 2:]))
+
+    step = math.sqrt(INERTIA / AREA) / slenderness**2
+    found: list[float] = []
+    omega = step
+    while len(found) < count:
+        if ends(omega) * ends(omega + step) < 0:
+            found.append(float(brentq(ends, omega, omega + step, rtol=1e-12)))
+        omega += step
+    return found
 
 
 def compliance(slenderness: float, nu: float) -> float:

@@ -16,7 +16,7 @@ from typing import Any
 from studies.compare import write_table
 from studies.extremes import versions
 from studies.files import write_text
-from studies.targets import MISSING, Quantity, Target, targets
+from studies.targets import Quantity, Target, targets
 
 Progress = Callable[[float, str], None]
 Row = dict[str, Any]
@@ -137,7 +137,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
     lines += [f"- {name}: {source}" for name, source in {row["target"]: row["source"] for row in rows}.items()]
     lines += ["", "Notes:", ""]
     lines += [f"- {name}: {note}" for name, note in {row["target"]: row["note"] for row in rows}.items() if note]
-    lines += [f"- {MISSING}", "", f"Made with `{command}`, {origin}."]
+    lines += ["", f"Made with `{command}`, {origin}."]
     write_text(folder / "VERIFY.md", "\n".join(lines) + "\n")
 
 

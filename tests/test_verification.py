@@ -8,7 +8,7 @@ import pytest
 
 from fem import material
 from fem.contact import KAPPA
-from studies import beams, cli, manufactured, problems, targets, touch, verify
+from studies import beams, cli, manufactured, options, problems, targets, touch, verify
 from studies.problems import NotSolvedError
 
 QUICK = {target.name: target for target in verify.targets(quick=True)}
@@ -35,6 +35,11 @@ def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_b
     assert 1.9 < bonded[0] / bonded[1] < 2.1
     assert free[0] < bonded[0] / 10
     assert free[0] / free[1] == pytest.approx(4, abs=0.3)
+
+
+def test_frequencies_of_a_slender_beam_are_euler_s():
+    slender = np.array(beams.frequencies(200.0, 0.3, 3)) * 200**2 / math.sqrt(beams.INERTIA / beams.AREA)
+    np.testing.assert_allclose(slender, [3.516015, 22.03449, 61.69721], rtol=1e-3)
 
 
 def test_the_full_run_has_the_same_targets_and_some_more_on_finer_meshes():
@@ -124,7 +129,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     monkeypatch.setattr(
         verify, "targets", lambda quick: [good, missed, replace(good, name="unsolved", solve=unsolved)]
     )
-    assert cli.main(["verify", "--out", str(tmp_path), "--json"]) == cli.FAILED
+    assert cli.main(["verify", "--out", str(tmp_path), "--json"]) == options.FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
     assert said.out.count("\n") == 3
@@ -138,5 +143,5 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 def test_all_met_is_status_zero(monkeypatch, capsys):
     good = verify.Target("good", "me", lambda n: (1 + n**-2.0,), (verify.Quantity("q", 1.0, 0.1),), meshes=(4, 8, 16))
     monkeypatch.setattr(verify, "targets", lambda quick: [good])
-    assert cli.main(["verify"]) == cli.GOOD
+    assert cli.main(["verify"]) == options.GOOD
     assert "good" in capsys.readouterr().out
