@@ -8,6 +8,7 @@ find the pressures and that the forces balance.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -15,15 +16,12 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements
+from fem import elements, material
 from fem.elements import Elements
-from fem.equilibrium import LEVELS, trace
 from fem.linear import Solver
 from fem.material import lame
 from fem.newton import Equilibrium, newton
 from fem.system import System
-from geometry.design import paper
-from geometry.scene import Load
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,10 +78,13 @@ def ramp(system: System, dead: Array, levels: Sequence[float]) -> list[Equilibri
 
 
 def facet_loads(mesh: skfem.Mesh, e: Elements, name: str, traction: Sequence[float]) -> Array:
-    """Nodal forces (nodes, dim) of a uniform dead traction on a named boundary; not for sections of revolution."""
-    s = elements.surface(mesh, name, e, axisymmetric=False, order=4)
-    dead = np.zeros(e.nodes.shape)
-    np.add.at(dead, s.nodes, (s.weights @ s.shape)[..., None] * np.asarray(traction))
+    """Nodal forces (nodes, fields) of a uniform dead traction (3,) along x, y, z on a named boundary.
+
+    A section without harmonics is taken for one in plane strain.
+    """
+    s = elements.surface(mesh, name, e, axisymmetric=e.angles.harmonics > 0, order=4)
+    dead = np.zeros((len(e.nodes), e.angles.fields))
+    np.add.at(dead, s.nodes, np.einsum("kq,qa,qif,i->kaf", s.weights, s.shape, s.E, traction))
     return dead
 
 
@@ -104,7 +105,7 @@ def cook(n: int) -> tuple[float]:
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.repeat((e.nodes[:, 0] < SKIN)[:, None], 2, axis=1)
     system = body(e, fixed, *lame(3.0, 0.5))
-    last = ramp(system, facet_loads(mesh, e, "right", (0, 0.05)), [0.5, 1.0])[-1]
+    last = ramp(system, facet_loads(mesh, e, "right", (0, 0, 0.05)), [0.5, 1.0])[-1]
     corner = np.argmin(np.hypot(e.nodes[:, 0] - 48, e.nodes[:, 1] - 60))
     return (float(last.state.u[corner, 1]),)
 
@@ -125,26 +126,49 @@ def bonded_cylinder(n: int, S: float) -> tuple[float]:
     return (float(-answer.assembly.forces[top, 1].sum()) / math.pi / press,)
 
 
-def reese_block(n: int, levels: Sequence[int]) -> tuple[float, ...]:
+@functools.cache
+def reese_block(
+    n: int, levels: tuple[int, ...], *, mirrored: bool = False, order: int | None = None, own_energy: bool = False
+) -> tuple[float, ...]:
     """Compression, %, of a block's corner under dead pressures p/p0 (p0 = 4 MPa) on the inner quarter of its top.
 
-    Quarter of the block as n^3 bricks of tetrahedra, n a multiple of 4, with three quarters of the bricks along an
-    edge under the load; mu = 80.194, lambda = 400889.806 MPa. The top does not move sideways.
+    Quarter of the block as n^3 bricks of six tetrahedra, n a multiple of 4, with three quarters of the bricks along
+    an edge under the load; mu = 80.194, lambda = 400889.806 MPa. The top does not move sideways, so a pressure that
+    follows the surface does the same.
+
+    Parameters
+    ----------
+    levels : pressures p/p0, multiples of 20.
+    mirrored : cut the bricks along the diagonal that falls from the middle of the block, not the one that rises.
+    order : of the elements' quadrature.
+    own_energy : Reese's energy, mu/2 (I1 - 3 - 2 ln J) with lambda/2 (J - 1)^2, not the isochoric law.
     """
-    mu, bulk = 80.194, 400889.806 + 2 / 3 * 80.194
+    mu, lam = 80.194, 400889.806
     inner = 3 * n // 4
     side = np.append(np.linspace(0, 0.5, inner + 1), np.linspace(0.5, 1, n - inner + 1)[1:])
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(side, side, np.linspace(0, 1, n + 1))).with_boundaries(
+    flat = skfem.MeshTet.init_tensor(side, side, np.linspace(0, 1, n + 1))
+    if mirrored:
+        flat = skfem.MeshTet(np.stack([flat.p[0], flat.p[1], 1 - flat.p[2]]), flat.t[[1, 0, 2, 3]])
+    mesh = skfem.MeshTet2.from_mesh(flat).with_boundaries(
         {"pressed": lambda x: (x[2] > 1 - SKIN) & (x[0] < 0.5) & (x[1] < 0.5)}
     )
-    e = elements.build(mesh, axisymmetric=False)
+    e = elements.build(mesh, axisymmetric=False, order=order)
     fixed = e.nodes < SKIN
     fixed[e.nodes[:, 2] > 1 - SKIN, :2] = True
-    system = body(e, fixed, mu, 1 / bulk)
-    steps = [float(level) for level in range(10, max(levels) + 1, 10)]
+    law, bulk = (_coupled, lam) if own_energy else (material.neo_hookean, lam + 2 / 3 * mu)
+    system = System(e, None, mu, 1 / bulk, fixed, law=law)
+    steps = [float(level) for level in range(20, max(levels) + 1, 20)]
     answers = dict(zip(steps, ramp(system, facet_loads(mesh, e, "pressed", (0, 0, -4.0)), steps), strict=True))
     corner = np.argmin(np.linalg.norm(e.nodes - [0, 0, 1], axis=1))
     return tuple(float(-100 * answers[level].state.u[corner, 2]) for level in levels)
+
+
+def _coupled(k: material.Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
+    """W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T."""
+    F, scale = k.G + np.eye(3), np.asarray(mu)[..., None, None]
+    W = mu / 2 * (np.sum(F**2, axis=(-2, -1)) - 3 - 2 * np.log1p(k.Jm1))
+    cross = np.einsum("...iL,...kJ->...iJkL", k.H, k.H).reshape(*k.Jm1.shape, 9, 9)
+    return W, scale * (F - k.H), scale * (np.eye(9) + cross)
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
@@ -183,23 +207,6 @@ def sphere_pressure(stretch: float) -> float:
     return float((4 / outer + outer**-4 - 4 / stretch - stretch**-4) / 2)
 
 
-def hertz(level: str) -> tuple[float, ...]:
-    """Force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and the slope of log F.
-
-    The paper's beam without its magnet, on meshes of an accuracy (quick, standard, fine).
-    """
-    design, depths = paper(), (1e-6, 1e-5, 1e-4)
-    ratios = []
-    for depth in depths:
-        state = trace(design, [Load(depth=depth)], LEVELS[level], magnet="ignored", estimate=False)[0]
-        if state.status != "ok":
-            raise NotSolvedError(state.message)
-        constant = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R)
-        ratios.append(state.response.force[2] / (constant * depth**1.5))
-    slope = 1.5 + math.log(ratios[-1] / ratios[0]) / math.log(depths[-1] / depths[0])
-    return (*ratios, slope)
-
-
 def stretched_cube(stretch: float, mode: str) -> tuple[float]:
     """Nominal stress P_xx / mu of an incompressible unit cube, its three mirror planes and five tetrahedra.
 
@@ -224,6 +231,26 @@ def stretched_cylinder(stretch: float) -> tuple[float]:
     fixed[end, 1] = True
     answer = find(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
     return (float(answer.assembly.forces[end, 1].sum()) / math.pi,)
+
+
+def turned_cylinder(stretch: float, angle: float, harmonics: int = 2) -> tuple[float, float]:
+    """Energy per volume over mu of a cylinder stretched along x and turned about y, and its largest nodal force.
+
+    Fourier elements without pressure; volumes are kept. The affine map A = Q U has the fields w_-1 = A_xz z,
+    w_0 = ((A_xx + A_yy) / 2 - 1) r, w_-2 = (A_xx - A_yy) r / 2, z_0 = (A_zz - 1) z, z_1 = A_zx r.
+    """
+    e = elements.build(square(2), axisymmetric=True, harmonics=harmonics)
+    c, s = math.cos(angle), math.sin(angle)
+    A = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    k, (r, z) = list(elements.orders(harmonics)), e.nodes.T
+    u = np.zeros((len(r), e.angles.fields))
+    u[:, k.index(-1)], u[:, k.index(0)] = A[0, 2] * z, ((A[0, 0] + A[1, 1]) / 2 - 1) * r
+    u[:, k.index(-2)], u[:, len(k)], u[:, len(k) + 1] = (A[0, 0] - A[1, 1]) / 2 * r, (A[2, 2] - 1) * z, A[2, 0] * r
+    system = body(e, np.zeros(u.shape, dtype=bool), 1.0, 0.0)
+    q = np.zeros(system.size)
+    q[: system.n_free] = u[system.free]
+    found = system.assemble(system.state(q), None)
+    return found.energy / math.pi, float(np.abs(found.forces).max())
 
 
 def sheared_cube(shear: float) -> tuple[float, float]:
