@@ -193,7 +193,7 @@ def _judge(
             else "choose model axisymmetric, whose mesh follows the contact"
         )
         return "no_contact", f"depth {load.depth:g} mm touches no integration point of this mesh: {remedy}"
-    if path.unstable:
+    if path.unstable or path.onset is not None:
         return "unstable", _instability(path, D)
     if load.depth > 0 and normal < 0:
         return "ok", "the glued plate pulls at the tip by now: a real one would peel off or slip before"
@@ -209,7 +209,9 @@ def _judge(
 
 def _instability(path: Path, D: float) -> str:
     """Where the first unstable direction appeared."""
-    count = f"{path.unstable} unstable direction{'s' if path.unstable != 1 else ''}"
+    count = (
+        f"{path.unstable} unstable direction{'s' if path.unstable != 1 else ''}" if path.unstable else "past it now"
+    )
     if path.onset is None:
         return f"{count}: the state is an equilibrium that does not last"
     before, after = path.onset

@@ -139,7 +139,8 @@ def test_wrong_ends_are_rows_that_fail():
     refused = extremes.judge(replace(SMALL, changes={"L": 3.0}))
     assert (refused["status"], refused["passed"]) == ("bad_input", False)
     short = extremes.judge(replace(SMALL, loads=press(1.0, 8.9), magnet="ignored"))
-    assert (short["status"], short["passed"]) == ("not_converged", False)
+    assert short["status"] == "not_converged"
+    assert short["passed"] == ("unstable since" in short["message"])
     unexpected = extremes.judge(replace(SMALL, ends=("not_converged",)))
     assert (unexpected["status"], unexpected["passed"]) == ("ok", False)
 
