@@ -60,11 +60,13 @@ LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 RULES = {
     "press": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
+    "pressed": ((1.0, 0.675, 2.5), (0.5, 1.21, 2.5), (0.5, 1.21, 2.5)),
     "stick": ((0.7, 0.055, 1.5), (0.4, 0.21, 2.0), (0.5, 0.0095, 0.75)),
     "grip": ((1.3, 0.065, 1.5), (1.2, 0.023, 1.5), (0.5, 0.028, 1.0)),
     "solid": ((1.0, 0.45, 1.5), (1.0, 0.45, 1.5), (1.0, 0.25, 1.5)),
 }
-"""How the errors of force, shift and tilt are estimated on a section, by the load, and on tetrahedra: the difference
+"""How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
+stick shear, whose mesh is fine where the contact ends), and on tetrahedra: the difference
 to the companion times the first number, but at least the second times (edge length / D) to the power of the third.
 Set with `magtip accuracy`, which holds the estimates against true errors."""
 COARSER = 1.5
@@ -179,7 +181,7 @@ def _walk(
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, accuracy)
+            yield state if companion is None else _with_estimates(state, companion, loads, accuracy)
 
 
 def coarser(accuracy: Accuracy) -> Accuracy:
@@ -190,10 +192,15 @@ def coarser(accuracy: Accuracy) -> Accuracy:
 
 
 def estimates(
-    one: Response, other: Response, load: Load, accuracy: Accuracy, model: str
+    one: Response, other: Response, load: Load, loads: Sequence[Load], accuracy: Accuracy, model: str
 ) -> tuple[float | None, float | None, float | None]:
-    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's."""
-    scene, edge = "press" if not slides(load) else "grip" if load.grip is not None else "stick", accuracy.section_size
+    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's.
+
+    The load is one of the path's `loads`.
+    """
+    scene, edge = "press", accuracy.section_size
+    if any(map(slides, loads)):
+        scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
     if model in ("half", "full"):
         scene, edge = "solid", accuracy.solid_size
     pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
@@ -204,13 +211,13 @@ def estimates(
     return force, shift, tilt
 
 
-def _with_estimates(state: Solution, companion: Solution, accuracy: Accuracy) -> Solution:
+def _with_estimates(state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt = estimates(state.response, companion.response, state.load, accuracy, state.model)
+    force, shift, tilt = estimates(state.response, companion.response, state.load, loads, accuracy, state.model)
     return replace(
         state,
         seconds=seconds,
