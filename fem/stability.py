@@ -134,9 +134,7 @@ def small_shear(
         The depth is not positive or does not fit, the design has no magnet to be rigid, or the press does not
         reach the depth.
     """
-    check_load(design, Load(depth=depth), magnet)
-    if not depth > 0:
-        raise BadInput(f"depth must be above 0 for a shear of the patch in contact; got {depth:g} mm")
+    check_depth(design, depth, magnet)
     d, D = depth / design.D, design.D
     edge = contact_edge(_build(design, magnet, accuracy)(), d)
     edge = contact_edge(_build(design, magnet, accuracy, _rim(edge, accuracy))(), d)
@@ -157,6 +155,13 @@ def small_shear(
         return _small(design, path, high, plate, q, step)
     finally:
         path.close()
+
+
+def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
+    """Refuse a depth, mm, at which there is no patch to shear."""
+    check_load(design, Load(depth=depth), magnet)
+    if not depth > 0:
+        raise BadInput(f"depth must be above 0 for a shear of the patch in contact; got {depth:g} mm")
 
 
 def _build(

@@ -21,6 +21,7 @@ UNITS = {
     "MPa": ("MPa", 1.0),
     "T": ("mT", 1e3),
     "V": ("V", 1.0),
+    "Hz": ("Hz", 1.0),
     "percent": ("%", 1.0),
 }
 """Unit that a key's last word stands for, as it is shown, and its size in it."""
@@ -166,8 +167,15 @@ def _heads(keys: Iterable[str]) -> list[str]:
 
 
 def _heading(key: str) -> tuple[str, str]:
-    """What a key names, and the unit its values are shown in."""
+    """What a key names, and the unit its values are shown in.
+
+    >>> _heading("stiffness_N_per_mm"), _heading("shift_per_mm"), _heading("depth_mm")
+    (('stiffness', 'N/mm'), ('shift', '1/mm'), ('depth', 'mm'))
+    """
     name, _, last = key.rpartition("_")
+    if name.endswith("_per"):
+        above, unit = _heading(name.removesuffix("_per"))
+        return above, f"{unit or 1}/{last}"
     if name and last in UNITS:
         return name.replace("_", " "), UNITS[last][0]
     return key.replace("_", " "), ""

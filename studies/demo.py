@@ -32,10 +32,10 @@ MODELLING = (
     "The base disc is clamped; the plate is flat, rigid and, in the press, free of friction.",
     "For the shear the patch in contact is glued to the pressed plate, which then moves sideways at constant depth.",
     (
-        "The press is axisymmetric: on a frictionless plate this sensor gives way sideways from about 2.5 mm on "
-        "(see `magtip solve paper --model half --depths 2,2.5,2.75`): the deepest states need a plate that holds it."
+        "The press is axisymmetric: on a frictionless plate this sensor gives way sideways shortly before 3 mm "
+        "(`magtip stability paper` says where): the deepest state needs a plate that holds it."
     ),
-    "Skin that folds onto the base or onto itself passes through.",
+    "Skin that bulges below the base plane lies on it without friction; skin that folds onto itself passes through.",
     "Readings are the component of B that each Hall element senses, from the exact field of a sharp-edged cylinder.",
     "The paper leaves l_t open: the bar is taken as uniform, so the magnet moves by H/L of the tip's motion.",
     "The magnet's height decides the press force too: a taller one leaves less silicone to yield above and below it.",

@@ -211,14 +211,13 @@ def trust_sentences(found: Row) -> list[str]:
     lines = []
     if math.isfinite(found["press_error_estimate_percent"]):
         lines.append(
-            "Press: judged by a mesh coarser by half, the force is uncertain by at most "
+            "Press: judged by a coarser mesh, the force is uncertain by at most "
             f"{found['press_error_estimate_percent']:.1f} %."
         )
     if math.isfinite(found["shear_error_estimate_percent"]):
         lines.append(
-            "Shear: before it shears, the tetrahedral model's press force agrees with the axisymmetric one's within "
-            f"{found['shear_error_estimate_percent']:.1f} %, the latter's own uncertainty included; the shear force "
-            "itself has no estimate."
+            "Shear: judged by a coarser mesh with one harmonic less, the force is uncertain by at most "
+            f"{found['shear_error_estimate_percent']:.1f} %."
         )
     missing = found["missing_states"]
     lines.append(

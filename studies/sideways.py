@@ -21,6 +21,8 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     from fem import stability
     from fem.equilibrium import LEVELS
 
+    if depth is not None:
+        stability.check_depth(design, depth, magnet)
     level = LEVELS[accuracy]
     progress(0.0, "free tip")
     free = stability.critical(design, magnet, accuracy=level)
