@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem import contact, elements, material
+from fem import contact, integrals, material
 from fem.contact import Plate
 from fem.elements import Elements, Surface
 from fem.linear import Pattern
@@ -163,7 +163,7 @@ class System:
             groups.append((facets, facets))
         self.pattern = Pattern(groups, self.size)
         whole = slice(0, m)
-        self._compliance = -elements.pressure_stiffness(e, whole, elements.volumes(e, whole) * self.inverse_K)
+        self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
 
     def state(self, q: Array) -> State:
         """Displacements and pressures of unknowns q."""
@@ -186,7 +186,7 @@ class System:
     def least_J(self, state: State) -> float:
         """Least volume ratio J over the integration points."""
         return 1 + min(
-            float(material.volume_change(elements.gradient(self.elements, s, state.u)).min()) for s in self._parts
+            float(material.volume_change(integrals.gradient(self.elements, s, state.u)).min()) for s in self._parts
         )
 
     def assemble(self, state: State, plate: Plate | None) -> Assembly:
@@ -197,18 +197,18 @@ class System:
         Kuu, Kup = [], []
         energy = 0.0
         for part in self._parts:
-            k = material.kinematics(elements.gradient(e, part, state.u), e.angles.components)
-            p, w = elements.pressure(e, part, corner), elements.volumes(e, part)
+            k = material.kinematics(integrals.gradient(e, part, state.u), e.angles.components)
+            p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
             W, P, A = self.law(k, self.mu[part])
             Pp, Ap, B = material.pressure_terms(k, p)
             soft = self.inverse_K[part]
             energy += float(np.sum(w * (W + p * k.Jm1 - p**2 * soft / 2)))
-            fu[part] = elements.displacement_forces(e, part, w[..., None, None] * (P + Pp))
-            fp[part] = elements.pressure_forces(e, part, w * (k.Jm1 - p * soft))
+            fu[part] = integrals.displacement_forces(e, part, w[..., None, None] * (P + Pp))
+            fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
             A += Ap
             A *= w[..., None, None]
-            Kuu.append(elements.displacement_stiffness(e, part, A))
-            Kup.append(elements.coupling(e, part, w[..., None, None] * B))
+            Kuu.append(integrals.displacement_stiffness(e, part, A))
+            Kup.append(integrals.coupling(e, part, w[..., None, None] * B))
         forces, blocks, spring_energy = self._springs(state, plate)
         forces -= self.dead
         energy += spring_energy - float(np.sum(self.dead * state.u))
@@ -236,7 +236,7 @@ class System:
         """
         e = self.elements
         zero = np.zeros(self.size)
-        M = np.concatenate([elements.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
+        M = np.concatenate([integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
         inner, outer = M[: self._inner], M[self._inner :]
         (outer, _), own = self._magnet(
             self.state(zero), np.zeros(self.fixed.shape), zero, outer, np.zeros((*outer.shape[:2], self._p.shape[1]))
