@@ -1,11 +1,15 @@
 """The command line: its contract of flags, JSON keys and exit statuses, and one sentence for all bad input."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
+from geometry.design import BadInput
 from studies import cli, console, files, states
 
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
@@ -48,7 +52,21 @@ BAD = [
     ("solve", "paper", "--grip", 9, "--shear", 1),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--depth", 1),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--friction", "stick"),
+    ("solve", "paper", "--grip", 2, "--shear", 1, "--plate-tilt", 5),
+    ("solve", "paper", "--depth", 1, "--shear-y", "inf"),
+    ("solve", "paper", "--depths", "1,2", "--shear-y", 1),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--friction", 0.3),
     ("solve", "paper", "--depth", 1, "--harmonics", 3),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", 0),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", -1),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", 1.5),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", "nan"),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", 13),
+    ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", 2, "--model", "half"),
+    ("solve", "paper", "--depth", 1, "--plate-tilt", 50),
+    ("solve", "paper", "--depth", 1, "--plate-tilt", "nan"),
+    ("solve", "paper", "--depth", 1, "--plate-tilt", 5, "--model", "harmonic"),
+    ("solve", "paper", "--depth", 1, "--plate-tilt", 5, "--shear-y", 1, "--model", "half"),
     ("solve", "paper", "--depth", 1, "--model", "spherical"),
     ("solve", "paper", "--depth", 1, "--shear", 1, "--model", "axisymmetric"),
     ("solve", "paper", "--depth", 1, "--accuracy", "best"),
@@ -143,6 +161,45 @@ def test_a_bug_is_not_hidden(run, monkeypatch):
         run("analytic", "paper", "--depth", 1)
 
 
+def test_interrupt_keeps_what_was_reached(tmp_path, strict):
+    depths = ",".join(f"{0.2 * k:g}" for k in range(1, 40))
+    command = ["solve", "paper", "--depths", depths, "--json", "--out", "last.vtu", *QUICK]
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "cwd": tmp_path, "text": True}
+    path = os.pathsep.join(filter(None, (str(Path(cli.__file__).parent.parent), os.environ.get("PYTHONPATH"))))
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *command], env={**os.environ, "PYTHONPATH": path}, **pipes
+    ) as run:
+        # the first state is here before the last one is solved
+        first = run.stdout.readline()
+        run.send_signal(signal.SIGINT)
+        rest, err = run.communicate()
+    assert (run.returncode, err) == (cli.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
+    reached = strict(first + rest)
+    assert 1 <= len(reached) < 39
+    assert {state["status"] for state in reached} == {"ok"}
+    assert [path.name for path in tmp_path.iterdir()] == ["last.vtu"]
+
+
+@pytest.mark.parametrize(("end", "status"), [(KeyboardInterrupt, 130), (BadInput, 2), (ZeroDivisionError, None)])
+def test_no_empty_folder_stays(run, monkeypatch, tmp_path, end, status):
+    from studies import compare
+
+    def fail(*_, **__):
+        raise end
+
+    (tmp_path / "mine").mkdir()
+    monkeypatch.setattr(compare, "run", fail)
+    for folder in ("new/deep/er", "mine"):
+        tokens = ("compare", "paper", "--out", folder)
+        if status is None:
+            with pytest.raises(end):
+                run(*tokens)
+        else:
+            assert run(*tokens)[0] == status
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_full_disk_is_a_sentence(run, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device", "field.vtu")
@@ -176,6 +233,7 @@ def test_a_reader_that_goes_away():
 
 def test_json_line_has_no_nan(strict):
     record = {"a": float("nan"), "b": [float("inf"), 1.0], "c": (1, "x", None, True)}
+    assert "-0" not in files.json_line({"force_N": (-0.0, 0.0), "tilt_rad": -0.0})
     assert strict(files.json_line(record)) == [{"a": None, "b": [None, 1.0], "c": [1, "x", None, True]}]
 
 

@@ -140,3 +140,54 @@ def test_picture(tmp_path, pressed, quantity):
     half = image[300:900, columns[0] : columns[-1] + 1]
     assert np.abs(half - half[:, ::-1]).mean() < 0.02
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    load = Load(grip=2.0, shear_x=1.2, shear_y=1.6)
+    return trace(paper(), [load], QUICK, magnet="ignored", estimate=False)[0]
+
+
+def test_half_a_body_of_a_harmonic_solution_in_a_file(tmp_path, gripped):
+    import pyvista as pv
+
+    files.write_field(tmp_path / "field.vtu", gripped)
+    grid = pv.read(tmp_path / "field.vtu")
+    volumes = grid.compute_cell_sizes()["Volume"]
+    assert volumes.min() > 0
+    # nearly incompressible: the deformed body has the beam's volume
+    assert 2 * volumes.sum() == pytest.approx(math.pi * 16 * (5 + 8 / 3), rel=0.01)
+    tip = np.argmax((grid.points - grid["displacement_mm"])[:, 2])
+    assert grid["displacement_mm"][tip, :2] == pytest.approx([1.2, 1.6], abs=0.02)
+
+
+def test_picture_of_a_shear_leans_to_its_side(tmp_path, gripped):
+    from matplotlib.image import imread
+
+    from studies.pictures import section_picture
+
+    section_picture(tmp_path / "a.png", paper(), gripped, magnet="ignored")
+    image = imread(tmp_path / "a.png")[:, :1150, :3]
+    coloured = image.max(axis=2) - image.min(axis=2) > 0.1
+    tip, base = (np.flatnonzero(coloured[rows].any(axis=0)).mean() for rows in (slice(200, 300), slice(900, 960)))
+    assert tip > base + 50
+
+
+def test_cut_through_a_full_body(pressed):
+    from studies.cutaway import cut_of
+
+    mesh = quadratic(skfem.MeshTet2, 2).translated((-0.5, -0.53, 0.0))
+    slope = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.0], [0.4, 0.0, -0.2]])
+    u, vertices = mesh.doflocs.T @ slope.T, np.unique(mesh.dofs.element_dofs[:4])
+    field = Field(mesh=mesh, u=u, p=np.zeros((len(vertices), 1)), vertices=vertices, angles=ANGLES[3])
+    # both planes leave the cube through x = -0.5 and x = 0.5
+    for shear, length in ((0.0, 1.0), (0.5, math.hypot(1.0, 0.5))):
+        load = Load(depth=1.0, shear_x=1.0, shear_y=shear, friction="stick")
+        cut = cut_of(dataclasses.replace(pressed, field=field, load=load, model="full"), "displacement")
+        a, b, c = np.moveaxis(cut.rest[:, :3], 1, 0)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+        outline = np.linalg.norm(cut.edges[:, 0, 2] - cut.edges[:, 0, 0], axis=1).sum()
+        assert np.abs(cut.rest[..., 1]).max() < 1e-12
+        assert area == pytest.approx(length, rel=1e-9)
+        assert outline == pytest.approx(2 + 2 * length, rel=1e-9)
+        assert cut.value == pytest.approx(np.linalg.norm(cut.moved - cut.rest, axis=2), rel=1e-9, abs=1e-12)

@@ -1,6 +1,7 @@
 """What `magtip solve`, `analytic`, `compare`, `sweep` and `demo` make of their options, call and print."""
 
 import math
+import re
 import sys
 import types
 from typing import get_args
@@ -54,6 +55,71 @@ def test_states_are_lines(run, flag, strict):
     status, out, _ = run("solve", "paper", *flag, "--json", *QUICK)
     assert status == 0
     assert [state["depth_mm"] for state in strict(out)] == [0.5, 1.0]
+
+
+def test_harmonics_replace_those_of_the_accuracy(run, strict):
+    dofs = []
+    for count in (1, 2, 3):
+        flags = ("--grip", 2, "--shear", 0.1, "--harmonics", count, "--json", *QUICK)
+        status, out, _ = run("solve", "paper", *flags)
+        (state,) = strict(out)
+        assert (status, state["status"], state["model"]) == (0, "ok", "harmonic")
+        dofs.append(state["dofs"])
+    # displacement and pressure fields: 2 N + 1 in the plane (one more if N = 1), N + 1 along z, N + 1 pressures
+    assert dofs[0] < dofs[1] < dofs[2]
+    assert (dofs[2] - dofs[1]) / dofs[1] == pytest.approx(3 / 8, rel=0.05)
+
+
+def test_a_shear_may_point_anywhere(run, strict):
+    straight, oblique = (
+        strict(run("solve", "paper", "--grip", 2, *flags, "--json", *QUICK)[1])[0]
+        for flags in (("--shear", 0.5), ("--shear", -0.3, "--shear-y", 0.4))
+    )
+    assert (oblique["shear_mm"], oblique["shear_y_mm"], oblique["model"]) == (-0.3, 0.4, "harmonic")
+    for key in ("force_N", "shift_mm"):
+        along = straight[key][0]
+        assert oblique[key][:2] == pytest.approx([-0.6 * along, 0.8 * along], rel=1e-6)
+    assert [oblique["tilt_rad"], oblique["tilt_y_rad"]] == pytest.approx(
+        [-0.6 * straight["tilt_rad"], 0.8 * straight["tilt_rad"]], rel=1e-6
+    )
+
+
+def test_unstable_state_says_since_when(run, strict):
+    # a slender beam buckles under a frictionless plate, the later the larger the patch that holds its tip
+    flags = ("--model", "harmonic", "--harmonics", 1, "--set", "L=32", "--json", *QUICK)
+    status, out, err = run("solve", "paper", "--depths", "0.4,0.8", *flags)
+    assert status == 3
+    stable, unstable = strict(out)
+    assert (stable["status"], unstable["status"], unstable["depth_mm"]) == ("ok", "unstable", 0.8)
+    low, high = re.search(r"depth between (\S+) and (\S+) mm", unstable["message"]).groups()
+    assert 0.4 <= float(low) < float(high) <= 0.8
+    assert unstable["message"] in err
+
+
+def test_table_of_several_states_has_a_row_for_each(run):
+    out = run("solve", "paper", "--depths", "0.25,0.5", *QUICK)[1]
+    rows = [line.split() for line in out.splitlines() if line.strip().startswith("ok ")]
+    assert [row[1] for row in rows] == ["0.25", "0.5"]
+    assert out.count("Finite elements") == 1
+
+
+@pytest.mark.parametrize("verb", [("sweep", "--axis", "depth=0.5"), ("compare",)], ids=lambda verb: verb[0])
+def test_a_design_without_a_magnet_is_all_silicone(run, monkeypatch, strict, verb):
+    from studies import compare
+
+    if verb[0] == "compare":
+        full = compare.run
+        short = {"depths": (0.5,), "shears": (0.0,), "shear_depth": 0.5}
+        monkeypatch.setattr(compare, "run", lambda *args, **options: full(*args, **options, **short))
+    none = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
+    status, out, err = run(verb[0], "paper", *verb[1:], *none, "--accuracy", "quick", "--json")
+    assert status == 0
+    (found,) = strict(out)
+    row = found["press"][0] if "press" in found else found
+    assert row["fem_force_N"] > 0
+    assert err.splitlines() == [
+        "magtip: the design has no magnet (magnet_diameter is 0): it is solved as all silicone"
+    ]
 
 
 def test_failed_solve_keeps_its_states(run, tmp_path, strict):
