@@ -72,6 +72,8 @@ Set with `magtip accuracy`, which holds the estimates against true errors."""
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
+NOTHING = 1e-12
+"""Forces (N), shifts (mm) and tilts (rad) below this are rounding, which no error is relative to."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -230,7 +232,7 @@ def _with_estimates(state: Solution, companion: Solution, loads: Sequence[Load],
 def _estimate(one: Sequence[float], other: Sequence[float], factor: float, least: float) -> float | None:
     """Relative difference of two vectors times a factor, at least `least`; None where there is nothing."""
     size = math.hypot(*one)
-    return max(factor * math.dist(one, other) / size, least) if size else None
+    return max(factor * math.dist(one, other) / size, least) if size > NOTHING else None
 
 
 def _axis(load: Load) -> float:

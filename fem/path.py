@@ -28,7 +28,9 @@ SHORTEST_STEP = 1e-3
 FAST = 7
 """Iterations up to which a step counts as easy."""
 FIRST_TOUCH = 1e-14
-ONSET_HALVINGS = 5
+SURE_STEP = 0.01
+"""Steps over D that first meet an unstable direction are halved down to this before it is believed."""
+ONSET_HALVINGS = 3
 
 
 class Path:
@@ -182,6 +184,10 @@ class Path:
             target = 1.0 if 1 - now <= 1.001 * step else now + step
             position = goal if target == 1 else start + target * (goal - start)
             answer = self._try(now, target, position, before)
+            if answer.converged and answer.unstable and not self.unstable and step * length > SURE_STEP:
+                # a long step may land on an unstable branch beside the stable one
+                before, step = None, (target - now) / 2
+                continue
             if answer.converged:
                 before = (now, self.q)
                 self._note_stability(answer, position)

@@ -37,6 +37,9 @@ FILLET, GAP = 0.75, 0.42
 TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
 """Growth of the edge length with distance from the tip and from other features; below this size (in D) it shrinks
 with the size, so that halving the size halves every edge length."""
+DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
+"""Largest edge length along the dome, as a fraction of the size, up to a bearing (rad) from the tip, and how fast it
+grows inwards: wherever the contact ends, it ends in small elements. Without them forces scatter with its place."""
 SPACING, STEPS = 0.85, 10
 """Least distance of points as a fraction of the edge length; smoothing steps."""
 
@@ -144,6 +147,10 @@ def _sizing(
         source.append(x[want < size])
         least.append(want[want < size])
     growth = np.append(TIP_GROWTH, np.full(sum(map(len, source)) - 1, GROWTH)) * min(1, size / FULL_GROWTH_SIZE)
+    bearing = np.linspace(0, DOME_REACH, 61)[1:]
+    source.append(1j * shape.H + shape.R * (np.sin(bearing) + 1j * np.cos(bearing)))
+    least.append(np.minimum(tip_size + TIP_GROWTH * shape.R * np.sin(bearing), DOME * size))
+    growth = np.append(growth, np.full(len(bearing), DOME_GROWTH))
     if rim is not None:
         r = min(rim[0], shape.R)
         source.append(np.array([r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2))]))

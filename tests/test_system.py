@@ -151,6 +151,10 @@ def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(na
     flat = replace(flat, tied=tied, targets=system.surface.points[..., :2])
     q = smooth(system)
     direction, step = RNG.normal(size=system.size), 1e-7
+    if system.elements.angles.harmonics:
+        # gradients of fields that do not vanish towards the axis grow like 1/r
+        radius = np.broadcast_to(system.elements.nodes[:, :1], system.fixed.shape)
+        direction[: system.n_free] *= radius[system.free]
     here = system.assemble(system.state(q), flat)
     ahead = system.assemble(system.state(q + step * direction), flat)
     behind = system.assemble(system.state(q - step * direction), flat)
