@@ -213,7 +213,7 @@ def _case(bench: _Bench, case: Case) -> None:
     limits = ((case.goal_s, "cpu_s", "s"), (case.goal_MB, "peak_MB", "MB"))
     goals = [(f"at most {limit:g} {unit}", answer.get(key, math.inf) <= limit) for limit, key, unit in limits]
     goals = [goal for goal, limit in zip(goals, limits, strict=True) if math.isfinite(limit[0])]
-    setting = ", ".join(f"{name} {value:g} D" for name, value in rung.items())
+    setting = ", ".join(f"{name} {value:g}{'' if name == 'harmonics' else ' D'}" for name, value in rung.items())
     met = answer["status"] == "ok" and all(good for _, good in goals)
     goal = ", ".join([text for text, _ in goals] + ([f"within {case.tolerance_percent:g} %"] if truth else []))
     bench.rows.append(row(case.name, "magtip", setting, answer, goal=goal, met=met))

@@ -84,13 +84,14 @@ def follow(scene: Scene, loads: Sequence[Load] | None = None, **other: object) -
     Raises
     ------
     StoppedError
-        The path stopped short of its last load.
+        The path stopped short of its last load, or gave way in a scene that is there to give way.
     """
     case = replace(scene, **other) if other else scene  # type: ignore[arg-type]
     found = trace(
         case.design, loads or case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False
     )
-    if found[-1].status not in ("ok", "unstable"):
+    gave_way = found[-1].status == "unstable" and "ok" not in scene.ends
+    if found[-1].status not in ("ok", "unstable") or gave_way:
         raise StoppedError(found[-1])
     return found
 
