@@ -135,10 +135,23 @@ def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, flo
     return forces, blocks.reshape(k, fields * f, fields * f), energy
 
 
-def glued(surface: Surface, u: Array, plate: Plate, radius: float, above: float) -> Plate:
-    """The plate with the facets glued to it whose middle lies within an undeformed radius, and above a height."""
-    out = np.hypot(surface.points[..., 0], surface.points[..., 1]).mean(axis=1, keepdims=True)
-    tied = np.broadcast_to(out < radius, surface.weights.shape) & (surface.points[..., 2] > above)
+def whole_facets(values: Array) -> Array:
+    """The mean of a facet's values (k, q) at all its points: a patch is made of whole facets.
+
+    A facet that is tied in part follows the plate as a whole, so that the patch would be too large.
+    """
+    return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
+
+
+def glued(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
+    """The plate with the facets glued to it whose middle lies within an undeformed radius, and above a height.
+
+    Without a radius: within the contact radius about the centre of pressure.
+    """
+    out = np.hypot(surface.points[..., 0], surface.points[..., 1])
+    if radius is None:
+        out, radius = from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
+    tied = (whole_facets(out) < radius) & (surface.points[..., 2] > above)
     gap = np.maximum(-overlap(surface, u, plate), 0.0)
     return replace(plate, tied=tied, targets=along(surface, u, plate), gap=gap)
 

@@ -73,7 +73,7 @@ COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
 NOTHING = 1e-12
-"""Forces (N), shifts (mm) and tilts (rad) below this are rounding, which no error is relative to."""
+"""Tilts (rad) below this are rounding, which no error is relative to; forces and shifts are small at small loads."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -207,8 +207,8 @@ def estimates(
         scene, edge = "solid", accuracy.solid_size
     pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
     force, shift, tilt = (
-        _estimate(*pair, factor, floor * edge**power)
-        for pair, (factor, floor, power) in zip(pairs, RULES[scene], strict=True)
+        _estimate(*pair, factor, floor * edge**power, nothing)
+        for pair, (factor, floor, power), nothing in zip(pairs, RULES[scene], (0.0, 0.0, NOTHING), strict=True)
     )
     return force, shift, tilt
 
@@ -229,10 +229,12 @@ def _with_estimates(state: Solution, companion: Solution, loads: Sequence[Load],
     )
 
 
-def _estimate(one: Sequence[float], other: Sequence[float], factor: float, least: float) -> float | None:
+def _estimate(
+    one: Sequence[float], other: Sequence[float], factor: float, least: float, nothing: float
+) -> float | None:
     """Relative difference of two vectors times a factor, at least `least`; None where there is nothing."""
     size = math.hypot(*one)
-    return max(factor * math.dist(one, other) / size, least) if size > NOTHING else None
+    return max(factor * math.dist(one, other) / size, least) if size > nothing else None
 
 
 def _axis(load: Load) -> float:

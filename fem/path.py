@@ -77,7 +77,7 @@ class Path:
         self.targets: Array | None = None
         self.gap: Array | None = None
         if grip is not None:
-            self.tied = self._facets(self.skin.points[..., 2]) >= d.shape.L - grip
+            self.tied = contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
             self.targets = self.skin.points[..., :2]
 
     @property
@@ -154,24 +154,9 @@ class Path:
 
     def _glue(self) -> None:
         """Tie what lies within the contact radius to the plate."""
-        u, plate = self.u, self.plate()
-        if self.rim is None:
-            out, radius = (
-                contact.from_pressure_centre(self.skin, u, plate),
-                contact.contact_radius(self.skin, u, plate),
-            )
-        else:
-            out, radius = np.hypot(self.skin.points[..., 0], self.skin.points[..., 1]), self.rim
-        self.tied = (self.skin.points[..., 2] > self.d.shape.H) & (self._facets(out) < radius)
-        self.targets = contact.along(self.skin, u, plate) - self.position[1:]
-        self.gap = np.maximum(-contact.overlap(self.skin, u, plate), 0.0)
-
-    def _facets(self, values: Array) -> Array:
-        """The mean of a facet's values (k, q) at all its points: a patch is made of whole facets.
-
-        A facet that is tied in part follows the plate as a whole, so that the patch would be too large.
-        """
-        return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
+        plate = contact.glued(self.skin, self.u, self.plate(), self.rim, self.d.shape.H)
+        assert plate.targets is not None
+        self.tied, self.targets, self.gap = plate.tied, plate.targets - self.position[1:], plate.gap
 
     def _leg(self, goal: Array) -> str:
         start = self.position

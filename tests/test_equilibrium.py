@@ -297,6 +297,13 @@ def test_stick_without_shear_says_that_the_press_is_frictionless():
     assert "frictionless" in solve(paper(), Load(depth=0.5, friction="stick"), QUICK).message
 
 
+def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
+    state = solve(paper(), Load(depth=1e-9), QUICK)
+    assert 0 < state.error_estimate < 0.1
+    assert 0 < state.shift_error_estimate < 0.1
+    assert state.tilt_error_estimate is None
+
+
 def test_the_error_estimate_never_vanishes():
     for depth in (0.5, 1.0, 2.0):
         error = solve(paper(), Load(depth=depth), STANDARD).error_estimate

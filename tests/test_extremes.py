@@ -46,7 +46,7 @@ KNOWN = {
 
 
 def marked(name):
-    known = pytest.mark.xfail(reason=KNOWN.get(name, ""), strict=False)
+    known = pytest.mark.xfail(reason=KNOWN.get(name, ""), strict=True)
     return pytest.param(name, marks=known if name in KNOWN else ())
 
 
