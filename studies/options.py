@@ -22,6 +22,8 @@ Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 DEPTH = Parameter(help="How far the plate comes down after first touch, mm.")
 SHEAR = Parameter(help="Sideways motion of the plate or the grip along x, mm.")
 SHEAR_Y = Parameter(help="Sideways motion along y, mm.")
+MAGNET = Parameter(help="As a rigid body, or ignored: all silicone.")
+ACCURACY = Parameter(help="Of the mesh and the harmonics.")
 
 
 @Parameter(name="*")
@@ -61,20 +63,16 @@ class Method:
 
     Attributes
     ----------
-    magnet
-        As a rigid body, or ignored: all silicone.
     model
         auto takes the smallest that can carry the load.
     harmonics
         Number of harmonics of the harmonic model, in place of the accuracy's.
-    accuracy
-        Of the mesh and the harmonics.
     """
 
-    magnet: Magnet = "rigid"
+    magnet: Annotated[Magnet, MAGNET] = "rigid"
     model: Model = "auto"
     harmonics: float | None = None
-    accuracy: AccuracyName = "standard"
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
 
 
 def judged(records: Sequence[dict[str, Any]]) -> int:

@@ -9,7 +9,20 @@ from typing import Annotated
 from geometry.scene import Magnet
 from studies import console, describe, inputs, sideways, states, vibration
 from studies.inputs import AccuracyName
-from studies.options import DEPTH, GOOD, SHEAR, SHEAR_Y, AsJson, Method, Motion, Sets, Source, judged
+from studies.options import (
+    ACCURACY,
+    DEPTH,
+    GOOD,
+    MAGNET,
+    SHEAR,
+    SHEAR_Y,
+    AsJson,
+    Method,
+    Motion,
+    Sets,
+    Source,
+    judged,
+)
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
@@ -112,20 +125,12 @@ def stability(
     /,
     *,
     depth: Annotated[float | None, DEPTH] = None,
-    magnet: Magnet = "rigid",
-    accuracy: AccuracyName = "standard",
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """At which depth a press gives way sideways, with a free and with a guided tip; at a depth, small shear about it.
-
-    Parameters
-    ----------
-    magnet
-        As a rigid body, or ignored: all silicone.
-    accuracy
-        Of the mesh.
-    """
+    """At which depth a press gives way sideways, free or guided; at a depth, small shear about it."""
     given = inputs.read_design(source, sets or [], magnet=magnet)
     with console.progress(as_json=as_json) as progress:
         record = sideways.run(given, magnet, accuracy, depth, progress)
@@ -139,8 +144,8 @@ def modes(
     *,
     count: int = 8,
     depth: Annotated[float, DEPTH] = 0.0,
-    magnet: Magnet = "rigid",
-    accuracy: AccuracyName = "standard",
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
@@ -150,10 +155,6 @@ def modes(
     ----------
     count
         How many, pairs of bending or ovalling modes counted once.
-    magnet
-        As a rigid body, or ignored: all silicone.
-    accuracy
-        Of the mesh.
     """
     given = inputs.read_design(source, sets or [], magnet=magnet)
     record = vibration.run(given, magnet, count, depth, accuracy)
