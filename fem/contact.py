@@ -111,8 +111,8 @@ def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, 
     return np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)
 
 
-def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, float]:
-    """Forces (k, f, fields), stiffness (k, f fields, f fields; fields first) and energy of plate and base."""
+def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -> tuple[Array, Array, float]:
+    """Forces (k, f, fields), stiffness if wanted (k, f fields, f fields; fields first), energy of plate and base."""
     residual, stiffness, energy = traction(surface, u, plate)
     lift, hard = base_traction(surface, u, plate.stiffness)
     residual[..., 2] += lift
@@ -122,6 +122,8 @@ def springs(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, flo
     w = surface.weights[..., None]
     pulled = np.einsum("kqi,qif->kqf", w * residual, surface.E)
     forces = np.swapaxes(surface.shape, 0, 1) @ pulled
+    if not tangent:
+        return forces, np.zeros((k, 0, 0)), energy
     # the plate's three directions and the base's
     E = np.concatenate([np.einsum("ij,qjf->qif", plate.frame, surface.E), surface.E[:, 2:]], axis=1)
     springs = w * np.concatenate([stiffness, hard[..., None]], axis=2)

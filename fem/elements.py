@@ -21,6 +21,7 @@ midpoint rule with 2 N + 2 angles in (0, pi), which is exact for products of thr
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ class Angles:
         return int(self.C.shape[1])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Elements:
     """Silicone as elements.
 
@@ -84,6 +85,16 @@ class Elements:
     pressure_shape: Array
     shape: Array
     angles: Angles
+
+    @functools.cached_property
+    def B(self) -> Array | None:
+        """Where few components of G differ from zero: these per nodal field (fields first), (m, q, c, f a)."""
+        if self.angles.components is None:
+            return None
+        rows, along = np.divmod(self.angles.components, 3)
+        m, q = self.weights.shape
+        B = self.angles.V[0, rows, along][:, :, None] * self.D[:, :, along, None, :]
+        return np.asarray(B.reshape(m, q, len(rows), -1))
 
     @property
     def dim(self) -> int:

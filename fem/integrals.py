@@ -20,6 +20,11 @@ def gradient(e: Elements, part: slice, u: Array) -> Array:
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
+    if e.B is not None:
+        few = np.zeros((m, q, 9))
+        own = np.swapaxes(u[e.cells[part]], 1, 2).reshape(m, -1, 1)
+        few[..., e.angles.components] = (e.B[part].reshape(m, -1, f * a) @ own).reshape(m, q, -1)
+        return few.reshape(m, q, 3, 3)
     g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)
     G = np.empty((m * q, t, 3, 3))
     for J in range(3):
@@ -42,6 +47,9 @@ def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
+    if e.B is not None:
+        few = P.reshape(m, q, 9)[..., e.angles.components].reshape(m, 1, -1)
+        return np.asarray((few @ e.B[part].reshape(m, -1, f * a))[:, 0])
     P = P.reshape(m * q, t, 3, 3)
     s = np.stack([P[..., J].reshape(m * q, 3 * t) @ V[:, :, J].reshape(3 * t, f) for J in range(3)], axis=1)
     return np.asarray((np.swapaxes(s.reshape(m, 3 * q, f), 1, 2) @ D.reshape(m, 3 * q, a)).reshape(m, f * a))
@@ -62,9 +70,8 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
-    if e.angles.components is not None:
-        rows, along = np.divmod(e.angles.components, 3)
-        B = (V[0, rows, along][:, :, None] * D[:, :, along, None, :]).reshape(m, q, len(rows), f * a)
+    if e.B is not None:
+        B = e.B[part]
         return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))
     A = A.reshape(m * q, t, 3, 3, 3, 3)
     H = np.empty((m * q, 3, 3, f * f))
@@ -85,6 +92,9 @@ def coupling(e: Elements, part: slice, B: Array) -> Array:
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     n, c = C.shape[1], M.shape[1]
+    if e.B is not None:
+        few = B.reshape(m, q, 1, 9)[..., e.angles.components]
+        return np.asarray(np.swapaxes((few @ e.B[part])[:, :, 0], 1, 2) @ M)
     B = B.reshape(m * q, t, 3, 3)
     H = np.empty((m * q, 3, f * n))
     for J in range(3):

@@ -17,8 +17,7 @@ proportional to mu at any strain.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _LEAST = 1e-15 - 1
+_NONE: Array = np.empty(0)
 
 
 class Kinematics(NamedTuple):
@@ -40,10 +40,14 @@ class Kinematics(NamedTuple):
     components: NDArray[np.int64] | None = None
     """Positions (c,) in a row-major 3 x 3 tensor that tangents are wanted for, all 9 if None. The others must
     not couple to them, as in a section of revolution."""
+    tangent: bool = True
+    """Whether tangents are wanted at all; if not, empty ones are returned."""
 
 
-Law = Callable[[Kinematics, Array | float], tuple[Array, Array, Array]]
-"""A law with its numbers: from kinematics and mu to W, P and dP/dF, as `neo_hookean`."""
+class Law(Protocol):
+    """A law with its numbers: from kinematics, mu and a pressure to W, P and dP/dF, as `neo_hookean`."""
+
+    def __call__(self, k: Kinematics, mu: Array | float, p: Array | float = ..., /) -> tuple[Array, Array, Array]: ...
 
 
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
@@ -60,7 +64,7 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
-def kinematics(G: Array, components: NDArray[np.int64] | None = None) -> Kinematics:
+def kinematics(G: Array, components: NDArray[np.int64] | None = None, *, tangent: bool = True) -> Kinematics:
     """Volume change and F^-T of a displacement gradient, shape (..., 3, 3); J must not vanish."""
     F = G + np.eye(3)
     cof = np.empty_like(G)
@@ -70,7 +74,7 @@ def kinematics(G: Array, components: NDArray[np.int64] | None = None) -> Kinemat
             b, c = (a + 1) % 3, (a + 2) % 3
             cof[..., i, a] = F[..., j, b] * F[..., k, c] - F[..., j, c] * F[..., k, b]
     Jm1 = volume_change(G)
-    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None], components)
+    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None], components, tangent)
 
 
 def volume_change(G: Array) -> Array:
@@ -139,15 +143,17 @@ def _pairs(X: Array, Y: Array, components: NDArray[np.int64] | None = None) -> A
     return np.asarray(product.reshape(*X.shape[:-2], 9, 9))
 
 
-def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
-    """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3).
+def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
+    """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3), and p (J - 1).
 
-    P = mu J^-2/3 (F - I1/3 F^-T), written as mu J^-2/3 [(G + G^T + G G^T) F^-T - (I1 - 3)/3 F^-T].
+    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T; the first is written as mu J^-2/3 [(G + G^T + G G^T) - (I1 - 3)/3] F^-T.
 
     Parameters
     ----------
     k : kinematics of G, shape (..., 3, 3).
     mu : shear modulus, a number or shape (...), MPa.
+    p : pressure (minus the mean Cauchy pressure), a number or shape (...), MPa; its energy, stress and tangent are
+        added to those of the law.
 
     Returns
     -------
@@ -158,16 +164,21 @@ def neo_hookean(k: Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
     I1m3 = strain[..., 0, 0] + strain[..., 1, 1] + strain[..., 2, 2]
     log_J = np.log1p(k.Jm1)
     s = mu * np.exp(-2 / 3 * log_J)
-    W = mu / 2 * (np.exp(-2 / 3 * log_J) * I1m3 + 3 * np.expm1(-2 / 3 * log_J))
-    P = s[..., None, None] * (strain @ H - (I1m3 / 3)[..., None, None] * H)
+    pJ = p * (1 + k.Jm1)
+    W = mu / 2 * (np.exp(-2 / 3 * log_J) * I1m3 + 3 * np.expm1(-2 / 3 * log_J)) + p * k.Jm1
+    P = s[..., None, None] * (strain @ H) + (pJ - s * I1m3 / 3)[..., None, None] * H
+    if not k.tangent:
+        return W, P, _NONE
     F9, H9 = _wanted(G + np.eye(3), k), _wanted(H, k)
     I1 = I1m3 + 3
-    A = _tangent(k, (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9)[..., None] * H9, s * I1 / 3)
+    A = _tangent(k, (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9 + pJ / 2)[..., None] * H9, s * I1 / 3 - pJ)
     A.reshape(*s.shape, -1)[..., :: A.shape[-1] + 1] += s[..., None]
     return W, P, A
 
 
-def mooney_rivlin(k: Kinematics, mu: Array | float, share: float) -> tuple[Array, Array, Array]:
+def mooney_rivlin(
+    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, share: float
+) -> tuple[Array, Array, Array]:
     """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
 
     I2'(F) = I1'(F^-T), so the second term is the neo-Hookean law of H = F^-T, with Q its stress:
@@ -181,18 +192,23 @@ def mooney_rivlin(k: Kinematics, mu: Array | float, share: float) -> tuple[Array
     -------
     As `neo_hookean`.
     """
-    W1, P1, A1 = neo_hookean(k._replace(components=None), mu)
+    W1, P1, A1 = neo_hookean(k._replace(components=None), (1 - share) * mu, p)
     H = k.H
-    inverse = Kinematics(-np.swapaxes(k.G, -1, -2) @ H, -k.Jm1 / (1 + k.Jm1), k.G + np.eye(3))
-    W2, Q, B = neo_hookean(inverse, mu)
+    inverse = Kinematics(-np.swapaxes(k.G, -1, -2) @ H, -k.Jm1 / (1 + k.Jm1), k.G + np.eye(3), tangent=k.tangent)
+    W2, Q, B = neo_hookean(inverse, share * mu)
     P2 = -H @ np.swapaxes(Q, -1, -2) @ H
+    W, P = W1 + W2, P1 + P2
+    if not k.tangent:
+        return W, P, _NONE
     cross = _cross(H)
     mixed = _pairs(H, P2)
     A2 = cross @ B @ cross - mixed - np.swapaxes(mixed, -1, -2)
-    return (1 - share) * W1 + share * W2, (1 - share) * P1 + share * P2, _restricted((1 - share) * A1 + share * A2, k)
+    return W, P, _restricted(A1 + A2, k)
 
 
-def yeoh(k: Kinematics, mu: Array | float, c2: float, c3: float) -> tuple[Array, Array, Array]:
+def yeoh(
+    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, c2: float, c3: float
+) -> tuple[Array, Array, Array]:
     """Isochoric Yeoh law, W = mu/2 (x + c2 x^2 + c3 x^3) with x = I1' - 3, I1' of J^-1/3 F.
 
     Parameters
@@ -207,14 +223,16 @@ def yeoh(k: Kinematics, mu: Array | float, c2: float, c3: float) -> tuple[Array,
     x = 2 * half
     first = mu * (1 + 2 * c2 * x + 3 * c3 * x**2)
     second = mu * (2 * c2 + 6 * c3 * x)
+    W, P = mu / 2 * x * (1 + c2 * x + c3 * x**2), first[..., None, None] * slope
+    if not k.tangent:
+        return _pressed(W, P, _NONE, k, p)
     slope9 = _wanted(slope, k)
     bend = (2 * second)[..., None, None] * slope9[..., :, None] * slope9[..., None, :]
-    W = mu / 2 * x * (1 + c2 * x + c3 * x**2)
-    return W, first[..., None, None] * slope, first[..., None, None] * A + bend
+    return _pressed(W, P, first[..., None, None] * A + bend, k, p)
 
 
 def ogden(
-    k: Kinematics, mu: Array | float, alphas: tuple[float, ...], shares: tuple[float, ...]
+    k: Kinematics, mu: Array | float, p: Array | float = 0.0, *, alphas: tuple[float, ...], shares: tuple[float, ...]
 ) -> tuple[Array, Array, Array]:
     """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
 
@@ -249,17 +267,19 @@ def ogden(
         weight = 2 * share / alpha * np.exp(-alpha * middle)[..., None]
         theta += weight * _quotient(alpha - 2, d, around)
     mean = t.mean(axis=-1, keepdims=True)
+    inverse, n = np.exp(-2 * h), N + G @ N
+    S = (t - mean) * inverse
+    W = (scale * W).sum(axis=-1)
+    P = scale[..., None] * ((n * S[..., None, :]) @ np.swapaxes(N, -1, -2))
+    if not k.tangent:
+        return _pressed(W, P, _NONE, k, p)
     constant = mean + sum(2 * share / alpha for alpha, share in zip(alphas, shares, strict=True))
     theta -= constant[..., None] * _quotient(-2.0, d, around)
-    inverse = np.exp(-2 * h)
-    S = (t - mean) * inverse
     centred = np.eye(3) - 1 / 3
     D = centred @ (s[..., :, None] * centred)
-    n = N + G @ N
     frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
     A = frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2)
-    P = (n * S[..., None, :]) @ np.swapaxes(N, -1, -2)
-    return (scale * W).sum(axis=-1), scale[..., None] * P, _restricted(scale[..., None] * A, k)
+    return _pressed(W, P, _restricted(scale[..., None] * A, k), k, p)
 
 
 def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
@@ -292,14 +312,19 @@ def _quotient(beta: float, d: Array, around: Array) -> Array:
     return 2 * np.exp((beta / 2 - 1) * around) * ratio
 
 
-def pressure_terms(k: Kinematics, p: Array) -> tuple[Array, Array, Array]:
-    """Stress and tangent of p (J - 1), and their derivative by p.
+def cofactor(k: Kinematics) -> Array:
+    """J F^-T, the derivative of J by F, shape (..., 3, 3)."""
+    return (1 + k.Jm1)[..., None, None] * k.H
 
-    Returns
-    -------
-    P = p J F^-T (..., 3, 3), tangent (..., 9, 9), dP/dp = J F^-T (..., 3, 3).
-    """
-    J = 1 + k.Jm1
-    cof = J[..., None, None] * k.H
-    A = _tangent(k, (p * J / 2)[..., None] * _wanted(k.H, k), -p * J)
-    return p[..., None, None] * cof, A, cof
+
+def _pressed(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
+    """Energy, stress and tangent with those of p (J - 1)."""
+    Pp, Ap = pressure_terms(k, p)
+    return W + p * k.Jm1, P + Pp, A + Ap
+
+
+def pressure_terms(k: Kinematics, p: Array | float) -> tuple[Array, Array]:
+    """Stress P = p J F^-T (..., 3, 3) of p (J - 1), and its tangent (..., 9, 9) or (..., c, c)."""
+    cof, pJ = cofactor(k), p * (1 + k.Jm1)
+    A = _tangent(k, (pJ / 2)[..., None] * _wanted(k.H, k), -pJ) if k.tangent else _NONE
+    return np.asarray(p)[..., None, None] * cof, A

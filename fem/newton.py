@@ -13,8 +13,10 @@ from fem.system import Assembly, State, System
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-9
 MOST_ITERATIONS = 30
+CHORD = 0.02
+"""A step that leaves less of the residual than this is followed by one with the same factorisation."""
 PATIENCE = 6
 """Full steps after which one that does not halve the residual is compared with shorter ones."""
 
@@ -49,7 +51,8 @@ def newton(
 
     Without that, a guess that has sunk into the plate wakes too many springs, which then fall away one by one.
 
-    Converged when the residual forces are below TOLERANCE of the reactions and the residual volumes below
+    While a step leaves less than CHORD of the residual, the next one takes the same factorisation and only the
+    residual is formed anew. Converged when the residual forces are below TOLERANCE of the reactions and the residual volumes below
     TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
     """
     n = system.n_free + system.n_rigid
@@ -60,23 +63,28 @@ def newton(
         return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out")
     frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, frozen)
+    rate = 1.0
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
         if (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
             return Equilibrium(state, assembly, iteration, "", unstable)
         try:
-            solver.factorise(assembly.tangent)
+            if assembly.matrix is not None:
+                solver.factorise(assembly.matrix)
+                negative = solver.negative()
+                unstable = None if negative is None else negative - system.n_pressure
             step = solver.solve(assembly.residual)
-            negative = solver.negative()
-            unstable = None if negative is None else negative - system.n_pressure
         except SingularMatrixError as error:
             return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
         before = _merit(system, assembly, state, n)
-        state, assembly = trial, system.assemble(trial, plate)
-        if iteration >= PATIENCE and _merit(system, assembly, state, n) > before / 2:
+        state, assembly = trial, system.assemble(trial, plate, tangent=rate > CHORD)
+        rate = _merit(system, assembly, state, n) / before if before else 0.0
+        if assembly.matrix is None and rate > CHORD:
+            assembly = system.assemble(state, plate)
+        if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n)
     return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations")
 

@@ -2,7 +2,7 @@
 
 The plate's position is v = (depth, shear along x, shear along y). A leg goes straight from one position to another;
 its steps shrink when Newton's method fails and grow when it finds its way fast. Every step starts from the line
-through the last two states.
+through the last two states, and from the contact that their gaps lead to.
 """
 
 from __future__ import annotations
@@ -68,6 +68,7 @@ class Path:
         self.solver = Solver()
         self.position = np.zeros(3)
         self.q = np.zeros(d.system.size)
+        self._last: tuple[Array, Array] | None = None
         self.energy = 0.0
         self.iterations = 0
         self.unstable: int | None = None
@@ -149,6 +150,7 @@ class Path:
         assert self._raised is not None
         low, self.d, self._raised = self.d.system, self._raised(), None
         self.q = raise_harmonics(low, self.d.system, self.q)
+        self._last = None
         self.solver.close()
         self.solver = Solver()
 
@@ -163,46 +165,59 @@ class Path:
         length = float(np.linalg.norm(goal - start))
         if length == 0:
             return ""
-        before: tuple[float, Array] | None = None
         now, step = 0.0, min(LONGEST_STEP / length, 1.0)
         while now < 1:
             target = 1.0 if 1 - now <= 1.001 * step else now + step
             position = goal if target == 1 else start + target * (goal - start)
-            answer = self._try(now, target, position, before)
+            answer = self._try(position)
             if answer.converged and answer.unstable and not self.unstable and step * length > SURE_STEP:
                 # a long step may land on an unstable branch beside the stable one
-                before, step = None, (target - now) / 2
+                self._last = None
+                step = (target - now) / 2
                 continue
             if answer.converged:
-                before = (now, self.q)
+                self._last = (self.position, self.q)
                 self._note_stability(answer, position)
                 self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
                 now = target
                 if answer.iterations <= FAST:
                     step *= 1.5
                 continue
-            before = None
+            self._last = None
             step = (target - now) / 2
             if step * length < SHORTEST_STEP * min(length, 1.0):
                 return answer.reason
         return ""
 
-    def _try(self, now: float, target: float, position: Array, before: tuple[float, Array] | None) -> Equilibrium:
+    def _try(self, position: Array) -> Equilibrium:
+        further = self._further(position)
         guess = self.q
-        if before is not None:
-            guess = self.q + (self.q - before[1]) * ((target - now) / (now - before[0]))
-        answer = newton(self.d.system, self.solver, guess, self.plate(position), self._pressed(position))
+        if self._last is not None and further:
+            guess = self.q + further * (self.q - self._last[1])
+        answer = newton(self.d.system, self.solver, guess, self.plate(position), self._pressed(position, further))
         self.iterations += answer.iterations
         return answer
 
-    def _pressed(self, position: Array) -> NDArray[np.bool_] | None:
-        """Where to expect contact: as before, or within Hertz's radius at first touch."""
+    def _further(self, position: Array) -> float:
+        """How far a position lies ahead, over the last step; 0 if that one had another direction."""
+        if self._last is None:
+            return 0.0
+        ahead, step = position - self.position, self.position - self._last[0]
+        further = float(ahead @ step) / float(step @ step)
+        return further if further > 0 and np.allclose(ahead, further * step, rtol=0, atol=1e-9) else 0.0
+
+    def _pressed(self, position: Array, further: float) -> NDArray[np.bool_] | None:
+        """Where to expect contact: where the gap, followed further, is closed, or Hertz's at first touch."""
         if self.grip:
             return None
         if self.position[0] == 0:
             rest = np.zeros(self.d.system.fixed.shape)
             return contact.overlap(self.skin, rest, self.plate(np.array([position[0] / 2, 0, 0]))) >= 0
-        return contact.overlap(self.skin, self.u, self.plate()) > 0
+        gap = contact.overlap(self.skin, self.u, self.plate())
+        if self._last is not None and further:
+            place, q = self._last
+            gap += further * (gap - contact.overlap(self.skin, self.d.system.state(q).u, self.plate(place)))
+        return gap > 0
 
     def _note_stability(self, answer: Equilibrium, position: Array) -> None:
         """Keep the number of unstable directions, and find between which positions the first one appeared."""

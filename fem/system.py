@@ -56,12 +56,18 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """Residual, tangent (upper triangle) and energy at a state; forces are the nodal ones before elimination."""
+    """Residual, energy and tangent (upper triangle) at a state; forces are the nodal ones before elimination."""
 
     residual: Array
-    tangent: sp.csr_matrix
     energy: float
     forces: Array
+    matrix: sp.csr_matrix | None
+
+    @property
+    def tangent(self) -> sp.csr_matrix:
+        """The tangent, if it was asked for."""
+        assert self.matrix is not None
+        return self.matrix
 
 
 class System:
@@ -189,27 +195,26 @@ class System:
             float(material.volume_change(integrals.gradient(self.elements, s, state.u)).min()) for s in self._parts
         )
 
-    def assemble(self, state: State, plate: Plate | None) -> Assembly:
-        """Residual and tangent at a state with all J > 0."""
+    def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
+        """Residual and, if wanted, tangent at a state with all J > 0."""
         e = self.elements
         corner = state.p[self._corners]
         fu, fp = np.empty(self._u.shape), np.empty(self._p.shape)
         Kuu, Kup = [], []
         energy = 0.0
         for part in self._parts:
-            k = material.kinematics(integrals.gradient(e, part, state.u), e.angles.components)
+            k = material.kinematics(integrals.gradient(e, part, state.u), e.angles.components, tangent=tangent)
             p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
-            W, P, A = self.law(k, self.mu[part])
-            Pp, Ap, B = material.pressure_terms(k, p)
+            W, P, A = self.law(k, self.mu[part], p)
             soft = self.inverse_K[part]
-            energy += float(np.sum(w * (W + p * k.Jm1 - p**2 * soft / 2)))
-            fu[part] = integrals.displacement_forces(e, part, w[..., None, None] * (P + Pp))
+            energy += float(np.sum(w * (W - p**2 * soft / 2)))
+            fu[part] = integrals.displacement_forces(e, part, w[..., None, None] * P)
             fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
-            A += Ap
-            A *= w[..., None, None]
-            Kuu.append(integrals.displacement_stiffness(e, part, A))
-            Kup.append(integrals.coupling(e, part, w[..., None, None] * B))
-        forces, blocks, spring_energy = self._springs(state, plate)
+            if tangent:
+                A *= w[..., None, None]
+                Kuu.append(integrals.displacement_stiffness(e, part, A))
+                Kup.append(integrals.coupling(e, part, w[..., None, None] * material.cofactor(k)))
+        forces, blocks, spring_energy = self._springs(state, plate, tangent)
         forces -= self.dead
         energy += spring_energy - float(np.sum(self.dead * state.u))
         a = e.cells.shape[1]
@@ -218,13 +223,16 @@ class System:
         residual[: self.n_free] = forces[self.free]
         kept = self._p >= 0
         residual += np.bincount(self._p[kept], weights=fp[kept], minlength=self.size)
+        T = self._follow(state)
+        residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
+        if not tangent:
+            return Assembly(residual, energy, forces, None)
         n = sum(part.stop <= self._inner for part in self._parts)
         inner = [_joined(Kuu[:n], self._u), _joined(Kup[:n], self._u, self._p)]
-        outer, own = self._magnet(
-            state, forces, residual, _joined(Kuu[n:], self._u), _joined(Kup[n:], self._u, self._p)
-        )
-        matrix = self.pattern.assemble([*inner, *outer, self._compliance, own, *blocks])
-        return Assembly(residual, matrix, energy, forces)
+        outer = self._magnet(T, _joined(Kuu[n:], self._u), _joined(Kup[n:], self._u, self._p))
+        own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else np.zeros((0, 0))
+        matrix = self.pattern.assemble([*inner, *outer, self._compliance, own[None], *blocks])
+        return Assembly(residual, energy, forces, matrix)
 
     def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
         """Consistent mass matrix about the undeformed state (upper triangle); pressures have none.
@@ -235,14 +243,11 @@ class System:
         magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
         """
         e = self.elements
-        zero = np.zeros(self.size)
+        at_rest = self.state(np.zeros(self.size))
         M = np.concatenate([integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
         inner, outer = M[: self._inner], M[self._inner :]
-        (outer, _), own = self._magnet(
-            self.state(zero), np.zeros(self.fixed.shape), zero, outer, np.zeros((*outer.shape[:2], self._p.shape[1]))
-        )
-        if self.rigid:
-            own = own + np.diag(magnet)[None]
+        outer, _ = self._magnet(self._follow(at_rest), outer, np.zeros((*outer.shape[:2], self._p.shape[1])))
+        own = np.diag(magnet)[None] if self.rigid else np.zeros((1, 0, 0))
         empty = [
             np.zeros((*a.shape, b.shape[1])) for a, b in ((self._u[: self._inner], self._p), (self._outer, self._p))
         ]
@@ -252,7 +257,7 @@ class System:
             blocks.append(np.zeros((len(self.surface.nodes), n, n)))
         return self.pattern.assemble(blocks)
 
-    def _springs(self, state: State, plate: Plate | None) -> tuple[Array, list[Array], float]:
+    def _springs(self, state: State, plate: Plate | None, tangent: bool) -> tuple[Array, list[Array], float]:
         """Nodal forces, matrices of the facets, and energy of the plate's springs."""
         nodal = np.zeros(self.fixed.shape)
         s = self.surface
@@ -261,28 +266,26 @@ class System:
         if plate is None:
             n = s.nodes.shape[1] * self.fixed.shape[1]
             return nodal, [np.zeros((len(s.nodes), n, n))], 0.0
-        forces, blocks, energy = contact.springs(s, state.u, plate)
+        forces, blocks, energy = contact.springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
         return nodal, [blocks], energy
 
-    def _magnet(
-        self, state: State, forces: Array, residual: Array, Kuu: Array, Kup: Array
-    ) -> tuple[list[Array], Array]:
-        """Matrices of the elements at the magnet once its nodes follow its motion, and the motion's own."""
-        nr = self.n_rigid
+    def _follow(self, state: State) -> Array:
+        """Derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""
+        T = np.zeros((*self.fixed.shape, self.n_rigid))
+        if self.rigid:
+            T[self.glued] = self.rigid.derivative(self.motion(state.q))
+        return T
+
+    def _magnet(self, T: Array, Kuu: Array, Kup: Array) -> list[Array]:
+        """Matrices of the elements at the magnet once its nodes follow its motion."""
         if not self.rigid:
-            return [Kuu, Kup], np.zeros((1, 0, 0))
-        motion = self.motion(state.q)
-        T = np.zeros((*self.fixed.shape, nr))
-        T[self.glued] = self.rigid.derivative(motion)
-        residual[self.n_free : self.n_free + nr] = np.einsum("nf,nfr->r", forces, T)
-        Te = np.swapaxes(T[self.elements.cells[self._inner :]], 1, 2).reshape(len(Kuu), -1, nr)
+            return [Kuu, Kup]
+        Te = np.swapaxes(T[self.elements.cells[self._inner :]], 1, 2).reshape(len(Kuu), -1, self.n_rigid)
         KT, TK = Kuu @ Te, np.swapaxes(Te, 1, 2)
         bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)
         outer = np.concatenate([np.concatenate([Kuu, KT], axis=2), bottom], axis=1)
-        return [outer, np.concatenate([Kup, TK @ Kup], axis=1)], self.rigid.curvature(motion, forces[self.glued])[
-            None
-        ]
+        return [outer, np.concatenate([Kup, TK @ Kup], axis=1)]
 
 
 def _joined(parts: list[Array], rows: Index, columns: Index | None = None) -> Array:

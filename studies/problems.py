@@ -163,12 +163,16 @@ def reese_block(
     return tuple(float(-100 * answers[level].state.u[corner, 2]) for level in levels)
 
 
-def _coupled(k: material.Kinematics, mu: Array | float) -> tuple[Array, Array, Array]:
-    """W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T."""
+def _coupled(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
+    """W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
+
+    The energy p (J - 1) is added.
+    """
     F, scale = k.G + np.eye(3), np.asarray(mu)[..., None, None]
     W = mu / 2 * (np.sum(F**2, axis=(-2, -1)) - 3 - 2 * np.log1p(k.Jm1))
     cross = np.einsum("...iL,...kJ->...iJkL", k.H, k.H).reshape(*k.Jm1.shape, 9, 9)
-    return W, scale * (F - k.H), scale * (np.eye(9) + cross)
+    P, A = material.pressure_terms(k, p)
+    return W + p * k.Jm1, P + scale * (F - k.H), A + scale * (np.eye(9) + cross) if k.tangent else A
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
