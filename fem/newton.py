@@ -52,8 +52,8 @@ def newton(
     Without that, a guess that has sunk into the plate wakes too many springs, which then fall away one by one.
 
     While a step leaves less than CHORD of the residual, the next one takes the same factorisation and only the
-    residual is formed anew. Converged when the residual forces are below TOLERANCE of the reactions and the residual volumes below
-    TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
+    residual is formed anew. Converged when the residual forces are below TOLERANCE of the reactions and the residual
+    volumes below TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
     """
     n = system.n_free + system.n_rigid
     unstable: int | None = None
