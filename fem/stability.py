@@ -13,7 +13,6 @@ stiffness, motion and tilt of the magnet.
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -258,8 +257,3 @@ def _small(design: Design, path: Path, high: Discretisation, plate: Plate, q: Ar
         force=_normal(path) * design.E * D**2,
         contact_radius=contact.contact_radius(path.skin, path.u, path.plate()) * D,
     )
-
-
-def euler_load(design: Design, end: float = math.pi / 2) -> float:
-    """Euler's load of a clamped beam of length H, N: (end / H)^2 E I; end = pi/2 for a free tip, 4.4934 guided."""
-    return (end / design.H) ** 2 * design.E * math.pi * design.D**4 / 64

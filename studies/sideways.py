@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from analytic import buckling
 from geometry.design import Design
 from geometry.scene import Magnet
 from studies.console import Progress
 
-GUIDED_END = 4.493409457909064
-"""Least positive root of tan x = x: Euler's load of a clamped beam whose tip may turn but not move sideways."""
-
 
 def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> dict[str, Any]:
-    """One record: critical depth and force of a free and a guided tip, Euler's loads, and the small shear at a depth.
+    """One record: critical depths and forces of a free and a guided tip, formulas' loads, small shear at a depth.
 
     None stands where there is no instability down to the depth that was looked at (`stable_to_mm`), and the values
     at a depth are left out without one.
@@ -34,11 +32,13 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
         "critical_depth_mm": free.depth,
         "critical_force_N": free.force,
         "stable_to_mm": free.stable_to,
-        "euler_N": stability.euler_load(design),
+        "euler_N": buckling.euler(design),
+        "haringx_N": buckling.haringx(design),
+        "haringx_depth_mm": buckling.depth(design, buckling.haringx(design)),
         "guided_critical_depth_mm": guided.depth,
         "guided_critical_force_N": guided.force,
         "guided_stable_to_mm": guided.stable_to,
-        "guided_euler_N": stability.euler_load(design, GUIDED_END),
+        "guided_euler_N": buckling.euler(design, buckling.GUIDED),
     }
     if depth is not None:
         progress(0.8, f"shear at depth {depth:g} mm")

@@ -6,8 +6,9 @@ import contextlib
 from pathlib import Path
 from typing import Annotated
 
+from geometry.design import BadInput, Design
 from geometry.scene import Magnet
-from studies import console, describe, inputs, sideways, states, vibration
+from studies import console, describe, files, inputs, sideways, states, vibration
 from studies.inputs import AccuracyName
 from studies.options import (
     ACCURACY,
@@ -127,15 +128,47 @@ def stability(
     depth: Annotated[float | None, DEPTH] = None,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    slenderness: str | None = None,
+    out: Path | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """At which depth a press gives way sideways, free or guided; at a depth, small shear about it."""
+    """At which depth a press gives way sideways, free or guided; at a depth, small shear about it.
+
+    Parameters
+    ----------
+    slenderness
+        L/D as numbers a,b,c: the critical depths of beams of these lengths, beside Euler, Engesser and Haringx.
+    out
+        Folder of their table, plot and STABILITY.md.
+    """
     given = inputs.read_design(source, sets or [], magnet=magnet)
+    if slenderness is not None:
+        if depth is not None:
+            raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
+        return _stability_map(given, magnet, accuracy, inputs.parse_numbers("slenderness", slenderness), out, as_json)
+    if out is not None:
+        raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
     with console.progress(as_json=as_json) as progress:
         record = sideways.run(given, magnet, accuracy, depth, progress)
     console.report([record], as_json=as_json, title="Stability")
     return judged([record])
+
+
+def _stability_map(
+    given: Design, magnet: Magnet, accuracy: str, ratios: list[float], out: Path | None, as_json: bool
+) -> int:
+    from studies import slenderness as work
+    from studies.extremes import versions
+
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = list(work.run(given, magnet, accuracy, ratios, progress))
+        if folder is not None:
+            ratio_text = ",".join(f"{ratio:g}" for ratio in ratios)
+            command = f"magtip stability --slenderness {ratio_text} --magnet {magnet} --accuracy {accuracy}"
+            work.write(folder, given, rows, versions(), command)
+    console.report(rows, as_json=as_json, title="Stability over slenderness", brief=("message",))
+    return judged(rows)
 
 
 def modes(

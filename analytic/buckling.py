@@ -1,0 +1,58 @@
+"""Critical loads of the beam as a clamped column of length H = L - R whose tip is pressed by a frictionless plate.
+
+The plate is flat and the dome rolls on it, so that the load goes through the dome's centre at height H whichever way
+the tip leans: a column clamped below and free above, P_E = (pi / 2H)^2 E I (or, where the tip may turn but not move
+sideways, (4.4934 / H)^2 E I). Stubby columns shear as easily as they bend: with the shear stiffness S = k G A,
+k = 6 (1 + nu) / (7 + 6 nu) (Cowper 1966), Engesser (1889) takes the shear force normal to the bent axis, Haringx
+(1948) along the turned section, which is right for a body that is compressed along its axis:
+
+    Engesser P = P_E / (1 + P_E / S),        Haringx P (1 + P / S) = P_E.
+
+Units mm, MPa, N. The column has no magnet, does not shorten and has a uniform section: good where H is several
+diameters, and poor for stubby beams, whose patch of contact holds the tip.
+"""
+
+from __future__ import annotations
+
+import math
+
+from geometry.design import Design
+
+FREE, GUIDED = math.pi / 2, 4.493409457909064
+"""Least roots of cos x = 0 and tan x = x: a tip that is free, and one that may turn but not move sideways."""
+
+
+def euler(design: Design, end: float = FREE) -> float:
+    """Euler's load (end / H)^2 E I, N.
+
+    >>> from geometry.design import paper
+    >>> round(euler(paper(), GUIDED) / euler(paper()), 3)
+    8.183
+    """
+    return (end / design.H) ** 2 * design.E * math.pi * design.D**4 / 64
+
+
+def shear_stiffness(design: Design) -> float:
+    """k G A of the section, N."""
+    nu = design.nu
+    k = 6 * (1 + nu) / (7 + 6 * nu)
+    return k * design.E / (2 * (1 + nu)) * math.pi * design.D**2 / 4
+
+
+def engesser(design: Design, end: float = FREE) -> float:
+    """Engesser's load P_E / (1 + P_E / S), N."""
+    P = euler(design, end)
+    return P / (1 + P / shear_stiffness(design))
+
+
+def haringx(design: Design, end: float = FREE) -> float:
+    """Haringx's load, the root of P (1 + P / S) = P_E, N."""
+    S = shear_stiffness(design)
+    return S / 2 * (math.sqrt(1 + 4 * euler(design, end) / S) - 1)
+
+
+def depth(design: Design, force: float) -> float:
+    """Depth of the press under a force, mm: Hertz's contact of the dome in series with the column, F H / (E A)."""
+    E_star = design.E / (1 - design.nu**2)
+    hertz = math.pow(3 * force / (4 * E_star * math.sqrt(design.R)), 2 / 3)
+    return hertz + force * design.H / (design.E * math.pi * design.R**2)

@@ -1,0 +1,74 @@
+"""Critical loads of a column, and the table of them beside finite elements."""
+
+import json
+
+import pytest
+
+from analytic import buckling
+from geometry.design import Design, paper
+from studies import cli, slenderness
+
+
+@pytest.mark.parametrize("end", [buckling.FREE, buckling.GUIDED])
+def test_haringx_solves_its_equation(end):
+    beam = paper()
+    P = buckling.haringx(beam, end)
+    assert P * (1 + P / buckling.shear_stiffness(beam)) == pytest.approx(buckling.euler(beam, end), rel=1e-12)
+
+
+def test_shear_softens_and_engesser_softens_more():
+    beam = paper()
+    assert buckling.engesser(beam) < buckling.haringx(beam) < buckling.euler(beam)
+
+
+def test_shear_does_not_matter_to_a_slender_column():
+    beam = Design(D=1.0, L=20.0, l0=20.0, magnet_diameter=0, magnet_height=0, magnet_edge_radius=0)
+    for load in (buckling.engesser, buckling.haringx):
+        assert load(beam) == pytest.approx(buckling.euler(beam), rel=2e-3)
+
+
+def test_depth_is_hertz_for_a_small_force():
+    beam = paper()
+    E_star = beam.E / (1 - beam.nu**2)
+    d = buckling.depth(beam, 1e-9)
+    assert 4 / 3 * E_star * beam.R**0.5 * d**1.5 == pytest.approx(1e-9, rel=1e-2)
+
+
+def row(ratio, found, guided=None):
+    loads = {f"{name}_N": 1.0 for name in ("euler", "engesser", "haringx")}
+    depths = {f"{name}_depth_mm": 1.0 for name in ("euler", "engesser", "haringx")}
+    head = {"L_over_D": ratio, "L_mm": 8 * ratio, "magnet": "ignored", "status": "ok", "message": ""}
+    free = {"critical_depth_mm": found, "critical_force_N": found, "stable_to_mm": found or 4.0}
+    held = {"guided_critical_depth_mm": guided, "guided_critical_force_N": guided, "guided_stable_to_mm": 4.0}
+    return head | free | held | loads | depths
+
+
+def test_report_says_where_a_formula_holds(tmp_path):
+    slenderness.write(tmp_path, paper(), [row(0.6, None), row(1, 2.0), row(3, 1.05, 1.9)], "here", "a command")
+    text = (tmp_path / "STABILITY.md").read_text()
+    assert "- Haringx's load of a free tip is within 10% at L/D = 3." in text
+    assert "- No instability of a free tip down to `stable_to_mm` at L/D = 0.6." in text
+    assert {path.name for path in tmp_path.iterdir()} == {"STABILITY.md", "stability.csv", "stability.png"}
+
+
+def test_a_length_that_cannot_be_is_a_row(capsys):
+    status = cli.main(["stability", "paper", "--slenderness", "0.3", "--json"])
+    record = json.loads(capsys.readouterr().out)
+    assert (status, record["status"], record["critical_depth_mm"]) == (3, "refused", None)
+    assert "L" in record["message"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--slenderness", "1,x"], "slenderness"),
+        (["--slenderness", "1", "--depth", "1"], "--depth"),
+        (["--out", "somewhere"], "--slenderness"),
+    ],
+)
+def test_bad_requests_are_a_sentence(given, said, capsys):
+    assert cli.main(["stability", "paper", *given]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert said in shown.err
+    assert shown.err.count("\n") == 1
