@@ -46,6 +46,7 @@ for verb in (
     evidence.verify,
     evidence.extremes,
     evidence.accuracy,
+    evidence.crosscheck,
     evidence.bench,
 ):
     app.command(verb)
