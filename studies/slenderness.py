@@ -34,6 +34,8 @@ def run(
     design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress
 ) -> Iterator[Row]:
     """One row for each L/D, as soon as it is there."""
+    if magnet == "ignored":
+        design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
     for i, ratio in enumerate(slenderness):
         progress(i / len(slenderness), f"L/D = {ratio:g}")
         head: Row = {"L_over_D": ratio, "L_mm": ratio * design.D, "magnet": magnet}
