@@ -1,4 +1,6 @@
-"""The field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy: the reference of `analytic.kernel`.
+"""The field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy.
+
+`analytic.kernel` has the same formulas compiled; this is their reference.
 
 Three regimes, chosen point by point:
 

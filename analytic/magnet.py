@@ -120,7 +120,7 @@ def paper_field(
         B_rho = -(J/4 pi) int_0^2pi int_0^a [ -R (rho - R cos(alpha))/dp^3 + R (rho - R cos(alpha))/dm^3 ] dR dalpha
 
     This form agrees with `cylinder_field`. The printed one has + 2 R rho cos(alpha) in the first denominator of
-    B_rho, which off the axis is wrong by 3 to 19 % of |B| at the paper's elements. Inside the magnet it would give
+    B_rho, which off the axis is wrong by 10 to 50 % of |B| at the paper's elements. Inside the magnet it would give
     mu0 H, so points there are refused.
 
     Parameters

@@ -313,13 +313,13 @@ def test_paper_equation_takes_more_points_close_by():
 
 
 def test_what_the_misprint_costs():
-    """At the paper's elements, magnet at rest and moved: nothing on the axis, and in B_rho alone."""
-    rho, z = np.array([0.0, 5.0, 2.0, 5.0]), np.array([-7.2, -5.2, -7.2, -3.2])
+    """At the paper's elements, which the north pole faces: nothing on the axis, and in B_rho alone."""
+    rho, z = np.array([0.0, 5.0, 2.0, 5.0]), np.array([7.2, 5.2, 7.2, 3.2])
     good, printed = (np.array(paper_field(rho, z, 2, 2, 1.2, printed=p)) for p in (False, True))
     error = np.linalg.norm(printed - good, axis=0) / np.linalg.norm(good, axis=0)
     assert_array_equal(printed[0], good[0])
     assert error[0] < 1e-15
-    assert ((error[1:] > 0.02) & (error[1:] < 0.2)).all()
+    assert ((error[1:] > 0.1) & (error[1:] < 0.6)).all()
 
 
 # --- extremes and bad input
