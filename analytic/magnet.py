@@ -74,12 +74,12 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
     return _exact(points, radius, height, J, slope=True)
 
 
-def compiled() -> bool:
-    """Load the compiled kernel now, and use it from now on; False where numba is not installed or cannot be used.
+def compiled() -> ModuleType | None:
+    """Load the compiled kernel now, and use it from now on; None where numba is not installed or cannot be used.
 
     The first time after an installation it is compiled, which takes several seconds; it is kept in a file.
     """
-    return _ENGINE.load() is not None
+    return _ENGINE.load()
 
 
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -204,8 +204,8 @@ def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: 
     x = _points(points)
     kernel = _ENGINE.choose(len(x))
     if kernel is None:
-        return _in_numpy(x, float(radius), height / 2, float(J), slope)
-    return _in_kernel(kernel, x, float(radius), height / 2, float(J), slope)
+        return in_numpy(x, float(radius), height / 2, float(J), slope=slope)
+    return in_kernel(kernel, x, float(radius), height / 2, float(J), slope=slope)
 
 
 def _points(points: ArrayLike) -> Array:
@@ -225,7 +225,8 @@ def _refuse(point: Array) -> BadInput:
     return BadInput("points must be finite; got a NaN or an infinity")
 
 
-def _in_kernel(kernel: ModuleType, x: Array, radius: float, half: float, J: float, slope: bool) -> Pair:
+def in_kernel(kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
+    """B and, with `slope`, its Jacobian (else shape (0, 3, 3)), compiled; x as `cylinder_field`, half the height."""
     B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
     bad = kernel.fill(x, radius, half, J, cylinder_moments(half / radius), face_moments(), B, jacobian)
     if bad >= 0:
@@ -233,7 +234,8 @@ def _in_kernel(kernel: ModuleType, x: Array, radius: float, half: float, J: floa
     return B, jacobian
 
 
-def _in_numpy(x: Array, radius: float, half: float, J: float, slope: bool) -> Pair:
+def in_numpy(x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
+    """The same in NumPy."""
     if not np.isfinite(x).all():
         raise _refuse(x[~np.isfinite(x).all(axis=1)][0])
     across, z = x[:, :2] / radius, x[:, 2] / radius

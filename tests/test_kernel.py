@@ -39,13 +39,16 @@ def places(a, h, count=400):
 def test_kernel_and_numpy_agree(flatness, engine):
     a, h, J = 1.7, 1.7 * flatness, 1.2
     x = places(a, h)
-    (B, jacobian), kernel = magnet._in_numpy(x, a, h / 2, J, True), engine.load()
-    B_too, jacobian_too = magnet._in_kernel(kernel, x, a, h / 2, J, True)
+    (B, jacobian), kernel = magnet.in_numpy(x, a, h / 2, J, slope=True), engine.load()
+    B_too, jacobian_too = magnet.in_kernel(kernel, x, a, h / 2, J, slope=True)
     size = np.linalg.norm(B, axis=1)
     assert (np.linalg.norm(B_too - B, axis=1) / size).max() < 1e-13
     steepness = np.linalg.norm(jacobian, axis=(1, 2)) + size / np.linalg.norm(x, axis=1)
     assert (np.linalg.norm(jacobian_too - jacobian, axis=(1, 2)) / steepness).max() < 1e-12
-    for alone in (magnet._in_kernel(kernel, x, a, h / 2, J, False)[0], magnet._in_numpy(x, a, h / 2, J, False)[0]):
+    for alone in (
+        magnet.in_kernel(kernel, x, a, h / 2, J, slope=False)[0],
+        magnet.in_numpy(x, a, h / 2, J, slope=False)[0],
+    ):
         assert (np.linalg.norm(alone - B, axis=1) / size).max() < 1e-13
 
 
@@ -67,5 +70,5 @@ def test_kernel_is_loaded_when_it_pays(engine):
 def test_without_numba_the_field_is_numpys(engine, monkeypatch):
     monkeypatch.setitem(sys.modules, "analytic.kernel", None)
     monkeypatch.delattr("analytic.kernel", raising=False)
-    assert not magnet.compiled()
+    assert magnet.compiled() is None
     assert magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2).shape == (300_000, 3)

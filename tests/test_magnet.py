@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic.magnet import cylinder_field, cylinder_field_jacobian, dipole_field, paper_field
 from geometry.design import BadInput
+from studies import fieldtruth
 
 RNG = np.random.default_rng(20160403)
 DIAGONALS = [(u, v) for u in (-1, 1) for v in (-1, 1)]
@@ -45,47 +46,6 @@ def reference(r, z, z0):
             return mpmath.cos(angle) * (1 / down - 1 / up), weight * ((z + z0) / up - (z - z0) / down)
 
         return [float(mpmath.quad(lambda angle, i=i: at(angle)[i], cuts) / (2 * mpmath.pi)) for i in (0, 1)]
-
-
-def exactly(point, a, h):
-    """B of a magnet with J = 1 in three dimensions, by elliptic integrals in mpmath's digits; not at r = a."""
-    x, y, z, a, h = (v if isinstance(v, mpmath.mpf) else mpmath.mpf(float(v)) for v in (*point, a, h))
-    rho = mpmath.hypot(x, y)
-    r = rho / a
-    g = (1 - r) / (1 + r)
-
-    def face(zeta):
-        s = mpmath.hypot(zeta, 1 + r)
-        m = 4 * r / s**2
-        K, E = mpmath.ellipk(m), mpmath.ellipe(m)
-        jump = mpmath.sign(zeta) / 2 if r < 1 else 0
-        lean = ((2 - m) * K - 2 * E) / (m * mpmath.pi * s)
-        return lean, jump - zeta * (K + g * mpmath.ellippi(1 - g**2, m)) / (2 * mpmath.pi * s)
-
-    (top_r, top_z), (bottom_r, bottom_z) = face((z - h / 2) / a), face((z + h / 2) / a)
-    inside = 1 if r < 1 and abs(z) < h / 2 else 0
-    b_r = (top_r - bottom_r) / rho
-    return mpmath.matrix([b_r * x, b_r * y, top_z - bottom_z + inside])
-
-
-def in_space(point, a, h):
-    with mpmath.workdps(40):
-        return np.array([float(v) for v in exactly(point, a, h)])
-
-
-def slope_in_space(point, a, h):
-    """dB_i/dx_j by central differences in 60 digits."""
-    found = np.empty((3, 3))
-    with mpmath.workdps(60):
-        step = mpmath.mpf(10) ** -22
-        for j in range(3):
-            ends = []
-            for sign in (1, -1):
-                moved = [mpmath.mpf(float(v)) for v in point]
-                moved[j] += sign * step
-                ends.append(exactly(moved, a, h))
-            found[:, j] = [float(v) for v in (ends[0] - ends[1]) / (2 * step)]
-    return found
 
 
 def relative(b, expected):
@@ -231,19 +191,19 @@ def test_beside_hull_face_and_rim_in_any_direction(a, h, distance):
     points = np.array(rim + face + hull)
     found = cylinder_field(points, a, h, 1.0)
     for point, b in zip(points, found, strict=True):
-        assert relative(b, in_space(point, a, h)) < 1e-12
+        assert relative(b, fieldtruth.field(point, a, h)) < 1e-12
 
 
 @pytest.mark.parametrize(("a", "h"), [*SHAPES, (2.0, 2e-6)])
 def test_jacobian_is_the_slope_of_the_field(a, h):
-    """Against central differences of the 40-digit field."""
+    """Against central differences of a field in 60 digits."""
     points = np.vstack([RNG.normal(size=(4, 3)) * [a, a, h], RNG.normal(size=(4, 3)) * 5 * math.hypot(a, h)])
     points = np.vstack([points, [[1e-9 * a, 0, 0.8 * h], [1.01 * a, 0, 0.4 * h], [0.9 * a, 0.1 * a, 0.501 * h]]])
     B, jacobian = cylinder_field_jacobian(points, a, h, 1.2)
     assert relative(cylinder_field(points, a, h, 1.2), B).max() < 1e-14
     assert_array_equal(jacobian, jacobian.transpose(0, 2, 1))
     for point, found in zip(points, jacobian, strict=True):
-        assert np.linalg.norm(found - 1.2 * slope_in_space(point, a, h)) < 1e-12 * np.linalg.norm(found)
+        assert np.linalg.norm(found - 1.2 * fieldtruth.jacobian(point, a, h)) < 1e-12 * np.linalg.norm(found)
 
 
 def test_jacobian_on_the_axis():
