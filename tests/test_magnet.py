@@ -197,7 +197,7 @@ def test_beside_hull_face_and_rim_in_any_direction(a, h, distance):
 @pytest.mark.parametrize(("a", "h"), [*SHAPES, (2.0, 2e-6)])
 def test_jacobian_is_the_slope_of_the_field(a, h):
     """Against central differences of a field in 60 digits."""
-    points = np.vstack([RNG.normal(size=(4, 3)) * [a, a, h], RNG.normal(size=(4, 3)) * 5 * math.hypot(a, h)])
+    points = np.vstack([RNG.normal(size=(2, 3)) * [a, a, h], RNG.normal(size=(2, 3)) * 5 * math.hypot(a, h)])
     points = np.vstack([points, [[1e-9 * a, 0, 0.8 * h], [1.01 * a, 0, 0.4 * h], [0.9 * a, 0.1 * a, 0.501 * h]]])
     B, jacobian = cylinder_field_jacobian(points, a, h, 1.2)
     assert relative(cylinder_field(points, a, h, 1.2), B).max() < 1e-14
