@@ -28,7 +28,12 @@ def magnet_gap(design: Design, point: Vector, shift: Vector, tilt: tuple[float, 
 
 
 def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
-    """Distance of a point from the beam's wall, mm, negative inside; for a point in the base, measured sideways."""
+    """Distance of a point from the beam's wall, mm, negative inside.
+
+    For a point in the base it is measured sideways; it is infinite where the beam stands over it anyway.
+    """
+    if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
+        return math.inf
     height = max(design.H + shift[2], 1e-3 * design.H)
     t = np.linspace(0, 1, 101)
     aside = np.hypot(point[0] - t * shift[0], point[1] - t * shift[1])
@@ -40,7 +45,7 @@ def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
 def warnings(
     design: Design, shift: Vector, tilt: tuple[float, float], elements: Sequence[Element] | None = None
 ) -> list[str]:
-    """What runs into what, in sentences; the beam is not held against elements that sit under it in the base."""
+    """What runs into what, in sentences."""
     found = []
     low = lowest(design, tilt) + design.H + shift[2]
     if low < 0:
@@ -51,12 +56,9 @@ def warnings(
         gap = magnet_gap(design, element.position, shift, tilt)
         if gap < element.plate / 2 or gap == 0:
             found.append(f"{element.name} lies in the magnet, or its plate touches it (gap {gap:.3g} mm)")
-        x, y, z = element.position
-        if z < 0 and math.hypot(x, y) <= design.R:
-            continue
         gap = wall_gap(design, element.position, shift)
         if gap < 0:
-            verb = "leans over" if z < 0 else "reaches"
+            verb = "leans over" if element.position[2] < 0 else "reaches"
             found.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: raise f")
     return found
 

@@ -15,6 +15,7 @@ def test_gaps_at_rest():
     assert magnet_gap(paper(), s1, REST, (0, 0)) == pytest.approx(7.2 - 1)
     assert magnet_gap(paper(), s2, REST, (0, 0)) == pytest.approx(math.hypot(3, 4.2))
     assert wall_gap(paper(), s2, REST) == pytest.approx(1)
+    assert wall_gap(paper(), s1, REST) == math.inf
     assert warnings(paper(), REST, (0, 0)) == []
 
 
@@ -25,9 +26,9 @@ def test_a_tilted_magnet_is_nearer_on_one_side():
 
 
 def test_the_column_keeps_its_volume():
-    """The mean of r^2 over the height, by gaps seen from far aside, is R^2 H / (H - 1)."""
-    r2 = [(50 - wall_gap(Design(L=24.0), (50.0, 0.0, z), (0, 0, -1))) ** 2 for z in (-1.0,)]
-    assert r2[0] == pytest.approx(16 * (1 + 1.5 * (20 / 19 - 1)), rel=1e-3), "its widest place is half way up"
+    """The mean of 6 t (1 - t) is 1, and its greatest 1.5."""
+    widest = 50 - wall_gap(Design(L=24.0), (50.0, 0.0, -1.0), (0, 0, -1))
+    assert widest**2 == pytest.approx(16 * (1 + 1.5 * (20 / 19 - 1)), rel=1e-3), "half way up"
 
 
 def test_a_sheared_beam_leans_over_s2_alone():
