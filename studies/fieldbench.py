@@ -154,19 +154,19 @@ def speed(count: int = 1_000_000, runs: int = 5) -> list[Row]:
             spent[name].append(1e6 * (time.process_time() - begin) / count)
     rows = []
     for name, solve in programs.items():
-        one, none = (_call_us(partial(solve, x)) for x in (many[:1].copy(), np.empty((0, 3))))
+        one, none = (_call_us(partial(solve, x), 5 * runs) for x in (many[:1].copy(), np.empty((0, 3))))
         rows.append({"program": name, "many_us": statistics.median(spent[name]), "one_us": one, "none_us": none})
     return rows
 
 
-def _call_us(call: Callable[[], object]) -> float:
+def _call_us(call: Callable[[], object], repeats: int) -> float:
     """The least of several means over 20 ms; NaN where the call is refused."""
     timer = timeit.Timer(call)
     try:
         number = 1 + int(0.02 / min(timer.repeat(3, 3)) * 3)
     except Exception:
         return math.nan
-    return 1e6 * min(timer.repeat(7, number)) / number
+    return 1e6 * min(timer.repeat(repeats, number)) / number
 
 
 def first_calls() -> list[Row]:
