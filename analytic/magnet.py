@@ -28,7 +28,7 @@ Pair = tuple[Array, Array]
 
 CALL_S, POINT_S, ENOUGH_S = 2e-4, 1e-6, 0.2
 """What NumPy takes for a call and for a point, and after how much of it the kernel is loaded, s: 1000 calls or 2e5
-points. Loading takes 0.7 s."""
+points. Loading takes about a second."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
