@@ -28,6 +28,9 @@ LAWS: dict[str, tuple[str, ...]] = {
 }
 """The silicone's laws, and the fields of `Design` that shape each; all of them are pure numbers beside E and nu."""
 
+HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
+"""Three one-axis elements S1, S2 and S3, or one 3-axis chip at the place of S1."""
+
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law."""
 
@@ -139,6 +142,16 @@ class Design:
     hall_null: float = _quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
     hall_low: float = _quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
     hall_high: float = _quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
+    hall_noise: float = _quantity(
+        0.0, "V", 0.0, 10, "noise of a Hall element's output, root mean square", assumed=True
+    )
+    hall_step: float = _quantity(
+        0.0, "V", 0.0, 10, "step of the converter that reads an element (0: none)", assumed=True
+    )
+    hall_plate: float = _quantity(0.0, "mm", 0.0, 10, "side of an element's square plate (0: a point)", assumed=True)
+    hall_layout: str = _choice(
+        "three", HALL_LAYOUTS, "three one-axis elements, or a 3-axis chip at S1's place", assumed=False
+    )
 
     def __post_init__(self) -> None:
         for spec in dataclasses.fields(self):
@@ -213,7 +226,9 @@ class Design:
         s1, s23 = self.H - self.l0, self.H - self.l0 + self.c
         if s1 > 0:
             found.append(f"S1 would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm")
-        if s23 > 0 and not self.f > self.R:
+        if self.hall_layout != "three":
+            pass
+        elif s23 > 0 and not self.f > self.R:
             found.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
         elif s23 > -1 and self.f - self.R < 1 - 1e-9:
             found.append(

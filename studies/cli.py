@@ -37,6 +37,8 @@ for verb in (
     verbs.mesh,
     verbs.solve,
     verbs.analytic,
+    verbs.field,
+    verbs.readings,
     verbs.stability,
     verbs.modes,
     jobs.demo,

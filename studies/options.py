@@ -17,12 +17,14 @@ GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
 Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
 Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
+FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
 DEPTH = Parameter(help="How far the plate comes down after first touch, mm.")
 SHEAR = Parameter(help="Sideways motion of the plate or the grip along x, mm.")
 SHEAR_Y = Parameter(help="Sideways motion along y, mm.")
 MAGNET = Parameter(help="As a rigid body, or ignored: all silicone.")
+LEVEL = Parameter(help="Field: exact, the paper's quadrature (3), the same with its misprint, or a dipole.")
 ACCURACY = Parameter(help="Of the mesh and the harmonics.")
 
 
@@ -54,6 +56,23 @@ class Motion:
     plate_tilt: float = 0.0
     friction: str | None = None
     grip: float | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where the magnet is.
+
+    Attributes
+    ----------
+    shift
+        Displacement of its centre, x,y,z in mm; z is negative when it sinks.
+    tilt
+        Rotation vector about its centre, rx,ry in rad; a positive ry carries z towards x.
+    """
+
+    shift: str = "0,0,0"
+    tilt: str = "0,0"
 
 
 @Parameter(name="*")

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from geometry.design import BadInput, Design
 from geometry.scene import Magnet
-from studies import console, describe, files, inputs, sideways, states, vibration
+from studies import console, describe, fields, files, inputs, sideways, states, vibration
 from studies.inputs import AccuracyName
 from studies.options import (
     ACCURACY,
     DEPTH,
     GOOD,
+    LEVEL,
     MAGNET,
     SHEAR,
     SHEAR_Y,
     AsJson,
+    FieldLevel,
     Method,
     Motion,
+    Pose,
     Sets,
     Source,
     judged,
@@ -118,6 +121,61 @@ def analytic(
     """
     record = states.analytic(inputs.read_design(source, sets or []), depth, (shear, shear_y), level)
     console.report([record], as_json=as_json, title="Formulas")
+    return GOOD
+
+
+def field(
+    source: Source,
+    /,
+    *,
+    points: Path,
+    pose: Pose = Pose(),
+    level: Annotated[FieldLevel, LEVEL] = "exact",
+    out: Path | None = None,
+    sets: Sets = None,
+) -> int:
+    """Add the magnet's field to a table of points in the sensor's frame (base plane z = 0, beam along z).
+
+    Parameters
+    ----------
+    points
+        A .csv file with the columns x_mm,y_mm,z_mm.
+    out
+        The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
+    """
+    given = inputs.read_design(source, sets or [])
+    fields.add_field(given, points, pose, level, out)
+    return GOOD
+
+
+def readings(
+    source: Source,
+    /,
+    *,
+    pose: Pose = Pose(),
+    level: Annotated[FieldLevel, LEVEL] = "exact",
+    mode: Literal["component", "magnitude"] = "component",
+    ambient: str = "0,0,0",
+    seed: int | None = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """What the Hall elements read when the magnet has moved, with saturation and clearance.
+
+    Parameters
+    ----------
+    mode
+        B.n as an element reads it, or the paper's |B|.
+    ambient
+        Uniform field that is added, Bx,By,Bz in T.
+    seed
+        Draw one sample of the elements' noise with this seed; none by default.
+    """
+    record = fields.readings(inputs.read_design(source, sets or []), pose, level, mode, ambient, seed)
+    brief = {key: value for key, value in record.items() if key != "warnings"}
+    console.report([record if as_json else brief], as_json=as_json, title="Readings")
+    for warning in record["warnings"]:
+        console.say(f"magtip: warning: {warning}")
     return GOOD
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic.hall import elements, field_at, readings
+from analytic.hall import FIELDS, elements, field_at, readings
 from analytic.magnet import cylinder_field
+from analytic.parts import CHIPS, Element
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Response
 
@@ -139,6 +140,85 @@ def test_outputs_stop_at_the_rails():
     assert over.saturated[0]
 
 
+def test_chip_reads_the_whole_vector_where_s1_is():
+    chip, pose = (
+        dataclasses.replace(paper(), hall_layout="tmag5273a1"),
+        {"shift": (0.4, -0.2, -0.7), "tilt": (0.1, 0.02)},
+    )
+    read = readings(chip, **pose)
+    (b,) = field_at(elements(paper())[0][:1], chip, **pose)
+    assert_allclose(read.B_T, [-b[2], b[0], b[1]], rtol=1e-14)
+    assert read.units == ("T", "T", "T")
+    assert np.isnan(read.V).all()
+    step = CHIPS["tmag5273a1"].step
+    assert_allclose(read.output, np.round(np.array(read.B_T) / step) * step, rtol=1e-12)
+    near = readings(dataclasses.replace(chip, magnet_height=4.0, l0=4.5))
+    assert near.saturated == (True, False, False)
+    assert near.output[0] == 0.08
+
+
+def test_any_elements():
+    """One that looks along the field, at the place of S1, on its own scale."""
+    b = field_at(elements(paper())[0], paper())[0]
+    along = Element("A", (0, 0, -2.2), tuple(b / np.linalg.norm(b)), gain=10, null=1, low=-5, high=5)
+    back = dataclasses.replace(along, name="B", direction=tuple(-b / np.linalg.norm(b)))
+    read = readings(paper(), elements=[along, back])
+    assert_allclose(read.output, [1 + 10 * np.linalg.norm(b), 1 - 10 * np.linalg.norm(b)], rtol=1e-12)
+    for change, text in (
+        ({"direction": (1, 1, 0)}, "must be a unit vector"),
+        ({"gain": math.nan}, "finite"),
+        ({"null": 9}, "between low and high"),
+        ({"plate": -1}, "0 or more"),
+    ):
+        with pytest.raises(BadInput, match=text):
+            dataclasses.replace(along, **change)
+
+
+def test_ambient_field_adds():
+    rest, moved = (readings(paper(), ambient=(3e-3 * k, -1e-3 * k, 2e-3 * k)).B_T for k in (0, 1))
+    assert_allclose(np.subtract(moved, rest), [-2e-3, 3e-3, -1e-3], rtol=1e-12)
+
+
+@pytest.mark.parametrize("field", ["exact", "dipole"])
+def test_plate_averages_over_its_area(field):
+    """Against 20 x 20 Gauss points; the error of 2 x 2 falls with the fourth power of the side."""
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    errors = []
+    for side in (1.0, 0.5):
+        design = dataclasses.replace(paper(), hall_plate=side)
+        i, j = np.meshgrid(nodes * side / 2, nodes * side / 2)
+        weight = np.outer(weights, weights).ravel() / 4
+        s2 = field_at(np.column_stack([5 + 0 * i.ravel(), i.ravel(), j.ravel() - 0.2]), paper(), field=field)[:, 0]
+        errors.append(abs(readings(design, field=field).B_T[1] - s2 @ weight))
+    assert 12 < errors[0] / errors[1] < 20
+    point = readings(paper(), field=field).B_T[1]
+    assert errors[1] < 1e-2 * abs(readings(dataclasses.replace(paper(), hall_plate=0.5), field=field).B_T[1] - point)
+
+
+def test_noise_has_its_size_and_only_on_request():
+    loud = dataclasses.replace(paper(), hall_noise=0.01)
+    assert readings(loud) == readings(paper())
+    rng = np.random.default_rng(1)
+    spread = np.std([np.subtract(readings(loud, noise=rng).V, readings(paper()).V) for _ in range(200)], axis=0)
+    assert_allclose(spread, 0.01, rtol=0.2)
+
+
+def test_converter_rounds_to_steps():
+    stepped = dataclasses.replace(paper(), hall_step=0.005)
+    volts = np.array(readings(stepped).V)
+    assert_allclose(volts / 0.005, np.round(volts / 0.005), atol=1e-9)
+    assert np.abs(volts - readings(paper()).V).max() <= 0.0025 + 1e-12
+
+
+def test_levels_of_the_field():
+    """The misprint spoils B_rho, which S2 and S3 read, and leaves S1 on the axis; a dipole is off everywhere."""
+    exact, paper_s, printed, dipole = (np.array(readings(paper(), shift=(0, 0, -1), field=f).B_T) for f in FIELDS)
+    assert np.abs(paper_s / exact - 1).max() < 1e-9
+    assert_allclose(printed[0], exact[0], rtol=1e-12)
+    assert (printed[1:] / exact[1:] > 1.3).all()
+    assert 1e-3 < np.abs(dipole / exact - 1).min() < np.abs(dipole / exact - 1).max() < 0.2
+
+
 def test_bad_input():
     bare = Design(magnet_diameter=0, magnet_height=0)
     with pytest.raises(BadInput, match="no magnet"):
@@ -148,7 +228,9 @@ def test_bad_input():
     with pytest.raises(BadInput, match="mode must be"):
         readings(paper(), mode="length")
     with pytest.raises(BadInput, match="field must be"):
-        readings(paper(), field="dipole")
+        readings(paper(), field="quadrupole")
+    with pytest.raises(BadInput, match="ambient must be finite"):
+        readings(paper(), ambient=(0, math.inf, 0))
     with pytest.raises(BadInput, match="shift must be finite"):
         readings(paper(), shift=(math.nan, 0, 0))
     with pytest.raises(BadInput, match="tilt must have shape"):

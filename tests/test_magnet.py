@@ -5,12 +5,14 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
-from analytic.magnet import cylinder_field, paper_field
+from analytic.magnet import cylinder_field, cylinder_field_jacobian, dipole_field, paper_field
 from geometry.design import BadInput
+from studies import fieldtruth
 
 RNG = np.random.default_rng(20160403)
+DIAGONALS = [(u, v) for u in (-1, 1) for v in (-1, 1)]
 SHAPES = [(2.0, 2.0), (2.0, 4.0), (2.0, 0.1), (0.5, 20.0)]
 
 
@@ -120,7 +122,7 @@ def test_dipole_limit(a, h):
 def test_regimes_meet(z0):
     """Two neighbours, one on each side of a change of formula, differ by no more than their distance allows."""
     angle = np.linspace(0.01, np.pi - 0.01, 40)
-    for centre, radius in ((0.0, 5 * math.hypot(1, z0)), (1.0, 6 * z0)):
+    for centre, radius in ((0.0, 5 * math.hypot(1, z0)), (1.0, 12 * z0)):
         pair = []
         for scale in (1 - 1e-13, 1 + 1e-13):
             d = radius * scale
@@ -178,6 +180,71 @@ def test_hull_is_the_mean_and_jumps_by_j():
     assert_allclose(b[1], (b[0] + b[2]) / 2, atol=1e-11)
 
 
+@pytest.mark.parametrize("distance", [1e-12, 1e-9, 1e-4])
+@pytest.mark.parametrize(("a", "h"), [(1.7, 3.3), (1.7, 1.7e-6), (1.7, 1700.0)])
+def test_beside_hull_face_and_rim_in_any_direction(a, h, distance):
+    """With numbers that are not round, where 1 - r and |z| - h/2 lose digits unless they are computed well."""
+    c, s = math.cos(0.7), math.sin(0.7)
+    rim = [[a * (1 + distance * u) * c, a * (1 + distance * u) * s, h / 2 + a * distance * v] for u, v in DIAGONALS]
+    face = [[0.6 * a * c, 0.6 * a * s, h / 2 + a * distance * v] for v in (-1, 1)]
+    hull = [[a * (1 + distance * u) * c, a * (1 + distance * u) * s, 0.3 * h] for u in (-1, 1)]
+    points = np.array(rim + face + hull)
+    found = cylinder_field(points, a, h, 1.0)
+    for point, b in zip(points, found, strict=True):
+        assert relative(b, fieldtruth.field(point, a, h)) < 1e-12
+
+
+@pytest.mark.parametrize(("a", "h"), [*SHAPES, (2.0, 2e-6)])
+def test_jacobian_is_the_slope_of_the_field(a, h):
+    """Against central differences of a field in 60 digits."""
+    points = np.vstack([RNG.normal(size=(2, 3)) * [a, a, h], RNG.normal(size=(2, 3)) * 5 * math.hypot(a, h)])
+    points = np.vstack([points, [[1e-9 * a, 0, 0.8 * h], [1.01 * a, 0, 0.4 * h], [0.9 * a, 0.1 * a, 0.501 * h]]])
+    B, jacobian = cylinder_field_jacobian(points, a, h, 1.2)
+    assert relative(cylinder_field(points, a, h, 1.2), B).max() < 1e-14
+    assert_array_equal(jacobian, jacobian.transpose(0, 2, 1))
+    for point, found in zip(points, jacobian, strict=True):
+        assert np.linalg.norm(found - 1.2 * fieldtruth.jacobian(point, a, h)) < 1e-12 * np.linalg.norm(found)
+
+
+def test_jacobian_on_the_axis():
+    B, jacobian = cylinder_field_jacobian([[0, 0, 3.0]], 2, 2, 1.2)
+    (beside,) = cylinder_field_jacobian([[1e-7, 0, 3.0]], 2, 2, 1.2)[1]
+    assert_allclose(jacobian[0], beside, atol=1e-7 * abs(beside[2, 2]))
+    assert B[0, :2].tolist() == [0, 0]
+    assert_allclose(np.trace(jacobian[0]), 0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("a", "h"), SHAPES)
+def test_against_magpylib(a, h):
+    """An independent code, where it has its digits: up to ten sizes away, not on the surface."""
+    magpylib = pytest.importorskip("magpylib")
+    p = RNG.normal(size=(500, 3)) * 3 * math.hypot(a, h)
+    other = magpylib.magnet.Cylinder(polarization=(0, 0, 1.2), dimension=(2e-3 * a, 1e-3 * h)).getB(1e-3 * p)
+    assert relative(cylinder_field(p, a, h, 1.2), other).max() < 1e-9
+
+
+# --- the dipole
+
+
+def test_dipole_is_the_limit_and_errs_by_the_square_of_the_size():
+    direction = RNG.normal(size=(20, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    errors = [
+        relative(dipole_field(d * direction, 2, 2, 1.2), cylinder_field(d * direction, 2, 2, 1.2)).max()
+        for d in (100.0, 200.0)
+    ]
+    assert 3.9 < errors[0] / errors[1] < 4.1
+    flat = dipole_field(100 * direction, 2, 2 * math.sqrt(3), 1.2)
+    assert relative(flat, cylinder_field(100 * direction, 2, 2 * math.sqrt(3), 1.2)).max() < 1e-2 * errors[0]
+
+
+def test_dipole_on_the_axis():
+    b = dipole_field([[0, 0, z] for z in (5, 6, 7, 8)], 2, 4, 1.2)
+    assert np.round(1e3 * b[:, 2], 2).tolist() == [76.8, 44.44, 27.99, 18.75]
+    with pytest.raises(BadInput, match="off the dipole"):
+        dipole_field([[0, 0, 0]], 2, 4, 1.2)
+
+
 # --- the paper's quadrature
 
 
@@ -203,6 +270,16 @@ def test_paper_equation_takes_more_points_close_by():
     assert errors[0] > 1e-2
     assert errors[1] < 1e-3 * errors[0]
     assert errors[2] < 1e-12
+
+
+def test_what_the_misprint_costs():
+    """At the paper's elements, which the north pole faces: nothing on the axis, and in B_rho alone."""
+    rho, z = np.array([0.0, 5.0, 2.0, 5.0]), np.array([7.2, 5.2, 7.2, 3.2])
+    good, printed = (np.array(paper_field(rho, z, 2, 2, 1.2, printed=p)) for p in (False, True))
+    error = np.linalg.norm(printed - good, axis=0) / np.linalg.norm(good, axis=0)
+    assert_array_equal(printed[0], good[0])
+    assert error[0] < 1e-15
+    assert ((error[1:] > 0.1) & (error[1:] < 0.6)).all()
 
 
 # --- extremes and bad input

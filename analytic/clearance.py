@@ -1,0 +1,70 @@
+"""Whether the magnet or the beam runs into the Hall elements, at rest or moved. Lengths in mm, angles in rad.
+
+The magnet is a rigid cylinder, so its gap is exact. The beam's wall is an estimate (the finite elements know it): the
+axis runs straight from the base's centre to the moved magnet's centre, and the radius keeps the column's volume, with
+D/2 at both ends and a parabola between, r^2 = (D/2)^2 [1 + 6 t (1 - t) (H/(H + shift_z) - 1)], t from 0 to 1. Over an
+element that sits in the base, z < 0, the beam can lean but not touch it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analytic.hall import in_magnet_frame
+from analytic.parts import Element, of_design
+from geometry.design import Design
+
+Vector = tuple[float, float, float]
+
+
+def magnet_gap(design: Design, point: Vector, shift: Vector, tilt: tuple[float, float]) -> float:
+    """Distance of a point from the moved magnet, mm; 0 inside."""
+    (local,) = in_magnet_frame(np.array([point]), design, shift, tilt)
+    beside = max(math.hypot(local[0], local[1]) - design.magnet_diameter / 2, 0.0)
+    return math.hypot(beside, max(abs(local[2]) - design.magnet_height / 2, 0.0))
+
+
+def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
+    """Distance of a point from the beam's wall, mm, negative inside.
+
+    For a point in the base it is measured sideways; it is infinite where the beam stands over it anyway.
+    """
+    if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
+        return math.inf
+    height = max(design.H + shift[2], 1e-3 * design.H)
+    t = np.linspace(0, 1, 101)
+    aside = np.hypot(point[0] - t * shift[0], point[1] - t * shift[1])
+    above = t * height - point[2] if point[2] > 0 else 0.0
+    radius = design.R * np.sqrt(1 + 6 * t * (1 - t) * (design.H / height - 1))
+    return float((np.hypot(aside, above) - radius).min())
+
+
+def warnings(
+    design: Design, shift: Vector, tilt: tuple[float, float], elements: Sequence[Element] | None = None
+) -> list[str]:
+    """What runs into what, in sentences."""
+    found = []
+    low = lowest(design, tilt) + design.H + shift[2]
+    if low < 0:
+        found.append(
+            f"the magnet would lie {-low:.3g} mm below the base plane: no press of the beam can bring it there"
+        )
+    for element in of_design(design) if elements is None else elements:
+        gap = magnet_gap(design, element.position, shift, tilt)
+        if gap < element.plate / 2 or gap == 0:
+            found.append(f"{element.name} lies in the magnet, or its plate touches it (gap {gap:.3g} mm)")
+        gap = wall_gap(design, element.position, shift)
+        if gap < 0:
+            verb = "leans over" if element.position[2] < 0 else "reaches"
+            found.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: raise f")
+    return found
+
+
+def lowest(design: Design, tilt: tuple[float, float]) -> float:
+    """Height of the magnet's lowest point over its centre, mm, negative."""
+    angle = math.hypot(*tilt)
+    a, b = design.magnet_diameter / 2, design.magnet_height / 2
+    return -(a * abs(math.sin(angle)) + b * abs(math.cos(angle)))

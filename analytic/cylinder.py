@@ -1,0 +1,299 @@
+"""The field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy.
+
+`analytic.kernel` has the same formulas compiled; this is their reference.
+
+Three regimes, chosen point by point:
+
+- far, beyond `FAR` circumscribed radii: multipoles to order `ORDER`;
+- thin, beyond `THIN` half heights from the rim: current rings at `GAUSS` Gauss points over the height;
+- near: two charged end faces, with J added inside; each face by Bulirsch's cel (Derby & Olbert 2010) or, beyond `FAR`
+  radii from it, by its own multipoles.
+
+With zeta the height over a face, S = zeta^2 + (1 + r)^2, Q = zeta^2 + (1 - r)^2, m = 4 r / S and
+Delta^2 = 1 - m sin^2, all of them need K = int 1/Delta, C = int sin^2 cos^2 / Delta^3 and D = int sin^2 / Delta
+over 0..pi/2. The arithmetic-geometric mean of 1 and sqrt(Q/S) gives, with its half differences c_n,
+
+    K = pi / (2 a_inf),    C = (K/m^2) sum_{n>=1} 2^n c_n^2,    D = (K + m C) / 2,
+
+a sum of positive terms, exact on the axis too. A face has B_r/r = 4 C / (pi S^1.5), and a ring of unit current
+
+    B_r/r = 4 zeta (D - C) / (pi S^1.5 Q),    B_z = 2 [(1 - r^2 + zeta^2) D - 2 r (1 - r) C] / (pi S^1.5 Q).
+
+The slope of the cylinder's field along z is the difference of the rings at its ends; where they cancel, the slope of
+their mean over the height is taken by a complex step. All else in the Jacobian follows from div B = 0 and curl B = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FAR = 5.0
+"""Beyond this many circumscribed radii the multipole series takes over: 5^-28 of the field is left out."""
+THIN = 12.0
+"""Beyond this many half heights from the rim Gauss points over the height suffice (error about 24^-12)."""
+GAUSS = 6
+"""Their number."""
+ORDER = 27
+"""Highest multipole of the field; one more for its slope."""
+BLOCK = 2048
+"""Points worked on at a time, so that they stay in the processor's cache."""
+STEP = 1e-30
+"""Of the complex step, which cancels nothing however small it is."""
+NEAR_HULL = 0.01
+"""Distance from the hull within which it is computed in doubled precision."""
+SPLIT = 134217729.0
+"""2^27 + 1, for Dekker's product."""
+SETTLED = 1e-8
+"""Relative difference of two means whose next step is exact to rounding."""
+
+
+def unit_field(r: Array, gap: Array, z: Array, up: Array, down: Array, z0: float, *, slope: bool) -> Array:
+    """B_r/r and B_z; with `slope` also d(B_r/r)/dz and dB_z/dz.
+
+    Parameters
+    ----------
+    r, z : distance from the axis and height over the centre, shape (n,), radius 1.
+    gap, up, down : 1 - r, z - z0 and z + z0, given apart because rounding would spoil them near the surface.
+    z0 : half the height.
+
+    Returns
+    -------
+    shape (2, n) or (4, n). On the rim it is infinite or NaN; the caller sees to that.
+    """
+    found = np.empty((4 if slope else 2, len(r)))
+    for start in range(0, len(r), BLOCK):
+        part = slice(start, start + BLOCK)
+        found[:, part] = _block(r[part], gap[part], z[part], up[part], down[part], z0, slope)
+    return found
+
+
+def distance_to_hull(x: Array, rho: Array, radius: float) -> Array:
+    """1 - rho/radius, beside the hull as (a^2 - x^2 - y^2) / (a (a + rho)) in doubled precision.
+
+    x has shape (n, 2 or more), rho shape (n,), both in the unit of the radius.
+    """
+    gap = 1 - rho / radius
+    near = np.abs(gap) < NEAR_HULL
+    if near.any():
+        (a2, a2_low), (x2, x2_low), (y2, y2_low) = map(_square, (np.float64(radius), x[near, 0], x[near, 1]))
+        first, first_low = _sum(a2, -x2)
+        second, second_low = _sum(first, -y2)
+        rest = first_low + second_low + (a2_low - x2_low - y2_low)
+        gap[near] = (second + rest) / (radius * (radius + rho[near]))
+    return np.asarray(gap)
+
+
+def _square(a: Array) -> tuple[Array, Array]:
+    """a^2 and the rounding error left out of it (Dekker)."""
+    wide = SPLIT * a
+    high = wide - (wide - a)
+    low = a - high
+    square = a * a
+    return square, ((high * high - square) + 2 * high * low) + low * low
+
+
+def _sum(a: Array, b: Array) -> tuple[Array, Array]:
+    """a + b and the rounding error left out of it (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+def _block(r: Array, gap: Array, z: Array, up: Array, down: Array, z0: float, slope: bool) -> Array:
+    span = math.hypot(1, z0)
+    far = np.hypot(r, z) > FAR * span
+    thin = ~far & (np.hypot(gap, z) > THIN * z0)
+    near = ~(far | thin)
+    if near.all():
+        return _two_faces(r, gap, up, down, slope)
+    found = np.empty((4 if slope else 2, len(r)))
+    if far.any():
+        some = _multipoles(r[far] / span, z[far] / span, cylinder_moments(z0), slope)
+        # B_r/r and slopes are per length; two lengths in the slope of B_r/r
+        found[:, far] = (some.T / np.array([span, 1.0, span**2, span])[: len(some)]).T
+    if thin.any():
+        found[:, thin] = _thin(r[thin], gap[thin], z[thin], z0, slope)
+    if near.any():
+        found[:, near] = _two_faces(r[near], gap[near], up[near], down[near], slope)
+    return found
+
+
+def _two_faces(r: Array, gap: Array, up: Array, down: Array, slope: bool) -> Array:
+    """The end faces, charged +1 at the top and -1 at the bottom, give mu0 H; inside, J is added.
+
+    The nearby form of a face leaves out a step of half sign(zeta) inside r = 1. All the steps are summed first,
+    where they cancel without rounding.
+    """
+    n = len(r)
+    field, step = _faces(np.tile(r, 2), np.tile(gap, 2), np.concatenate([up, down]), slope)
+    found = field[:, :n] - field[:, n:]
+    within = 0.5 * (np.sign(gap) + 1)
+    found[1] += within * ((np.sign(down) - np.sign(up)) / 2 + (step[:n] - step[n:]))
+    return found
+
+
+def _faces(r: Array, gap: Array, zeta: Array, slope: bool) -> tuple[Array, Array]:
+    """Discs with unit charge density: field and slope, and the step to be added to h_z inside r = 1."""
+    far = np.hypot(r, zeta) > FAR
+    if not far.any():
+        return _near(r, gap, zeta, slope), np.sign(zeta) / 2
+    near = ~far
+    found = np.empty((4 if slope else 2, len(r)))
+    found[:, far] = _multipoles(r[far], zeta[far], face_moments(), slope)
+    if near.any():
+        found[:, near] = _near(r[near], gap[near], zeta[near], slope)
+    return found, np.where(far, 0.0, np.sign(zeta) / 2)
+
+
+def _near(r: Array, gap: Array, zeta: Array, slope: bool) -> Array:
+    """One face by the arithmetic-geometric mean.
+
+    B_z is -zeta cel(k, g^2, 1, g) / (pi (1 + r) sqrt(S)), k^2 = Q/S, g = (1 - r)/(1 + r). At r = 1 this cel jumps;
+    its mean there is K(k).
+    """
+    outer = 1 + r
+    S, Q = zeta * zeta + outer * outer, zeta * zeta + gap * gap
+    s, m = np.sqrt(S), 4 * r / S
+    k = np.sqrt(Q) / s
+    hull = gap == 0
+    p = np.where(hull, 1.0, np.abs(gap) / outer)
+    c, q = np.ones_like(r), np.where(hull, 1.0, np.sign(gap))
+    steps = _steps(k)
+    mean, product = 1 + k, k
+    c, q = c + q / p, 2 * (q + c * k / p)
+    p = p + k / p
+    term = 1 / (mean * mean)
+    total = term / 2
+    for n in range(2, steps + 1):
+        k = 2 * np.sqrt(product)
+        product = k * mean
+        ratio = product / p
+        c, q = c + q / p, 2 * (q + c * ratio)
+        p = p + ratio
+        mean = mean + k
+        term = term * m / mean
+        term = term * term
+        total = total + term * 0.5**n
+    K = np.pi / 2 * 2.0**steps / mean
+    C = K * total
+    b_z = -0.5 * zeta * (q + c * mean) / (mean * (mean + p) * outer * s)
+    S3 = np.pi * S * s
+    if not slope:
+        return np.stack([4 * C / S3, b_z])
+    # the slope of a solenoid's end at height zeta is a ring with the opposite sign of the face
+    return np.stack([4 * C / S3, b_z, *_ring_of(r, gap, zeta, -Q * S3, (K + m * C) / 2, C)])
+
+
+def _ring_of(r: Array, gap: Array, zeta: Any, scale: Any, D: Any, C: Any) -> tuple[Any, Any]:
+    """B_r/r and B_z of a ring of unit current; `scale` is pi S^1.5 Q."""
+    return 4 * zeta * (D - C) / scale, 2 * ((gap * (1 + r) + zeta * zeta) * D - 2 * r * gap * C) / scale
+
+
+def _steps(k: Any) -> int:
+    """How many steps the mean of 1 and the least of k takes."""
+    a, b, count = 1.0, float(k.real.min()), 1
+    while abs(a - b) > SETTLED * a and b > 0:
+        a, b, count = (a + b) / 2, math.sqrt(a * b), count + 1
+    return count
+
+
+def _thin(r: Array, gap: Array, z: Array, z0: float, slope: bool) -> Array:
+    """The magnet as a stack of rings."""
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
+    found = np.zeros((4 if slope else 2, len(r)))
+    for node, weight in zip(nodes, weights, strict=True):
+        zeta = z - z0 * node
+        ring = np.stack(_ring(r, gap, zeta + 1j * STEP if slope else zeta))
+        found[:2] += z0 * weight * ring.real
+        if slope:
+            found[2:] += z0 * weight * (ring.imag / STEP)
+    return found
+
+
+def _ring(r: Array, gap: Array, zeta: Any) -> tuple[Any, Any]:
+    """B_r/r and B_z of a ring of unit current at the height 0; zeta may be complex."""
+    S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
+    m, s = 4 * r / S, np.sqrt(S)
+    k = np.sqrt(Q) / s
+    steps = _steps(k)
+    mean, product = 1 + k, k
+    term = 1 / (mean * mean)
+    total = term / 2
+    for n in range(2, steps + 1):
+        k = 2 * np.sqrt(product)
+        product = k * mean
+        mean = mean + k
+        term = term * m / mean
+        term = term * term
+        total = total + term * 0.5**n
+    K = np.pi / 2 * 2.0**steps / mean
+    C = K * total
+    return _ring_of(r, gap, zeta, np.pi * S * s * Q, (K + m * C) / 2, C)
+
+
+def _multipoles(r: Array, z: Array, moments: Array, slope: bool) -> Array:
+    """Field of the potentials sum moments[n] P_n(cos theta) / d^(n+1), one for each row of moments; d > 0."""
+    d = np.hypot(r, z)
+    cos, sin2 = z / d, (r / d) ** 2
+    sums = np.zeros((4 if slope else 2, len(r)))
+    p_last, p = np.zeros_like(d), np.ones_like(d)
+    tangent_last, tangent = np.zeros_like(d), np.zeros_like(d)
+    inverse = 1 / d
+    power = inverse * inverse
+    for n, pair in enumerate(moments.T[: ORDER + 1 + slope].tolist()):
+        for k, moment in enumerate(pair[: 1 + slope]):
+            if moment:
+                sums[2 * k] += (moment * (n + 1)) * p * power
+                sums[2 * k + 1] += moment * tangent * power
+        power = power * inverse
+        p_last, p = p, ((2 * n + 1) / (n + 1)) * cos * p - (n / (n + 1)) * p_last
+        tangent_last, tangent = tangent, tangent_last + (2 * n + 1) * p_last
+    along, across = sums[::2], sums[1::2]
+    found = np.empty_like(sums)
+    found[::2], found[1::2] = (along + cos * across) * inverse, along * cos - sin2 * across
+    return found
+
+
+def _with_slope(moments: list[float]) -> Array:
+    """Moments of a potential and, in a second row, of its slope along z, shape (2, ORDER + 2)."""
+    found = np.zeros((2, ORDER + 2))
+    found[0, :-1] = moments
+    found[1, 1:] = -np.arange(1, ORDER + 2) * found[0, :-1]
+    return found
+
+
+@lru_cache(maxsize=256)
+def face_moments() -> Array:
+    """Of the charged disc and its slope, from its potential on the axis, (sqrt(z^2 + 1) - z)/2."""
+    moments = [0.0] * (ORDER + 1)
+    binomial = 1.0
+    for k in range(1, ORDER // 2 + 2):
+        binomial *= (1.5 - k) / k
+        moments[2 * k - 2] = binomial / 2
+    return _with_slope(moments)
+
+
+@lru_cache(maxsize=256)
+def cylinder_moments(z0: float) -> Array:
+    """Of the cylinder of radius 1 and half height z0 and of its slope, lengths in circumscribed radii.
+
+    1/2 sum_k (-1)^k C(n, k) C(2n - 2k, n) 2^-n z0^(n - 2k) [(1 + z0^2)^(k+1) - z0^(2k+2)] / (k + 1), n odd; the
+    bracket is expanded, because its two terms cancel for needles.
+    """
+    span2 = 1 + z0 * z0
+    x, a2 = z0 * z0 / span2, 1 / span2
+    moments = [0.0] * (ORDER + 1)
+    for n in range(1, ORDER + 1, 2):
+        total = 0.0
+        for k in range(n // 2 + 1):
+            bracket = a2 * sum(x ** (k - j) for j in range(k + 1)) / (k + 1)
+            total += (-1) ** k * math.comb(n, k) * math.comb(2 * n - 2 * k, n) * x ** (n / 2 - k) * bracket
+        moments[n] = total / 2 ** (n + 1)
+    return _with_slope(moments)

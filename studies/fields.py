@@ -1,0 +1,207 @@
+"""The field at points from a table, and the readings of a pose: what `magtip field` and `magtip readings` give."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from studies import files, inputs
+from studies.options import FieldLevel, Pose
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+PLACES = ["x_mm", "y_mm", "z_mm"]
+FOUND = ["Bx_T", "By_T", "Bz_T"]
+
+Vector = tuple[float, float, float]
+
+
+def pose_of(pose: Pose) -> tuple[Vector, tuple[float, float]]:
+    """Shift, mm, and tilt, rad, of the magnet.
+
+    >>> pose_of(Pose(shift="0.5,0,-1"))
+    ((0.5, 0.0, -1.0), (0.0, 0.0))
+    """
+    x, y, z = vector("--shift", pose.shift, 3)
+    rx, ry = vector("--tilt", pose.tilt, 2)
+    return (x, y, z), (rx, ry)
+
+
+def vector(name: str, text: str, count: int) -> list[float]:
+    """So many numbers from a text a,b,c."""
+    numbers = inputs.parse_numbers(name, text)
+    if len(numbers) != count:
+        sample = ",".join("xyz"[:count]) if count == 3 else "rx,ry"
+        raise BadInput(f"{name} takes {count} numbers, {sample}; got {len(numbers)} in {text!r}")
+    return numbers
+
+
+def readings(
+    design: Design, pose: Pose, level: FieldLevel, mode: str, ambient: str, seed: int | None
+) -> dict[str, Any]:
+    """What the elements read, beside what is wrong with the pose."""
+    import numpy as np
+
+    from analytic import clearance, hall
+    from analytic.parts import of_design
+
+    shift, tilt = pose_of(pose)
+    bx, by, bz = vector("--ambient", ambient, 3)
+    noise = None if seed is None else np.random.default_rng(_seed(seed))
+    chosen = of_design(design)
+    seen = hall.readings(
+        design,
+        shift=shift,
+        tilt=tilt,
+        mode="magnitude" if mode == "magnitude" else "component",
+        field=level,
+        ambient=(bx, by, bz),
+        noise=noise,
+    )
+    full = [f"{e.name} is saturated" for e, at_rail in zip(chosen, seen.saturated, strict=True) if at_rail]
+    volts = all(unit == "V" for unit in seen.units)
+    return {
+        "status": "ok",
+        "level": level,
+        "mode": mode,
+        "layout": design.hall_layout,
+        "shift_mm": list(shift),
+        "rotation_rad": list(tilt),
+        "ambient_T": [bx, by, bz],
+        "elements": [element.name for element in chosen],
+        "readings_T": list(seen.B_T),
+        "readings_V": list(seen.V) if volts else None,
+        "output_T": None if volts else list(seen.output),
+        "noise_V": [element.noise for element in chosen] if volts else None,
+        "noise_T": [element.noise / element.gain for element in chosen],
+        "step_T": [element.step / element.gain for element in chosen],
+        "saturated": list(seen.saturated),
+        "magnet_gap_mm": [clearance.magnet_gap(design, element.position, shift, tilt) for element in chosen],
+        "wall_gap_mm": [clearance.wall_gap(design, element.position, shift) for element in chosen],
+        "warnings": full + clearance.warnings(design, shift, tilt),
+    }
+
+
+def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: Path | None) -> None:
+    """Write the table of points with three columns added, to a file or to standard output.
+
+    Numbers are written so that they read back as they are.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or written, is no such table, or a point has no field.
+    """
+    from analytic import hall
+
+    target = None if out is None else files.check_output_file(out, ".csv")
+    shift, tilt = pose_of(pose)
+    head, rows, places = read_points(points)
+    try:
+        b = hall.field_at(places, design, shift, tilt, field=level)
+    except BadInput as error:
+        raise BadInput(f"{points}: {error}") from None
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*head, *FOUND])
+    writer.writerows([*row, *map(repr, values)] for row, values in zip(rows, (b + 0.0).tolist(), strict=True))
+    if target is None:
+        print(text.getvalue(), end="", flush=True)
+    else:
+        files.write_text(target, text.getvalue())
+
+
+def read_points(path: Path) -> tuple[list[str], list[list[str]], Array]:
+    """Head and rows of a table as they stand, and the places in it, shape (n, 3), mm."""
+    import numpy as np
+
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        rows = [(line, row) for line, row in _numbered(text) if row]
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
+    except (OSError, ValueError, csv.Error) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BadInput(f"{str(path)!r} cannot be read as a UTF-8 table ({cause})") from None
+    if not rows:
+        raise BadInput(f"{path} is empty: its first line must name the columns {','.join(PLACES)}")
+    head = [name.strip() for name in rows.pop(0)[1]]
+    _check_head(path, head)
+    columns = [head.index(name) for name in PLACES]
+    places = np.empty((len(rows), 3))
+    for k, (line, row) in enumerate(rows):
+        if len(row) != len(head):
+            raise BadInput(f"{path}, line {line}: {len(row)} values under {len(head)} columns: give one for each")
+        for j, column in enumerate(columns):
+            try:
+                places[k, j] = float(row[column])
+            except ValueError:
+                places[k, j] = math.nan
+            if not math.isfinite(places[k, j]):
+                raise BadInput(f"{path}, line {line}: {PLACES[j]} must be a finite number of mm; got {row[column]!r}")
+    return head, [row for _, row in rows], places
+
+
+def _numbered(text: str) -> list[tuple[int, list[str]]]:
+    reader = csv.reader(io.StringIO(text), strict=True)
+    return [(reader.line_num, row) for row in reader]
+
+
+def _check_head(path: Path, head: list[str]) -> None:
+    wanted = ",".join(PLACES)
+    missing = [name for name in PLACES if name not in head]
+    if missing:
+        raise BadInput(
+            f"{path}: column {missing[0]} is missing: the first line must name {wanted}; got {','.join(head)}"
+        )
+    if [name for name in head if name in PLACES] != PLACES:
+        raise BadInput(f"{path}: the columns must stand once each in the order {wanted}; got {','.join(head)}")
+    there = [name for name in FOUND if name in head]
+    if there:
+        raise BadInput(f"{path}: there is a column {there[0]} already: leave it out, it is what the field adds")
+
+
+def _seed(seed: int) -> int:
+    if not seed >= 0:
+        raise BadInput(f"--seed must be a whole number of 0 or more; got {seed}")
+    return seed
+
+
+def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[float, float] = (0.0, 0.0)) -> Any:
+    """Magnet and Hall elements as a collection of the library magpylib (which must be installed), in metres.
+
+    Its sources are the moved magnet, its sensors one for each element, with the sensor's z along the element's
+    direction: `collection.sensors[k].getB(collection)[2]` is B.n of element k, T.
+
+    Raises
+    ------
+    BadInput
+        The design has no magnet.
+    """
+    import magpylib
+    from scipy.spatial.transform import Rotation
+
+    from analytic.parts import of_design
+
+    if not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0): give it one")
+    magnet = magpylib.magnet.Cylinder(
+        polarization=(0.0, 0.0, -design.remanence),
+        dimension=(1e-3 * design.magnet_diameter, 1e-3 * design.magnet_height),
+        position=[1e-3 * v for v in (shift[0], shift[1], design.H + shift[2])],
+        orientation=Rotation.from_rotvec([*tilt, 0.0]),
+    )
+    sensors = []
+    for element in of_design(design):
+        turn = Rotation.align_vectors([element.direction], [[0.0, 0.0, 1.0]])[0]
+        place = [1e-3 * v for v in element.position]
+        sensors.append(magpylib.Sensor(position=place, orientation=turn, style_label=element.name))
+    return magpylib.Collection(magnet, *sensors)

@@ -1,0 +1,49 @@
+"""Gaps between the moved magnet or beam and the elements."""
+
+import math
+
+import pytest
+
+from analytic.clearance import magnet_gap, wall_gap, warnings
+from geometry.design import Design, paper
+
+REST = (0.0, 0.0, 0.0)
+
+
+def test_gaps_at_rest():
+    s1, s2 = (0, 0, -2.2), (5, 0, -0.2)
+    assert magnet_gap(paper(), s1, REST, (0, 0)) == pytest.approx(7.2 - 1)
+    assert magnet_gap(paper(), s2, REST, (0, 0)) == pytest.approx(math.hypot(3, 4.2))
+    assert wall_gap(paper(), s2, REST) == pytest.approx(1)
+    assert wall_gap(paper(), s1, REST) == math.inf
+    assert warnings(paper(), REST, (0, 0)) == []
+
+
+def test_a_tilted_magnet_is_nearer_on_one_side():
+    point = (4.0, 0.0, 3.0)
+    assert magnet_gap(paper(), point, REST, (0, 0.3)) < magnet_gap(paper(), point, REST, (0, -0.3))
+    assert magnet_gap(paper(), point, REST, (0, math.pi)) == pytest.approx(magnet_gap(paper(), point, REST, (0, 0)))
+
+
+def test_the_column_keeps_its_volume():
+    """The mean of 6 t (1 - t) is 1, and its greatest 1.5."""
+    widest = 50 - wall_gap(Design(L=24.0), (50.0, 0.0, -1.0), (0, 0, -1))
+    assert widest**2 == pytest.approx(16 * (1 + 1.5 * (20 / 19 - 1)), rel=1e-3), "half way up"
+
+
+def test_a_sheared_beam_leans_over_s2_alone():
+    (text,) = warnings(paper(), (2.0, 0.0, -0.5), (0, 0.1))
+    assert text.startswith("the beam's wall leans over S2 by about")
+    assert wall_gap(paper(), (0, 5, -0.2), (2.0, 0.0, -0.5)) > 0
+
+
+def test_the_magnet_in_an_element_or_under_the_base():
+    found = warnings(paper(), (0.0, 0.0, -6.5), (0, 0))
+    assert any("S1 lies in the magnet" in text for text in found)
+    assert any("below the base plane" in text for text in found)
+
+
+def test_an_element_in_the_beam_is_said():
+    found = warnings(Design(l0=4.0, f=3.0), REST, (0, 0))
+    assert [text.split(" by")[0] for text in found if "S2" in text] == ["the beam's wall reaches S2"]
+    assert any("S1" in text for text in found)

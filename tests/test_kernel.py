@@ -1,0 +1,74 @@
+"""NumPy and the compiled kernel give the same field, and the calls of a process decide between them."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from analytic import magnet
+from geometry.design import BadInput
+
+pytest.importorskip("numba", reason="the kernel needs the extra `fast`")
+
+RNG = np.random.default_rng(20100301)
+
+
+@pytest.fixture
+def engine(monkeypatch):
+    fresh = magnet._Engine()
+    monkeypatch.setattr(magnet, "_ENGINE", fresh)
+    return fresh
+
+
+def places(a, h, count=400):
+    """Points in and around a magnet on every scale, and beside its hull, faces and rim."""
+    size = np.hypot(a, h / 2)
+    direction = RNG.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    around = direction * size * 10.0 ** RNG.uniform(-3, 6, count)[:, None]
+    turn, angle = RNG.uniform(0, 2 * np.pi, (2, count))
+    step = 10.0 ** RNG.uniform(-12, 0, count)
+    rho = a * (1 + step * np.cos(angle))
+    beside = np.column_stack([rho * np.cos(turn), rho * np.sin(turn), h / 2 + a * step * np.sin(angle)])
+    axis = np.column_stack([0 * step, 0 * step, h * RNG.normal(size=count)])
+    hull = np.column_stack([0 * step + a, 0 * step, h * RNG.uniform(0.6, 3, count)])
+    return np.vstack([around, beside, axis, hull])
+
+
+@pytest.mark.parametrize("flatness", [1e-6, 1e-2, 0.3, 1.0, 2.0, 30.0, 1e3])
+def test_kernel_and_numpy_agree(flatness, engine):
+    a, h, J = 1.7, 1.7 * flatness, 1.2
+    x = places(a, h)
+    (B, jacobian), kernel = magnet.in_numpy(x, a, h / 2, J, slope=True), engine.load()
+    B_too, jacobian_too = magnet.in_kernel(kernel, x, a, h / 2, J, slope=True)
+    size = np.linalg.norm(B, axis=1)
+    assert (np.linalg.norm(B_too - B, axis=1) / size).max() < 1e-13
+    steepness = np.linalg.norm(jacobian, axis=(1, 2)) + size / np.linalg.norm(x, axis=1)
+    assert (np.linalg.norm(jacobian_too - jacobian, axis=(1, 2)) / steepness).max() < 1e-12
+    for alone in (
+        magnet.in_kernel(kernel, x, a, h / 2, J, slope=False)[0],
+        magnet.in_numpy(x, a, h / 2, J, slope=False)[0],
+    ):
+        assert (np.linalg.norm(alone - B, axis=1) / size).max() < 1e-13
+
+
+def test_kernel_refuses_the_same(engine):
+    engine.load()
+    for point, text in (((2, 0, 1), "infinite on the magnet's rim"), ((0, np.nan, 1), "points must be finite")):
+        with pytest.raises(BadInput, match=text):
+            magnet.cylinder_field([(1, 1, 1), point], 2, 2, 1.2)
+    assert magnet.cylinder_field(np.empty((0, 3)), 2, 2, 1.2).shape == (0, 3)
+
+
+def test_kernel_is_loaded_when_it_pays(engine):
+    magnet.cylinder_field([[1, 2, 3]], 2, 2, 1.2)
+    assert engine.kernel is None
+    magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2)
+    assert engine.kernel is not None
+
+
+def test_without_numba_the_field_is_numpys(engine, monkeypatch):
+    monkeypatch.setitem(sys.modules, "analytic.kernel", None)
+    monkeypatch.delattr("analytic.kernel", raising=False)
+    assert magnet.compiled() is None
+    assert magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2).shape == (300_000, 3)
