@@ -5,7 +5,8 @@ skin point at x overlaps it by g = n . x - n . (0, 0, height), and the plate pus
 reference area (energy en <g>^2 / 2: the force is the derivative of an energy). A glued point keeps its normal spring
 for both signs of g and gains a tangential spring towards a target that moves with the plate; a gripped point has the
 tangential spring alone. Glued is every point within the contact radius, rather than every point with g > 0: on a
-coarse mesh some points inside the patch hang a little.
+coarse mesh some points inside the patch hang a little. Coulomb friction is in `fem.friction`; it has no energy, so
+that the force is the derivative of one only where every point sticks.
 
 With en = KAPPA E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate, the
 overlap is about 0.57 d / KAPPA on a Hertz contact: the force comes out 0.85 / KAPPA too small, whatever the depth.
@@ -18,7 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem import friction
 from fem.elements import Surface
+from fem.friction import Friction
 
 Array = NDArray[np.float64]
 
@@ -38,7 +41,9 @@ class Plate:
     tied : (k, q) mask of the tied points, or None.
     targets : (k, q, 2) positions of the tied points along the plate at shear 0.
     gap : (k, q) distance to the plate at which each tied point was glued (0 where it was pressed).
-    pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap.
+    pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap;
+        with friction they also slip or stick as they did last.
+    friction : Coulomb friction and its history, or None.
     """
 
     height: float | None
@@ -49,6 +54,7 @@ class Plate:
     targets: Array | None = None
     gap: Array | None = None
     pressed: NDArray[np.bool_] | None = None
+    friction: Friction | None = None
 
     @property
     def frame(self) -> Array:
@@ -60,6 +66,11 @@ class Plate:
 def along(surface: Surface, u: Array, plate: Plate) -> Array:
     """Deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
     return np.asarray((surface.points + surface.displacement(u)) @ plate.frame[:2].T)
+
+
+def slid(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Displacements of the skin's points along the plate less the plate's own, shape (k, q, 2)."""
+    return np.asarray(surface.displacement(u) @ plate.frame[:2].T - plate.shear)
 
 
 def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
@@ -79,11 +90,11 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
     Returns
     -------
     residual : (k, q, 3) minus that traction, that is the derivative of the springs' energy by the displacement.
-    stiffness : (k, q, 3) its diagonal derivative in the plate's frame.
-    energy : integral over the skin.
+    stiffness : (k, q, 3, 3) its derivative in the plate's frame, unsymmetric where points slip.
+    energy : integral over the skin of what the springs store.
     """
     residual = np.zeros(surface.points.shape)
-    stiffness = np.zeros_like(residual)
+    stiffness = np.zeros((*residual.shape, 3))
     en = plate.stiffness
     if plate.height is not None:
         g = overlap(surface, u, plate)
@@ -92,12 +103,19 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, fl
             active = active | plate.tied
             g = np.where(plate.tied, g + plate.gap, g)
         residual[..., 2] = np.where(active, en * g, 0.0)
-        stiffness[..., 2] = np.where(active, en, 0.0)
+        stiffness[..., 2, 2] = np.where(active, en, 0.0)
+    energy = float(np.sum(surface.weights * residual[..., 2] ** 2) / (2 * en))
     if plate.tied is not None and plate.targets is not None:
         pull = en * (along(surface, u, plate) - plate.targets - plate.shear)
         residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
-        stiffness[..., :2] = np.where(plate.tied[..., None], en, 0.0)
-    energy = float(np.sum(surface.weights[..., None] * residual**2) / (2 * en))
+        stiffness[..., [0, 1], [0, 1]] = np.where(plate.tied[..., None], en, 0.0)
+        energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
+    if plate.friction is not None:
+        et, frozen = friction.STICK * en, plate.pressed is not None
+        rub = friction.drag(plate.friction, slid(surface, u, plate), residual[..., 2], active, et, frozen=frozen)
+        residual[..., :2], stiffness[..., :2, :2] = rub.traction, rub.by_place
+        stiffness[..., :2, 2] = en * rub.by_pressure
+        energy += float(np.sum(surface.weights[..., None] * rub.traction**2) / (2 * et))
     return residual @ plate.frame, stiffness, energy
 
 
@@ -111,9 +129,34 @@ def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, 
     return np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)
 
 
-def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -> tuple[Array, Array, float]:
-    """Forces (k, f, fields), stiffness if wanted (k, f fields, f fields; fields first), energy of plate and base."""
+def rubbed(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
+    """History of friction after a converged step to this plate, and the energy dissipated in it."""
+    assert plate.friction is not None
+    en = plate.stiffness
+    pressure = en * overlap(surface, u, plate)
+    after, lost = friction.advanced(plate.friction, slid(surface, u, plate), pressure, friction.STICK * en)
+    return after, float(np.sum(surface.weights * lost))
+
+
+def watched(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Plate | None, bool]:
+    """The plate for Newton's next iterate, and whether friction held points at this one: see `friction.heading`."""
+    if surface is None or plate is None or plate.friction is None:
+        return plate, False
+    pressure = plate.stiffness * overlap(surface, u, plate)
+    place = slid(surface, u, plate)
+    after, held = friction.heading(plate.friction, place, pressure, friction.STICK * plate.stiffness)
+    return replace(plate, friction=after), held
+
+
+def springs(
+    surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
+) -> tuple[Array, Array, float, bool]:
+    """Of plate and base: forces (k, f, fields), stiffness if wanted, energy, and whether the stiffness is symmetric.
+
+    Stiffness: shape (k, f fields, f fields), fields first.
+    """
     residual, stiffness, energy = traction(surface, u, plate)
+    symmetric = np.array_equal(stiffness, np.swapaxes(stiffness, 2, 3))
     lift, hard = base_traction(surface, u, plate.stiffness)
     residual[..., 2] += lift
     energy += float(np.sum(surface.weights * lift**2) / (2 * plate.stiffness))
@@ -123,18 +166,17 @@ def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -
     pulled = np.einsum("kqi,qif->kqf", w * residual, surface.E)
     forces = np.swapaxes(surface.shape, 0, 1) @ pulled
     if not tangent:
-        return forces, np.zeros((k, 0, 0)), energy
-    # the plate's three directions and the base's
-    E = np.concatenate([np.einsum("ij,qjf->qif", plate.frame, surface.E), surface.E[:, 2:]], axis=1)
-    springs = w * np.concatenate([stiffness, hard[..., None]], axis=2)
+        return forces, np.zeros((k, 0, 0)), energy, symmetric
     blocks = np.zeros((k, fields, f, fields, f))
-    touched = np.flatnonzero(springs.any(axis=(1, 2)))
+    touched = np.flatnonzero(stiffness.any(axis=(1, 2, 3)) | hard.any(axis=1))
     if len(touched):
-        H = np.einsum("kqi,qifg->kqfg", springs[touched], E[..., :, None] * E[..., None, :])
+        C = plate.frame.T @ stiffness[touched] @ plate.frame
+        C[..., 2, 2] += hard[touched]
+        H = np.swapaxes(surface.E, 1, 2) @ (w[touched][..., None] * C) @ surface.E
         pairs = (surface.shape[:, :, None] * surface.shape[:, None, :]).reshape(-1, f * f)
         K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
         blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
-    return forces, blocks.reshape(k, fields * f, fields * f), energy
+    return forces, blocks.reshape(k, fields * f, fields * f), energy, symmetric
 
 
 def whole_facets(values: Array) -> Array:

@@ -43,6 +43,7 @@ class Accuracy:
     section_patch, solid_patch : edge lengths where the glued or gripped patch of skin ends (under a tilted plate at
         the tip); with coarse ones the tip shears too stiffly.
     harmonics : number of harmonics of the harmonic model.
+    rub : length of the steps with Coulomb friction over their usual one.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Accuracy:
     section_patch: float
     solid_patch: float
     harmonics: int
+    rub: float = 1.0
 
 
 QUICK = Accuracy("quick", 0.12, 0.16, 0.01, 0.03, 2)
@@ -63,6 +65,7 @@ RULES = {
     "pressed": ((1.0, 0.675, 2.5), (0.5, 1.21, 2.5), (0.5, 1.21, 2.5)),
     "stick": ((0.7, 0.055, 1.5), (0.4, 0.21, 2.0), (0.5, 0.0095, 0.75)),
     "grip": ((1.3, 0.065, 1.5), (1.2, 0.023, 1.5), (0.5, 0.028, 1.0)),
+    "friction": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
     "solid": ((1.0, 0.45, 1.5), (1.0, 0.45, 1.5), (1.0, 0.25, 1.5)),
 }
 """How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
@@ -85,8 +88,6 @@ def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
     sideways = any(slides(load) for load in loads)
     tilted = any(load.plate_tilt for load in loads)
     turns = len({_axis(load) for load in loads if slides(load)} | ({0.0} if tilted else set())) > 1
-    if any(load.friction not in ("none", "stick", 0) for load in loads):
-        raise BadInput("Coulomb friction is not available yet: choose friction none or stick")
     if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
         raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
     if model == "axisymmetric" and sideways:
@@ -141,7 +142,7 @@ def walk(
     Parameters
     ----------
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
-        change once it has sheared.
+        change once it has sheared. With Coulomb friction the answer depends on the way: the plate may come and go.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
         COARSER and with one harmonic less. RULES say how they follow from the difference, which may vanish by chance.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
@@ -188,7 +189,7 @@ def _walk(
 
 def coarser(accuracy: Accuracy) -> Accuracy:
     """That of the companion."""
-    sizes = ("section_size", "solid_size", "section_patch", "solid_patch")
+    sizes = ("section_size", "solid_size", "section_patch", "solid_patch", "rub")
     changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
     return replace(accuracy, harmonics=max(accuracy.harmonics - 1, 1), **changed)
 
@@ -201,7 +202,9 @@ def estimates(
     The load is one of the path's `loads`.
     """
     scene, edge = "press", accuracy.section_size
-    if any(map(slides, loads)):
+    if coulomb(loads) is not None:
+        scene = "friction"
+    elif any(map(slides, loads)):
         scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
     if model in ("half", "full"):
         scene, edge = "solid", accuracy.solid_size
@@ -254,7 +257,7 @@ def _check_path(loads: Sequence[Load]) -> None:
     for load in loads:
         if glued is not None and load.depth != glued:
             raise BadInput(f"the plate is glued since depth {glued:g} mm and cannot come to {load.depth:g} mm")
-        if slides(load) and load.grip is None:
+        if slides(load) and load.friction == "stick" and load.grip is None:
             if load.depth == 0:
                 raise BadInput("a glued plate needs a depth above 0: nothing is in contact yet")
             glued = load.depth
@@ -301,13 +304,14 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     sideways = any(map(slides, loads))
     grip, tilt = loads[0].grip, loads[0].plate_tilt
     held = None if grip is None else grip / design.D
+    mu = coulomb(loads)
     size = accuracy.section_size
     tip = min(size, math.sqrt(shape.R * min(depths, default=1.0)) * size / QUICK.section_size / 6)
     build = functools.partial(models.section, shape, design.nu, magnet, size, tip, silicone)
     edge = None
     if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
-    elif sideways and not tilt:
+    elif sideways and not tilt and mu is None:
         glued = next(load.depth for load in loads if slides(load)) / design.D
         # the first press has no fine mesh where its contact ends, the second one has
         edge = contact_edge(build(), glued)
@@ -316,16 +320,26 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
         coarse = accuracy.solid_size
         solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=name == "half")
         if edge is None or edge == shape.R:
-            return Path(solid(accuracy.solid_patch if sideways or tilt else coarse / 2), held, tilt)
+            fine = accuracy.solid_patch if sideways or tilt else coarse / 2
+            return Path(solid(fine), held, tilt, mu=mu, rub=accuracy.rub)
         return Path(solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=edge)
     if name == "axisymmetric":
-        return Path(build(), raised=functools.partial(build, harmonics=1))
+        return Path(build(), raised=functools.partial(build, harmonics=1), mu=mu, rub=accuracy.rub)
+    if mu is not None and sideways:
+        raised = functools.partial(build, harmonics=accuracy.harmonics)
+        return Path(build(), raised=raised, mu=mu, rub=accuracy.rub)
     if edge is None:
-        return Path(build(harmonics=accuracy.harmonics), held)
+        return Path(build(harmonics=accuracy.harmonics), held, mu=mu, rub=accuracy.rub)
     build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     if held is not None:
         return Path(build(harmonics=accuracy.harmonics), held)
     return Path(build(), raised=functools.partial(build, harmonics=accuracy.harmonics), rim=edge)
+
+
+def coulomb(loads: Sequence[Load]) -> float | None:
+    """Coefficient of friction of a path's loads, None for a frictionless or glued plate."""
+    mu = loads[0].friction
+    return None if isinstance(mu, str) or mu == 0 else float(mu)
 
 
 def contact_edge(d: models.Discretisation, depth: float) -> float:

@@ -1,4 +1,4 @@
-"""Sparse symmetric indefinite systems: a pattern filled again and again, and its factorisation.
+"""Sparse indefinite systems, symmetric or nearly so: a pattern filled again and again, and its factorisation.
 
 PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase; SuperLU gives
 the same answers otherwise, after METIS has ordered the unknowns by nested dissection.
@@ -56,6 +56,33 @@ class Pattern:
         data = np.bincount(self._inverse, weights=values, minlength=len(self._columns))
         return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
 
+    def unfolded(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
+        """All of the matrix whose upper triangle is given, where the last group's element matrices are unsymmetric.
+
+        Parameters
+        ----------
+        last : (m, k, k) matrices of the last group, whose rows and columns are the same.
+        """
+        source, below, columns, pointers = self._mirror
+        mask = self._masks[-1]
+        skew = (np.swapaxes(last, 1, 2) - last)[mask]
+        excess = np.bincount(
+            self._inverse[len(self._inverse) - len(skew) :], weights=skew, minlength=len(upper.data)
+        )
+        data = upper.data[source]
+        data[below] += excess[source[below]]
+        return sp.csr_matrix((data, columns, pointers), shape=upper.shape)
+
+    @functools.cached_property
+    def _mirror(self) -> tuple[Index, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
+        """Of the whole matrix: entries of the upper triangle it is made of, which are below the diagonal, columns, rows."""
+        number = np.arange(1, len(self._columns) + 1)
+        upper = sp.csr_matrix((number, self._columns, self._pointers), shape=(self.size, self.size))
+        whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
+        whole.sort_indices()
+        rows = np.repeat(np.arange(self.size), np.diff(whole.indptr))
+        return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
+
 
 @functools.cache
 def have_pardiso() -> bool:
@@ -81,50 +108,52 @@ def _locate_mkl() -> None:
 
 
 class Solver:
-    """Factorises upper triangles that share one pattern and solves with them."""
+    """Factorises matrices that share one pattern, upper triangles or with slipping contact all of it, and solves."""
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
-        self._pardiso: Any = None
-        if have_pardiso() if pardiso is None else pardiso:
-            import pypardiso
-
-            self._pardiso = pypardiso.PyPardisoSolver(mtype=-2)
-            for i, value in {1: 1, 2: 2, 8: 2, 10: 8, 11: 1, 13: 1, 21: 1}.items():
-                self._pardiso.set_iparm(i, value)
-        self._analysed = False
+        self._use_pardiso = have_pardiso() if pardiso is None else pardiso
+        self._handles: dict[bool, Any] = {}
+        self._symmetric = True
         self._order: Index | None = None
 
-    def factorise(self, upper: sp.csr_matrix) -> None:
-        """Factorise; raises SingularMatrixError."""
-        if not np.isfinite(upper.data).all():
+    def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True) -> None:
+        """Factorise an upper triangle, or all of an unsymmetric matrix; raises SingularMatrixError."""
+        if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
-        if self._pardiso is None:
-            full = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
-            if self._order is None:
-                self._order = _nested_dissection(full)
-            permuted = full[self._order][:, self._order].tocsc()
-            try:
-                self._lu = spla.splu(
-                    permuted, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
-                )
-            except RuntimeError as error:
-                raise SingularMatrixError(str(error)) from error
+        self._symmetric, self._matrix = symmetric, matrix
+        if self._use_pardiso:
+            known = symmetric in self._handles
+            if not known:
+                self._handles[symmetric] = _pardiso(symmetric)
+            self._call(22 if known else 12, np.zeros(matrix.shape[0]))
             return
-        self._upper = upper
-        self._call(22 if self._analysed else 12, np.zeros(upper.shape[0]))
-        self._analysed = True
+        full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
+        if self._order is None:
+            self._order = _nested_dissection(full)
+        permuted = full[self._order][:, self._order].tocsc()
+        try:
+            self._lu = spla.splu(
+                permuted, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
+            )
+        except RuntimeError as error:
+            raise SingularMatrixError(str(error)) from error
 
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of the factorised matrix (Sylvester), or None if its pivots do not tell."""
-        if self._pardiso is not None:
-            return int(self._pardiso.get_iparm(23))
+        """Number of negative eigenvalues of the factorised matrix (Sylvester).
+
+        None if its pivots do not tell, as those of an unsymmetric matrix.
+        """
+        if not self._symmetric:
+            return None
+        if self._use_pardiso:
+            return int(self._handles[True].get_iparm(23))
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             return None
         return int(np.count_nonzero(self._lu.U.diagonal() < 0))
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the answer have shape (n,)."""
-        if self._pardiso is None:
+        if not self._use_pardiso:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])
             return x
@@ -133,18 +162,29 @@ class Solver:
     def _call(self, phase: int, b: Array) -> Array:
         import pypardiso.pardiso_wrapper as wrapper
 
-        self._pardiso.set_phase(phase)
+        handle = self._handles[self._symmetric]
+        handle.set_phase(phase)
         try:
-            return np.asarray(self._pardiso._call_pardiso(self._upper, np.ascontiguousarray(b)))
+            return np.asarray(handle._call_pardiso(self._matrix, np.ascontiguousarray(b)))
         except wrapper.PyPardisoError as error:
             raise SingularMatrixError(f"PARDISO error {error.value}") from error
 
     def close(self) -> None:
-        """Give the factorisation's memory back."""
-        if self._pardiso is not None and self._analysed:
-            self._pardiso.set_phase(-1)
-            self._pardiso._call_pardiso(self._upper, np.zeros(self._upper.shape[0]))
-            self._analysed = False
+        """Give the factorisations' memory back."""
+        for handle in self._handles.values():
+            handle.set_phase(-1)
+            handle._call_pardiso(self._matrix, np.zeros(self._matrix.shape[0]))
+        self._handles = {}
+
+
+def _pardiso(symmetric: bool) -> Any:
+    """A handle for symmetric indefinite matrices, or for unsymmetric ones of symmetric structure."""
+    import pypardiso
+
+    handle = pypardiso.PyPardisoSolver(mtype=-2 if symmetric else 11)
+    for i, value in {1: 1, 2: 2, 8: 2, 10: 8 if symmetric else 13, 11: 1, 13: 1, 21: 1}.items():
+        handle.set_iparm(i, value)
+    return handle
 
 
 def _nested_dissection(matrix: sp.csr_matrix) -> Index:

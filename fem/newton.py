@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.contact import Plate
+from fem.contact import Plate, watched
 from fem.linear import SingularMatrixError, Solver
 from fem.system import Assembly, State, System
 
@@ -66,11 +66,12 @@ def newton(
     rate = 1.0
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
-        if (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
+        plate, held = watched(system.surface, state.u, plate)
+        if not held and (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
             return Equilibrium(state, assembly, iteration, "", unstable)
         try:
             if assembly.matrix is not None:
-                solver.factorise(assembly.matrix)
+                solver.factorise(assembly.matrix, symmetric=assembly.symmetric)
                 negative = solver.negative()
                 unstable = None if negative is None else negative - system.n_pressure
             step = solver.solve(assembly.residual)
@@ -79,7 +80,7 @@ def newton(
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
-        before = _merit(system, assembly, state, n)
+        before, step = _merit(system, assembly, state, n), state.q - trial.q
         state, assembly = trial, system.assemble(trial, plate, tangent=rate > CHORD)
         rate = _merit(system, assembly, state, n) / before if before else 0.0
         if assembly.matrix is None and rate > CHORD:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import contact, elements
+from fem import contact, elements, friction
 from fem.contact import KAPPA, Plate
 from fem.linear import Solver
 from fem.models import Discretisation, raise_harmonics
@@ -24,6 +24,9 @@ from fem.system import System
 Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.125
+PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.06, 0.2
+"""Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
+Those of a press are also at most a share of its depth."""
 SHORTEST_STEP = 1e-3
 FAST = 7
 """Iterations up to which a step counts as easy."""
@@ -44,6 +47,8 @@ class Path:
     raised : builds the model with harmonics that takes over from an axisymmetric one when the shear begins, or in
         which its sideways stability is looked at.
     rim : undeformed radius of the patch that is glued then, the contact radius if not told.
+    mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
+    rub : steps with friction are at most so many times PRESS_RUB and SHEAR_RUB long.
 
     Attributes
     ----------
@@ -53,6 +58,9 @@ class Path:
     iterations : of Newton's method since the last load.
     unstable : number of unstable directions, None where it is not known.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
+    friction : history of the points in contact, None without Coulomb friction.
+    dissipated : energy that slipping has cost in the modelled part.
+    sheared : whether plate or grip have ever moved sideways.
     """
 
     def __init__(
@@ -62,6 +70,8 @@ class Path:
         tilt: float = 0.0,
         raised: Callable[[], Discretisation] | None = None,
         rim: float | None = None,
+        mu: float | None = None,
+        rub: float = 1.0,
     ) -> None:
         self.d, self.tilt, self._raised, self.rim = d, tilt, raised, rim
         self.grip = grip is not None
@@ -77,6 +87,10 @@ class Path:
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
         self.gap: Array | None = None
+        self.friction = friction.at_rest(mu, self.skin.weights.shape) if mu is not None else None
+        self.dissipated, self.sheared = 0.0, False
+        self._rub = rub
+        self._heading = np.zeros(3)
         if grip is not None:
             self.tied = contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
             self.targets = self.skin.points[..., :2]
@@ -98,7 +112,16 @@ class Path:
         radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
         # a tilted plate touches the dome beside its top
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
-        return Plate(height, KAPPA / radius, np.array(shear), self.tilt, self.tied, self.targets, self.gap)
+        return Plate(
+            height,
+            KAPPA / radius,
+            np.array(shear),
+            self.tilt,
+            self.tied,
+            self.targets,
+            self.gap,
+            friction=self.friction,
+        )
 
     def go(self, depth: float, shear: Array) -> str:
         """Move to a depth, then to a shear (2,); returns an empty text or why it stopped on the way."""
@@ -106,9 +129,10 @@ class Path:
         reason = self._leg(np.array([depth, *self.position[1:]]))
         if reason or np.array_equal(shear, self.position[1:]):
             return reason
+        self.sheared = True
         if self._raised is not None:
             self._raise()
-        if self.tied is None:
+        if self.tied is None and self.friction is None:
             self._glue()
         return self._leg(np.array([depth, *shear]))
 
@@ -130,12 +154,15 @@ class Path:
         high = self.high
         assert high.surface is not None
         state, plate = high.state(raise_harmonics(self.d.system, high, self.q)), self.plate()
+        if self.friction is not None:
+            plate = replace(plate, friction=friction.revolved(self.friction, high.surface.points))
         if guided:
             tied = contact.overlap(high.surface, state.u, plate) > 0
             plate = replace(plate, tied=tied, targets=contact.along(high.surface, state.u, plate))
         solver = Solver()
         try:
-            solver.factorise(high.assemble(state, plate).tangent)
+            raised = high.assemble(state, plate)
+            solver.factorise(raised.tangent, symmetric=raised.symmetric)
             negative = solver.negative()
         finally:
             solver.close()
@@ -151,6 +178,8 @@ class Path:
         low, self.d, self._raised = self.d.system, self._raised(), None
         self.q = raise_harmonics(low, self.d.system, self.q)
         self._last = None
+        if self.friction is not None:
+            self.friction = friction.revolved(self.friction, self.skin.points)
         self.solver.close()
         self.solver = Solver()
 
@@ -165,7 +194,8 @@ class Path:
         length = float(np.linalg.norm(goal - start))
         if length == 0:
             return ""
-        now, step = 0.0, min(LONGEST_STEP / length, 1.0)
+        longest = self._longest((goal - start) / length, max(start[0], goal[0])) / length
+        now, step = 0.0, min(longest, 1.0)
         while now < 1:
             target = 1.0 if 1 - now <= 1.001 * step else now + step
             position = goal if target == 1 else start + target * (goal - start)
@@ -178,10 +208,15 @@ class Path:
             if answer.converged:
                 self._last = (self.position, self.q)
                 self._note_stability(answer, position)
+                if self.friction is not None:
+                    self.friction, lost = contact.rubbed(self.skin, answer.state.u, self.plate(position))
+                    self.dissipated += lost
                 self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
                 now = target
                 if answer.iterations <= FAST:
                     step *= 1.5
+                if self.friction is not None:
+                    step = min(step, longest)
                 continue
             self._last = None
             step = (target - now) / 2
@@ -189,12 +224,28 @@ class Path:
                 return answer.reason
         return ""
 
+    def _longest(self, way: Array, depth: float) -> float:
+        """Longest step over D in a direction, down to a depth.
+
+        Where the direction is a new one, all that touches is expected to stick at first.
+        """
+        if self.friction is None:
+            return LONGEST_STEP
+        if way @ self._heading < 1 - 1e-9:
+            self.friction = friction.turned_back(self.friction)
+        self._heading = way
+        return self._rub * (min(PRESS_RUB, PRESS_SHARE * depth) if way[0] else SHEAR_RUB)
+
     def _try(self, position: Array) -> Equilibrium:
         further = self._further(position)
-        guess = self.q
+        guess, plate = self.q, self.plate(position)
         if self._last is not None and further:
             guess = self.q + further * (self.q - self._last[1])
-        answer = newton(self.d.system, self.solver, guess, self.plate(position), self._pressed(position, further))
+        if self.friction is not None:
+            there = contact.slid(self.skin, self.d.system.state(guess).u, plate if further else self.plate())
+            self.friction = friction.expecting(self.friction, there)
+            plate = replace(plate, friction=self.friction)
+        answer = newton(self.d.system, self.solver, guess, plate, self._pressed(position, further))
         self.iterations += answer.iterations
         return answer
 

@@ -10,7 +10,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, rigid
+from fem import contact, elements, friction, rigid
 from fem.models import Discretisation
 from fem.path import Path
 from geometry.design import Design
@@ -52,7 +52,10 @@ class Solution:
     ----------
     load : the load that this state carries; less than the one asked for when the solve stopped on the way.
     response, field : the answer, and what it was read from.
-    energy : stored in the deformed silicone, N mm; its derivative by the depth is the normal force.
+    energy : stored in the deformed silicone, N mm; without Coulomb friction its derivative by the depth is the normal
+        force.
+    dissipated : energy that slipping on the plate has cost since the path began, N mm.
+    slip_share : share of the area in contact that slips, None without Coulomb friction or contact.
     status, message : "ok", or why not and what to try.
     error_estimate, shift_error_estimate, tilt_error_estimate : relative errors of the force, of the magnet's shift
         and of its tilt from the mesh (and the harmonics), None where they were not estimated or there is nothing.
@@ -72,11 +75,14 @@ class Solution:
     newton_iterations: int
     seconds: float
     field: Field
+    dissipated: float = 0.0
+    slip_share: float | None = None
 
 
 def slides(load: Load) -> bool:
     """Whether a load moves the tip sideways (a frictionless plate does not)."""
-    return bool(load.shear_x or load.shear_y) and (load.grip is not None or load.friction == "stick")
+    rough = load.friction == "stick" if isinstance(load.friction, str) else load.friction > 0
+    return bool(load.shear_x or load.shear_y) and (load.grip is not None or rough)
 
 
 def read(
@@ -94,13 +100,15 @@ def read(
     turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
     if reason:
         depth, shear = float(path.position[0]) * D, turn @ path.position[1:] * D
-        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if slides(load) else {}
+        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if path.sheared else {}
         load = replace(load, depth=depth, **moved)
     state = d.system.state(path.q)
     plate = path.plate()
     residual, _, _ = contact.traction(path.skin, state.u, plate)
     total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
     shift, tilt = pose(d, state.u, path.q)
+    if d.model == "axisymmetric":
+        total[0] = 0.0  # radial tractions
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
@@ -132,6 +140,8 @@ def read(
             vertices=d.system.corner_nodes,
             angles=d.elements.angles,
         ),
+        dissipated=path.dissipated * d.symmetry * design.E * D**3,
+        slip_share=friction.slip_share(path.friction, path.skin.weights) if path.friction is not None else None,
     )
 
 
@@ -180,7 +190,7 @@ def _angles(axis: Array) -> Array:
 def _judge(
     path: Path, design: Design, load: Load, reason: str, response: Response, watch: bool
 ) -> tuple[Status, str]:
-    normal, sheared, D = response.force[2], slides(load), design.D
+    normal, sheared, D = response.force[2], path.sheared, design.D
     if reason:
         shear = float(np.linalg.norm(path.position[1:])) * D
         at = f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
@@ -195,6 +205,8 @@ def _judge(
         return "no_contact", f"depth {load.depth:g} mm touches no integration point of this mesh: {remedy}"
     if path.unstable or path.onset is not None:
         return "unstable", _instability(path, D)
+    if path.friction is not None and load.depth > 0 and not normal > 0:
+        return "ok", "the tip has lost touch with the plate: it carries no load any more"
     if load.depth > 0 and normal < 0:
         return "ok", "the glued plate pulls at the tip by now: a real one would peel off or slip before"
     aside = max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))
@@ -232,6 +244,11 @@ def _remark(path: Path, load: Load, sheared: bool, watch: bool) -> str:
             "a tip that is free to slide on a frictionless plate gives way sideways before this depth: the answer is "
             "that of a guided one (magtip stability says at which depth)"
         )
+    if path.friction is not None:
+        share = friction.slip_share(path.friction, path.skin.weights)
+        if share == 1 and sheared:
+            return "full slip: all that touches the plate slides"
+        return f"{share:.2g} of the area in contact slips" if share else ""
     if load.friction == "stick" and not sheared:
         return "stick acts once the plate shears: the press itself is frictionless"
     return ""

@@ -9,7 +9,8 @@ The residual is the derivative of the potential
 
     Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs - work of dead loads,
 
-which is stationary, not least, at a solution.
+which is stationary, not least, at a solution. Where the skin slips on the plate there is no potential, and
+the tangent is unsymmetric.
 """
 
 from __future__ import annotations
@@ -56,12 +57,16 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """Residual, energy and tangent (upper triangle) at a state; forces are the nodal ones before elimination."""
+    """Residual, energy and tangent at a state; forces are the nodal ones before elimination.
+
+    The tangent is the upper triangle of a symmetric matrix, or with slipping contact all of an unsymmetric one.
+    """
 
     residual: Array
     energy: float
     forces: Array
     matrix: sp.csr_matrix | None
+    symmetric: bool = True
 
     @property
     def tangent(self) -> sp.csr_matrix:
@@ -214,7 +219,7 @@ class System:
                 A *= w[..., None, None]
                 Kuu.append(integrals.displacement_stiffness(e, part, A))
                 Kup.append(integrals.coupling(e, part, w[..., None, None] * material.cofactor(k)))
-        forces, blocks, spring_energy = self._springs(state, plate, tangent)
+        forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
         forces -= self.dead
         energy += spring_energy - float(np.sum(self.dead * state.u))
         a = e.cells.shape[1]
@@ -232,7 +237,9 @@ class System:
         outer = self._magnet(T, _joined(Kuu[n:], self._u), _joined(Kup[n:], self._u, self._p))
         own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else np.zeros((0, 0))
         matrix = self.pattern.assemble([*inner, *outer, self._compliance, own[None], *blocks])
-        return Assembly(residual, energy, forces, matrix)
+        if not symmetric:
+            matrix = self.pattern.unfolded(matrix, blocks[0])
+        return Assembly(residual, energy, forces, matrix, symmetric)
 
     def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
         """Consistent mass matrix about the undeformed state (upper triangle); pressures have none.
@@ -257,18 +264,18 @@ class System:
             blocks.append(np.zeros((len(self.surface.nodes), n, n)))
         return self.pattern.assemble(blocks)
 
-    def _springs(self, state: State, plate: Plate | None, tangent: bool) -> tuple[Array, list[Array], float]:
-        """Nodal forces, matrices of the facets, and energy of the plate's springs."""
+    def _springs(self, state: State, plate: Plate | None, tangent: bool) -> tuple[Array, list[Array], float, bool]:
+        """Nodal forces, matrices of the facets, energy of the plate's springs, and whether they are symmetric."""
         nodal = np.zeros(self.fixed.shape)
         s = self.surface
         if s is None:
-            return nodal, [], 0.0
+            return nodal, [], 0.0, True
         if plate is None:
             n = s.nodes.shape[1] * self.fixed.shape[1]
-            return nodal, [np.zeros((len(s.nodes), n, n))], 0.0
-        forces, blocks, energy = contact.springs(s, state.u, plate, tangent=tangent)
+            return nodal, [np.zeros((len(s.nodes), n, n))], 0.0, True
+        forces, blocks, energy, symmetric = contact.springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
-        return nodal, [blocks], energy
+        return nodal, [blocks], energy, symmetric
 
     def _follow(self, state: State) -> Array:
         """Derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""

@@ -54,7 +54,6 @@ BAD = [
     ("solve", "paper", "--grip", 2, "--shear", 1, "--plate-tilt", 5),
     ("solve", "paper", "--depth", 1, "--shear-y", "inf"),
     ("solve", "paper", "--depths", "1,2", "--shear-y", 1),
-    ("solve", "paper", "--depth", 1, "--shear", 1, "--friction", 0.3),
     ("solve", "paper", "--depth", 1, "--harmonics", 3),
     ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", 0),
     ("solve", "paper", "--depth", 1, "--shear", 1, "--harmonics", -1),

@@ -219,7 +219,6 @@ def test_frictionless_plate_slides():
         ([Load(depth=1, plate_tilt=0.1)], "harmonic", "tilted"),
         ([Load(depth=1, plate_tilt=0.1, shear_y=0.1, friction="stick")], "half", "one plane"),
         ([Load(depth=1)], "solid", "model must be"),
-        ([Load(depth=1, friction=0.3)], "auto", "Coulomb"),
         ([Load(shear_x=1, friction="stick")], "auto", "in contact"),
         ([Load(depth=1, shear_x=1, friction="stick"), Load(depth=2, friction="stick")], "auto", "glued"),
         ([], "auto", "at least one"),

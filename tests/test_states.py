@@ -25,6 +25,8 @@ SOLVE_KEYS = {
     "shift_mm",
     "tilt_rad",
     "contact_radius_mm",
+    "slip_share",
+    "dissipated_mJ",
     "error_estimate",
     "shift_error_estimate",
     "tilt_error_estimate",

@@ -1,0 +1,206 @@
+"""Coulomb friction: the return map, its tangent, and whole solves against limits, Mindlin and energy."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+
+from fem import friction, models
+from fem.contact import Plate
+from fem.equilibrium import QUICK, choose_model, solve, trace
+from fem.linear import Solver, have_pardiso
+from geometry.design import Design, paper
+from geometry.scene import Load
+
+ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
+SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.08, rub=2.0)
+
+
+def history(rng, points, mu):
+    """Points of all kinds: in and out of contact, at rest or pulled along the plate."""
+    pressure = np.maximum(rng.normal(size=points), 0.0)
+    way = rng.normal(size=(*points, 2))
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    traction = (mu * pressure * rng.uniform(size=points))[..., None] * way
+    return friction.Friction(mu, rng.normal(size=(*points, 2)), traction, pressure, pressure < 0)
+
+
+def bare(depths_or_shears, mu, *, depth=None, level=ROUGH, magnet="ignored", model="auto"):
+    """A path of presses, or of shears at one depth after a press."""
+    if depth is None:
+        loads = [Load(depth=d, friction=mu) for d in depths_or_shears]
+    else:
+        loads = [Load(depth=depth, shear_x=x, friction=mu) for x in depths_or_shears]
+    return trace(paper(), loads, level, magnet=magnet, model=model, estimate=False)
+
+
+def pulls(states):
+    return np.array([state.response.force[0] for state in states])
+
+
+def test_tractions_stay_in_the_cone_and_slip_only_dissipates():
+    rng = np.random.default_rng(1)
+    before = history(rng, (40, 6), 0.4)
+    place, pressure = before.place + 0.1 * rng.normal(size=(40, 6, 2)), rng.normal(size=(40, 6))
+    after, lost = friction.advanced(before, place, pressure, 5.0)
+    size = np.linalg.norm(after.traction, axis=-1)
+    assert (size <= 0.4 * np.maximum(pressure, 0) * (1 + 1e-12)).all()
+    assert 0 < after.slipping.sum() < (pressure > 0).sum()
+    assert (lost >= 0).all()
+    assert lost.max() > 0
+    still, nothing = friction.advanced(after, place, pressure, 5.0)
+    np.testing.assert_allclose(still.traction, after.traction, rtol=1e-12)
+    assert nothing.max() < 1e-12 * lost.max()
+
+
+@pytest.mark.parametrize("harmonics", [0, 2])
+def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
+    rng = np.random.default_rng(3)
+    shape = Design().shape.scaled(1 / 8)
+    system = models.section(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).system
+    points = system.surface.weights.shape
+    before = history(rng, points, 0.5)
+    flat = Plate(shape.L - 0.1, 50.0, np.array([0.02, 0.0]), friction=replace(before, place=0.01 * before.place))
+    x = system.elements.nodes
+    wave = 0.01 * np.sin(x @ rng.normal(size=(2, system.fixed.shape[1]))) * x[:, :1] * x[:, 1:]
+    q = 0.1 * rng.normal(size=system.size)
+    q[: system.n_free] = wave[system.free]
+    q[system.n_free : system.n_free + system.n_rigid] = 0.001
+    direction, step = rng.normal(size=system.size), 1e-8
+    direction[: system.n_free] *= np.broadcast_to(x[:, :1], system.fixed.shape)[system.free]
+    here, ahead, behind = (system.assemble(system.state(q + s * direction), flat) for s in (0, step, -step))
+    assert not here.symmetric
+    slope = (ahead.residual - behind.residual) / (2 * step)
+    np.testing.assert_allclose(here.tangent @ direction, slope, atol=2e-5 * np.abs(slope).max())
+    answers = []
+    for pardiso in {False, have_pardiso()}:
+        solver = Solver(pardiso=pardiso)
+        solver.factorise(here.tangent, symmetric=False)
+        answers.append(solver.solve(here.residual))
+        assert solver.negative() is None
+        solver.close()
+    exact = spla.spsolve(here.tangent.tocsc(), here.residual)
+    for answer in answers:
+        np.testing.assert_allclose(answer, exact, atol=1e-8 * np.abs(exact).max())
+
+
+def test_sticking_contact_is_symmetric():
+    shape = Design().shape.scaled(1 / 8)
+    system = models.section(shape, 0.4998, "ignored", 0.16, 0.08).system
+    flat = Plate(shape.L - 0.1, 50.0, np.zeros(2), friction=friction.at_rest(1e3, system.surface.weights.shape))
+    assert system.assemble(system.state(np.zeros(system.size)), flat).symmetric
+
+
+def test_no_friction_is_the_frictionless_plate():
+    loads = [{"depth": 0.5}, {"depth": 1.0, "shear_x": 1.0}]
+    none, zero = (trace(paper(), [Load(**load, friction=mu) for load in loads], ROUGH) for mu in ("none", 0))
+    assert [s.response for s in none] == [s.response for s in zero]
+    assert [s.dissipated for s in zero] == [0, 0]
+
+
+def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip():
+    none, little, some, much, more = (bare([1.0], mu, magnet="rigid")[0] for mu in ("none", 1e-6, 0.1, 1e2, 1e4))
+    force = [s.response.force[2] for s in (none, little, some, much, more)]
+    assert force[1] == pytest.approx(force[0], rel=1e-5)
+    assert little.slip_share == 1
+    assert force[0] < force[2]
+    assert force[4] == pytest.approx(force[3], rel=1e-4)
+    assert more.slip_share == 0
+    assert more.dissipated < 0.01 * some.energy
+
+
+def test_a_press_is_the_same_in_the_axisymmetric_and_the_harmonic_model():
+    one, other = (bare([0.5], 0.1, model=model)[0] for model in ("axisymmetric", "harmonic"))
+    assert other.response.force[2] == pytest.approx(one.response.force[2], rel=1e-6)
+    assert other.dissipated == pytest.approx(one.dissipated, rel=1e-4)
+    assert other.slip_share == pytest.approx(one.slip_share, abs=1e-6)
+    assert other.response.force[0] == 0
+
+
+@pytest.mark.parametrize(("model", "level"), [("harmonic", ROUGH), ("half", SOLID)])
+def test_at_full_slip_the_tangential_force_is_mu_times_the_normal_one(model, level):
+    state = bare([1.0], 0.1, depth=1.0, level=level, model=model)[-1]
+    assert state.status == "ok"
+    assert "full slip" in state.message
+    assert state.slip_share == 1
+    assert state.response.force[0] == pytest.approx(0.1 * state.response.force[2], rel=0.01)
+
+
+def test_sliding_on_costs_the_force_times_the_way():
+    there, on = bare([1.0, 3.0], 0.1, depth=1.0)
+    assert on.response.force[0] == pytest.approx(there.response.force[0], rel=2e-3)
+    assert on.dissipated - there.dissipated == pytest.approx(2.0 * on.response.force[0], rel=2e-3)
+
+
+def test_direction_of_the_shear_only_turns_the_answer():
+    along, between = (
+        trace(paper(), [Load(depth=0.5, shear_x=x, shear_y=y, friction=0.1)], ROUGH, estimate=False)[0].response
+        for x, y in ((0.25, 0.0), (-0.15, 0.2))
+    )
+    np.testing.assert_allclose(between.force[:2], np.array([-0.6, 0.8]) * along.force[0], rtol=1e-6)
+
+
+def test_a_cycle_closes_its_loop_whose_area_is_dissipated():
+    turn = 0.3
+    way = np.concatenate([turn * np.linspace(0, 1, 4)[1:], *[s * turn * np.linspace(1, -1, 9)[1:] for s in (1, -1)]])
+    states = bare(way, 0.1, depth=0.5)
+    force = pulls(states)
+    reached, left, back = 2, 10, 18
+    assert force[back] == pytest.approx(force[reached], rel=0.005)
+    assert force[left] == pytest.approx(-force[reached], rel=0.005)
+    loop = slice(reached, back + 1)
+    area = np.trapezoid(force[loop], way[loop])
+    assert states[back].dissipated - states[reached].dissipated == pytest.approx(area, rel=0.02)
+    assert states[back].energy == pytest.approx(states[reached].energy, rel=0.005)
+
+
+def test_press_and_release_lose_energy_but_nothing_else():
+    """A release comes back by less force, and leaves nothing behind; a second press is like the first."""
+    down = np.linspace(0.1, 1.0, 10)
+    depths = [*down, *down[-2::-1], 0.0, *down]
+    states = bare(depths, 0.1, magnet="rigid")
+    force = np.array([s.response.force[2] for s in states])
+    first, release, again = force[:10], force[9:19][::-1], force[20:]
+    assert (release < first * (1 + 1e-6)).all()
+    assert force[19] == 0
+    np.testing.assert_allclose(again[2:], first[2:], rtol=0.01)
+    work = np.trapezoid([*first, *force[10:20]], [*down, *depths[10:20]]) + first[0] * down[0] * 0.4
+    assert 0 < states[19].dissipated < 0.05 * states[9].energy
+    assert states[19].dissipated == pytest.approx(work, abs=0.01 * states[9].energy)
+
+
+def test_cattaneo_and_mindlin():
+    """Tangential force and slip annulus of a sphere under a small load; the beam's own compliance is 1 % there."""
+    design, mu, depth = paper(), 0.3, 1e-5
+    G, nu = design.E / 2 / (1 + design.nu), design.nu
+    radius = math.sqrt(design.R * depth)
+    normal = 4 / 3 * design.E / (1 - nu**2) * radius * depth
+    full = 3 * mu * normal * (2 - nu) / (16 * G * radius)
+    states = bare(np.array([0.0, 0.25, 0.5, 0.75, 1.5]) * full, mu, depth=depth, level=replace(QUICK, harmonics=1))
+    for share, state in zip((0.25, 0.5, 0.75), states[1:4], strict=True):
+        force = state.response.force[0] / (mu * state.response.force[2])
+        assert force == pytest.approx(1 - (1 - share) ** 1.5, rel=0.03)
+        # the stick circle's area; a coarse patch counts it in rings
+        assert 1 - state.slip_share == pytest.approx(1 - share, abs=0.3 * (1 - share) + 0.05)
+    assert states[4].slip_share == 1
+    assert states[4].response.force[0] == pytest.approx(mu * states[4].response.force[2], rel=0.01)
+
+
+def test_models_of_friction():
+    press, shear, tilt, across = (
+        Load(depth=1.0, friction=0.5, **more)
+        for more in ({}, {"shear_x": 1.0}, {"plate_tilt": 0.1}, {"plate_tilt": 0.1, "shear_y": 1.0})
+    )
+    found = [choose_model([load], "auto") for load in (press, shear, tilt, across)]
+    assert found == ["axisymmetric", "harmonic", "half", "full"]
+
+
+def test_a_plate_with_friction_may_come_and_go_after_a_shear():
+    loads = [Load(depth=1.0, shear_x=0.2, friction=0.2), Load(depth=0.5, shear_x=0.2, friction=0.2), Load(friction=0.2)]
+    states = trace(paper(), loads, ROUGH, magnet="ignored", estimate=False)
+    assert [s.status for s in states] == ["ok", "ok", "ok"]
+    assert states[1].response.force[0] <= 0.2 * states[1].response.force[2] * (1 + 1e-6)
+    np.testing.assert_allclose(states[2].response.force, 0, atol=1e-9)
+    assert solve(paper(), loads[0], ROUGH, magnet="ignored").error_estimate > 0
