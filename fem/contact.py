@@ -148,9 +148,7 @@ def watched(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Pla
     return replace(plate, friction=after), held
 
 
-def springs(
-    surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
-) -> tuple[Array, Array, float, bool]:
+def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -> tuple[Array, Array, float, bool]:
     """Of plate and base: forces (k, f, fields), stiffness if wanted, energy, and whether the stiffness is symmetric.
 
     Stiffness: shape (k, f fields, f fields), fields first.

@@ -14,7 +14,7 @@ motion strains its spring; tractions of points that lift off are gone. Its tange
 
 where the coupling to the pressure makes the slipping point's matrix unsymmetric: dry friction has no energy.
 
-Energy dissipated over a step per area: mu times the mean of the pressures before and after, times the slip.
+Energy dissipated over a step per area: the slip times the mean of its traction before and after.
 """
 
 from __future__ import annotations
@@ -119,7 +119,10 @@ def advanced(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Fri
     now = drag(f, place, pressure, active, et)
     released = f.touching & ~active
     slip = np.where(released, MIDWAY * np.linalg.norm(place - f.place, axis=-1), now.slip)
-    lost = f.mu * (f.pressure + np.maximum(pressure, 0.0)) / 2 * slip
+    limit, size = f.mu * np.maximum(pressure, 0.0), np.linalg.norm(f.traction, axis=-1)
+    # a point that stuck far inside the cone slips only once its pressure has nearly gone
+    first = np.minimum(f.mu * f.pressure, np.maximum(size, limit))
+    lost = (first + limit) / 2 * slip
     after = Friction(f.mu, place, now.traction, np.where(active, pressure, 0.0), now.slipping)
     return after, lost
 
@@ -142,7 +145,9 @@ def heading(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Fric
     active = pressure > 0
     now, free = (drag(g, place, pressure, active, et) for g in (f, replace(f, heading=None)))
     size = np.linalg.norm(now.traction, axis=-1)
-    way = np.where((now.slipping & (size > 0))[..., None], now.traction / np.where(size > 0, size, 1.0)[..., None], 0.0)
+    way = np.where(
+        (now.slipping & (size > 0))[..., None], now.traction / np.where(size > 0, size, 1.0)[..., None], 0.0
+    )
     return replace(f, heading=way), not np.array_equal(now.slipping, free.slipping)
 
 

@@ -66,9 +66,7 @@ class Pattern:
         source, below, columns, pointers = self._mirror
         mask = self._masks[-1]
         skew = (np.swapaxes(last, 1, 2) - last)[mask]
-        excess = np.bincount(
-            self._inverse[len(self._inverse) - len(skew) :], weights=skew, minlength=len(upper.data)
-        )
+        excess = np.bincount(self._inverse[len(self._inverse) - len(skew) :], weights=skew, minlength=len(upper.data))
         data = upper.data[source]
         data[below] += excess[source[below]]
         return sp.csr_matrix((data, columns, pointers), shape=upper.shape)

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9
 MOST_ITERATIONS = 30
+NOTHING = 1e-18
+"""Reactions over E D^2 and displacements over D below which the body is at rest."""
 CHORD = 0.02
 """A step that leaves less of the residual than this is followed by one with the same factorisation."""
 PATIENCE = 6
@@ -66,8 +68,10 @@ def newton(
     rate = 1.0
     for iteration in range(MOST_ITERATIONS):
         force, volume, reference, reach = _norms(system, assembly, state, n)
+        small = force <= TOLERANCE * max(reference, NOTHING) and volume <= TOLERANCE * max(reach, NOTHING)
+        own = iteration > 0 or frozen is plate
         plate, held = watched(system.surface, state.u, plate)
-        if not held and (iteration or frozen is plate) and force <= TOLERANCE * reference and volume <= TOLERANCE * reach:
+        if small and own and not held:
             return Equilibrium(state, assembly, iteration, "", unstable)
         try:
             if assembly.matrix is not None:
@@ -80,13 +84,14 @@ def newton(
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
-        before, step = _merit(system, assembly, state, n), state.q - trial.q
+        scale = reference or 1.0, reach or 1.0
+        before, step = _merit(assembly, n, scale), state.q - trial.q
         state, assembly = trial, system.assemble(trial, plate, tangent=rate > CHORD)
-        rate = _merit(system, assembly, state, n) / before if before else 0.0
+        rate = _merit(assembly, n, scale) / before if before else 0.0
         if assembly.matrix is None and rate > CHORD:
             assembly = system.assemble(state, plate)
         if iteration >= PATIENCE and rate > 1 / 2:
-            state, assembly = _damped(system, plate, state, assembly, step, n)
+            state, assembly = _damped(system, plate, state, assembly, step, n, scale)
     return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations")
 
 
@@ -97,21 +102,28 @@ def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[fl
     return force, volume, reference, float(np.abs(state.u).max(initial=0.0))
 
 
-def _merit(system: System, assembly: Assembly, state: State, n: int) -> float:
-    force, volume, reference, reach = _norms(system, assembly, state, n)
-    return force / (reference or 1.0) + volume / (reach or 1.0)
+def _merit(assembly: Assembly, n: int, scale: tuple[float, float]) -> float:
+    """Residual forces and volumes over those that count, the same before and after a step."""
+    force, volume = np.linalg.norm(assembly.residual[:n]), np.linalg.norm(assembly.residual[n:])
+    return float(force / scale[0] + volume / scale[1])
 
 
 def _damped(
-    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, n: int
+    system: System,
+    plate: Plate | None,
+    state: State,
+    assembly: Assembly,
+    step: Array,
+    n: int,
+    scale: tuple[float, float],
 ) -> tuple[State, Assembly]:
     """The best of a full step and of its half and quarter, by the residual."""
-    tried = [(_merit(system, assembly, state, n), state, assembly)]
+    tried = [(_merit(assembly, n, scale), state, assembly)]
     for back in (0.5, 0.75):
         shorter = _valid(system, state.q + back * step)
         if shorter is not None:
             there = system.assemble(shorter, plate)
-            tried.append((_merit(system, there, shorter, n), shorter, there))
+            tried.append((_merit(there, n, scale), shorter, there))
     return min(tried, key=lambda one: one[0])[1:]
 
 

@@ -24,7 +24,7 @@ from fem.system import System
 Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.125
-PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.06, 0.2
+PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
 Those of a press are also at most a share of its depth."""
 SHORTEST_STEP = 1e-3

@@ -15,7 +15,7 @@ from geometry.design import Design, paper
 from geometry.scene import Load
 
 ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
-SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.08, rub=2.0)
+SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.1, rub=3.0)
 
 
 def history(rng, points, mu):
@@ -116,12 +116,12 @@ def test_a_press_is_the_same_in_the_axisymmetric_and_the_harmonic_model():
     assert other.response.force[2] == pytest.approx(one.response.force[2], rel=1e-6)
     assert other.dissipated == pytest.approx(one.dissipated, rel=1e-4)
     assert other.slip_share == pytest.approx(one.slip_share, abs=1e-6)
-    assert other.response.force[0] == 0
+    assert abs(other.response.force[0]) < 1e-12
 
 
 @pytest.mark.parametrize(("model", "level"), [("harmonic", ROUGH), ("half", SOLID)])
 def test_at_full_slip_the_tangential_force_is_mu_times_the_normal_one(model, level):
-    state = bare([1.0], 0.1, depth=1.0, level=level, model=model)[-1]
+    state = bare([0.5], 0.1, depth=0.5, level=level, model=model)[-1]
     assert state.status == "ok"
     assert "full slip" in state.message
     assert state.slip_share == 1
@@ -129,7 +129,7 @@ def test_at_full_slip_the_tangential_force_is_mu_times_the_normal_one(model, lev
 
 
 def test_sliding_on_costs_the_force_times_the_way():
-    there, on = bare([1.0, 3.0], 0.1, depth=1.0)
+    there, on = bare([0.8, 2.8], 0.1, depth=0.5)
     assert on.response.force[0] == pytest.approx(there.response.force[0], rel=2e-3)
     assert on.dissipated - there.dissipated == pytest.approx(2.0 * on.response.force[0], rel=2e-3)
 
@@ -157,18 +157,13 @@ def test_a_cycle_closes_its_loop_whose_area_is_dissipated():
 
 
 def test_press_and_release_lose_energy_but_nothing_else():
-    """A release comes back by less force, and leaves nothing behind; a second press is like the first."""
-    down = np.linspace(0.1, 1.0, 10)
-    depths = [*down, *down[-2::-1], 0.0, *down]
-    states = bare(depths, 0.1, magnet="rigid")
-    force = np.array([s.response.force[2] for s in states])
-    first, release, again = force[:10], force[9:19][::-1], force[20:]
-    assert (release < first * (1 + 1e-6)).all()
-    assert force[19] == 0
-    np.testing.assert_allclose(again[2:], first[2:], rtol=0.01)
-    work = np.trapezoid([*first, *force[10:20]], [*down, *depths[10:20]]) + first[0] * down[0] * 0.4
-    assert 0 < states[19].dissipated < 0.05 * states[9].energy
-    assert states[19].dissipated == pytest.approx(work, abs=0.01 * states[9].energy)
+    """Nothing is left behind by a release: a second press is like the first, and costs as much again."""
+    once, away, again = bare([1.0, 0.0, 1.0], 0.1, magnet="rigid")
+    assert away.response.force == (0, 0, 0)
+    assert away.energy < 1e-12 * once.energy
+    assert again.response.force[2] == pytest.approx(once.response.force[2], rel=1e-3)
+    assert 0 < once.dissipated < away.dissipated < 0.01 * once.energy
+    assert again.dissipated - away.dissipated == pytest.approx(once.dissipated, rel=0.1)
 
 
 def test_cattaneo_and_mindlin():
@@ -198,9 +193,13 @@ def test_models_of_friction():
 
 
 def test_a_plate_with_friction_may_come_and_go_after_a_shear():
-    loads = [Load(depth=1.0, shear_x=0.2, friction=0.2), Load(depth=0.5, shear_x=0.2, friction=0.2), Load(friction=0.2)]
+    places = {"depth": 0.5, "shear_x": 0.1}, {"depth": 0.3, "shear_x": 0.1}, {}
+    loads = [Load(friction=0.2, **place) for place in places]
     states = trace(paper(), loads, ROUGH, magnet="ignored", estimate=False)
     assert [s.status for s in states] == ["ok", "ok", "ok"]
     assert states[1].response.force[0] <= 0.2 * states[1].response.force[2] * (1 + 1e-6)
     np.testing.assert_allclose(states[2].response.force, 0, atol=1e-9)
-    assert solve(paper(), loads[0], ROUGH, magnet="ignored").error_estimate > 0
+
+
+def test_a_press_with_friction_has_error_estimates():
+    assert 0 < solve(paper(), Load(depth=0.5, friction=0.2), ROUGH).error_estimate < 0.1
