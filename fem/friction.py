@@ -7,8 +7,8 @@ Over a step of the load, from the last converged state n on,
     trial = t_n + et (s - s_n),      t = trial where |trial| <= mu p (stick), else mu p trial / |trial| (slip),
 
 an implicit return map: what exceeds the cone is slip, of length (|trial| - mu p) / et. The spring et = STICK en is
-the compliance of sticking. A point that touches within a step is taken to do so half way, so that half of the step's
-motion strains its spring; tractions of points that lift off are gone. Its tangent is consistent, with n = trial / |trial|:
+the compliance of sticking. A point that touches within a step is taken to do so half way along its expected motion,
+where its spring is at rest; tractions of points that lift off are gone. The tangent, with n = trial / |trial|:
 
     stick:  dt = et ds,        slip:  dt = mu p et / |trial| (1 - n n^T) ds + mu n dp,
 
@@ -130,7 +130,8 @@ def advanced(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Fri
 def expecting(f: Friction, place: Array) -> Friction:
     """The history for a step that is expected to end at `place`.
 
-    Points that do not touch yet are expected to do so half way: their springs are strained from there on.
+    Points that do not touch yet are expected to do so half way: their springs are strained from there on. So the
+    error of a step is of second order in its length, and either way of ignoring the motion before makes it of first.
     """
     return replace(f, anchor=np.where(f.touching[..., None], f.place, f.place + MIDWAY * (place - f.place)))
 
@@ -138,9 +139,9 @@ def expecting(f: Friction, place: Array) -> Friction:
 def heading(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Friction, bool]:
     """The same for Newton's next iterate, and whether a point was held at this one.
 
-    A point that slips one way at an iterate and the other way at the next is held at first: the traction of a slipping
-    point has no stiffness along the slip, so that Newton's method would throw it to and fro across the narrow range
-    in which it sticks.
+    A point that slips one way at an iterate and the other way at the next is held at first: the traction of a
+    slipping point has no stiffness along the slip, so that Newton's method would throw it to and fro across the
+    narrow range in which it sticks.
     """
     active = pressure > 0
     now, free = (drag(g, place, pressure, active, et) for g in (f, replace(f, heading=None)))
@@ -160,8 +161,17 @@ def revolved(f: Friction, points: Array) -> Friction:
     """The history of a body of revolution, one point per angle of the same body's skin at `points` (k, q t, 3)."""
     turns = points.shape[1] // f.pressure.shape[1]
     along = points[..., :2] / np.linalg.norm(points[..., :2], axis=-1, keepdims=True)
-    repeat = [np.repeat(a, turns, axis=1) for a in (f.place[..., :1], f.traction[..., :1], f.pressure, f.slipping)]
-    return Friction(f.mu, repeat[0] * along, repeat[1] * along, repeat[2], repeat[3])
+
+    def around(values: Array) -> Array:
+        return np.repeat(values, turns, axis=1)
+
+    return Friction(
+        f.mu,
+        around(f.place[..., :1]) * along,
+        around(f.traction[..., :1]) * along,
+        around(f.pressure),
+        np.repeat(f.slipping, turns, axis=1),
+    )
 
 
 def slip_share(f: Friction, weights: Array) -> float | None:

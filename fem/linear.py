@@ -73,7 +73,7 @@ class Pattern:
 
     @functools.cached_property
     def _mirror(self) -> tuple[Index, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
-        """Of the whole matrix: entries of the upper triangle it is made of, which are below the diagonal, columns, rows."""
+        """Of the whole matrix: its entries' places in the upper triangle, which are below the diagonal, structure."""
         number = np.arange(1, len(self._columns) + 1)
         upper = sp.csr_matrix((number, self._columns, self._pointers), shape=(self.size, self.size))
         whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()

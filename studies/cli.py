@@ -46,6 +46,7 @@ for verb in (
     jobs.sweep,
     jobs.fit,
     evidence.verify,
+    evidence.friction,
     evidence.extremes,
     evidence.accuracy,
     evidence.crosscheck,

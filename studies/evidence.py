@@ -1,4 +1,4 @@
-"""The verbs that put the solver to the test: verify, extremes, accuracy, crosscheck, bench."""
+"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, bench."""
 
 from __future__ import annotations
 
@@ -30,6 +30,27 @@ def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = Fa
     failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Coulomb friction against Cattaneo and Mindlin, mu F_N at full slip, and energy; status 3 if a check fails.
+
+    Parameters
+    ----------
+    quick
+        On coarser meshes and without the half model: half a minute instead of several.
+    out
+        Folder of friction.csv, FRICTION.md and friction.png.
+    """
+    from studies import sliding as work
+
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, progress=progress)
+    console.report(rows, as_json=as_json, title="Friction")
+    failed = [row["quantity"] for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} checks fail: {'; '.join(failed)}")
     return FAILED if failed else GOOD
 
 

@@ -198,6 +198,23 @@ def size(path: str | Path, rows: Sequence[Row]) -> None:
             axis.legend(frameon=False, loc="upper left")
 
 
+def friction(path: str | Path, curves: Sequence[Any], loop: Sequence[Any]) -> None:
+    """Tangential over normal force against shear for several mu (`studies.sliding.Curve`), and a cycle of states."""
+    with _figure(path, 1, 2, shared=False) as (_, axes):
+        for curve, colour in zip(curves, COLOURS, strict=False):
+            ratio = [a / b for a, b in zip(curve.force_N, curve.normal_N, strict=True)]
+            axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
+            axes[0].axhline(curve.mu, color=colour, linestyle=":", linewidth=1)
+        _label(axes[0], "a", "$F_x / F_N$")
+        axes[1].plot(
+            [s.load.shear_x for s in loop], [s.response.force[0] for s in loop], color=FEM, marker="o", markersize=3
+        )
+        _label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {loop[0].load.friction:g}")
+        for axis in axes:
+            axis.set_xlabel("shear (mm)")
+        axes[0].legend(frameon=False)
+
+
 def _panel_axis(axes: Mapping[str, Sequence[float]], others: Sequence[str]) -> str | None:
     """The axis whose values get panels of their own, where there is more than one axis besides the first."""
     fits = [name for name in others if len(set(axes[name])) <= 4]
@@ -236,7 +253,7 @@ def _symbol(axis: str) -> str:
 
 
 @contextlib.contextmanager
-def _figure(path: str | Path, rows: int, columns: int) -> Iterator[tuple[Any, list[Any]]]:
+def _figure(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
     """A figure and its axes, written when all is drawn; it leaves matplotlib's global state alone."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -245,7 +262,7 @@ def _figure(path: str | Path, rows: int, columns: int) -> Iterator[tuple[Any, li
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 2.45 * rows + 0.6), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel().tolist()
+        axes = figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel().tolist()
         yield figure, axes
         with atomic(path) as temporary:
             figure.savefig(temporary, dpi=300)
