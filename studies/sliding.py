@@ -33,7 +33,7 @@ Progress = Callable[[float, str], None]
 DEPTH = 1.0
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
 """Coefficients, and shears that reach full slip, mm."""
-TURN = 1.6
+TURN = 2.0
 COARSE = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
 SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
@@ -112,8 +112,9 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
         mindlin = 1 - max(1 - share, 0.0) ** 1.5
         where = f"at {share:g} of Mindlin's shear of full slip"
         rows.append(_row("onset", f"tangential force over mu F_N {where}", pull / (mu * push), mindlin, 0.04))
-        stuck, expected = 1 - (state.slip_share or 0.0), max(1 - share, 0.0)
-        rows.append(_row("onset", f"share of the contact that sticks {where}", stuck, expected, 0.3))
+        if share >= 0.5:  # below, the annulus is narrower than an element
+            stuck, expected = 1 - (state.slip_share or 0.0), max(1 - share, 0.0)
+            rows.append(_row("onset", f"share of the contact that sticks {where}", stuck, expected, 0.15))
     return rows
 
 
@@ -132,7 +133,7 @@ def full_slip(found: Curve) -> Row:
     return _row("full slip", f"tangential over normal force, mu = {found.mu:g}", ratio, found.mu, 0.01)
 
 
-def cycle(mu: float, level: Accuracy, steps: int = 8) -> list[Solution]:
+def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
     """Press, then shear to TURN, to -TURN and back to TURN."""
     up = np.linspace(0, TURN, steps // 2 + 1)
     way = [*up, *np.linspace(TURN, -TURN, 2 * steps + 1)[1:], *np.linspace(-TURN, TURN, 2 * steps + 1)[1:]]
