@@ -42,7 +42,7 @@ class Motion:
     plate_tilt
         Rotation of the plate about y that carries its normal from z towards x, degrees.
     friction
-        none, stick (the patch in contact is glued to the plate), or a Coulomb coefficient.
+        none, stick (the patch in contact is glued to the plate), or a Coulomb coefficient, from first touch on.
         By default none for a press, and stick when the plate shears.
     grip
         No plate: all surface points within this height of the tip are moved sideways, mm.
