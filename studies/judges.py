@@ -26,6 +26,8 @@ SHORT = 0.02
 """How far a fresh solve to a last good state may stop short of it, as a share of the load."""
 SAME = 1e-6
 """Largest relative difference of force and energy between a last good state and a fresh solve to it."""
+RUBBED = 1e-2
+"""The same with Coulomb friction, which depends on the steps of the way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,17 @@ def work(scene: Scene) -> Finding:
         ways, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
     gained = states[-1].energy - states[0].energy
     return Finding(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
+
+
+def cone(scene: Scene) -> Finding:
+    """Tangential force over the coefficient times the normal one: 1 at full slip, and never more."""
+    last = follow(scene)[-1]
+    across, along, normal = last.response.force
+    mu = float(last.load.friction)
+    ratio = math.hypot(across, along) / (mu * normal) if normal > 0 else math.inf
+    short = last.slip_share == 1 and ratio < 1
+    check = "tangential force over mu times the normal one, less 1"
+    return Finding(last, check, 1 - ratio if short else max(ratio - 1, 0.0))
 
 
 def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
@@ -277,7 +290,7 @@ def kept(scene: Scene, end: Solution) -> Finding:
     except StoppedError as stop:
         short = 1 - _way(stop.solution.load) / _way(end.load)
         return Finding(end, f"{check}, which stopped short of it", short, SHORT)
-    return Finding(end, check, _apart(end, again), SAME)
+    return Finding(end, check, _apart(end, again), SAME if end.slip_share is None else RUBBED)
 
 
 def _way(load: Load) -> float:

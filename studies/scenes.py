@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,7 @@ BOUNDS = {
     "quick": {"hertz": 0.02, "bar": 0.01, "mesh": 0.03, "shear": 0.01},
     "standard": {"hertz": 0.005, "bar": 0.005, "mesh": 0.01, "shear": 0.005},
 }
-WORK, SIMILAR, LIMIT, PATH = 2e-3, 1e-9, 1e-4, 1e-6
+WORK, SIMILAR, LIMIT, PATH, CONE = 2e-3, 1e-9, 1e-4, 1e-6, 1e-2
 """Bounds of the checks that do not depend on the mesh."""
 
 
@@ -26,6 +27,7 @@ def scenes(*, quick: bool = False) -> list[Scene]:
     """All of them; if quick, at quick accuracy and without the slow ones."""
     a = QUICK if quick else STANDARD
     found = [*_stiffness_and_size(a), *_shapes(a), *_presses(a), *_shears(a, quick=quick)]
+    found += _rubbing(quick=quick)
     return [*found, *([] if quick else _tetrahedra()), *_samples(a, 4 if quick else 12)]
 
 
@@ -109,6 +111,29 @@ def _shears(a: Accuracy, *, quick: bool) -> list[Scene]:
         Scene(
             "press 1 mm, stick to 1.0 D, half model", stick, judges.work, bound, QUICK, model="half", ends=MAY_STOP
         ),
+    ]
+
+
+def _rubbing(*, quick: bool) -> list[Scene]:
+    """Coulomb friction, each shear in one go."""
+
+    def scene(name: str, mu: float, depth: float, shear: float, a: Accuracy = QUICK, **changes: float) -> Scene:
+        loads = tuple(Load(depth=depth, shear_x=x, friction=mu) for x in (0.0, shear))
+        return Scene(f"friction {mu:g}: {name}", loads, judges.cone, CONE, a, changes, ends=MAY_STOP)
+
+    slight = scene("shear to 1.0 D", 0.01, 1.0, 8.0)
+    if quick:
+        return [slight]
+    largest = _rounded(0.99 * judges.largest_height({}))
+    return [
+        slight,
+        scene("shear to 1.0 D", 10.0, 1.0, 8.0),
+        scene("to a depth of 3 mm, then 4 mm aside", 0.3, 3.0, 4.0),
+        scene("first touch, 1e-6 mm", 0.3, 1e-6, 1e-5),
+        scene("nu = 0.49999", 0.5, 1.0, 4.0, nu=0.49999),
+        scene("magnet 0.2 mm high", 0.5, 1.0, 4.0, magnet_height=0.2),
+        scene(f"magnet {largest:g} mm high", 0.2, 1.0, 2.0, magnet_height=largest),
+        scene("8 harmonics", 0.1, 1.0, 1.0, replace(QUICK, section_size=0.2, harmonics=8)),
     ]
 
 
