@@ -71,9 +71,9 @@ RULES = {
 """How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
 stick shear, whose mesh is fine where the contact ends), and on tetrahedra: the difference
 to the companion times the first number, but at least the second times (edge length / D) to the power of the third.
-Set with `magtip accuracy`, which holds the estimates against true errors. Those with Coulomb friction, whose companion
-takes longer steps too, are the press's: twice the true errors of quick and standard or more at mu = 1, 0.5 mm deep,
-sheared by 0.5 and 1.5 mm."""
+Set with `magtip accuracy`, which holds the estimates against true errors. Those with Coulomb friction, whose
+companion takes longer steps too, are the press's: twice the true errors of quick and standard or more at mu = 1,
+0.5 mm deep, sheared by 0.5 and 1.5 mm."""
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
