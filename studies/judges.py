@@ -26,8 +26,8 @@ SHORT = 0.02
 """How far a fresh solve to a last good state may stop short of it, as a share of the load."""
 SAME = 1e-6
 """Largest relative difference of force and energy between a last good state and a fresh solve to it."""
-RUBBED = 1e-2
-"""The same with Coulomb friction, which depends on the steps of the way."""
+RUBBED, RUBBED_SHORT = 1e-2, 0.05
+"""The same two with Coulomb friction, where the answer and the end depend on the steps of the way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +131,7 @@ def cone(scene: Scene) -> Finding:
     """Tangential force over the coefficient times the normal one: 1 at full slip, and never more."""
     last = follow(scene)[-1]
     across, along, normal = last.response.force
-    mu = float(last.load.friction)
-    ratio = math.hypot(across, along) / (mu * normal) if normal > 0 else math.inf
+    ratio = math.hypot(across, along) / (float(last.load.friction) * normal) if normal > 0 else math.inf
     short = last.slip_share == 1 and ratio < 1
     check = "tangential force over mu times the normal one, less 1"
     return Finding(last, check, 1 - ratio if short else max(ratio - 1, 0.0))
@@ -289,7 +288,8 @@ def kept(scene: Scene, end: Solution) -> Finding:
         again = follow(scene, [*before, end.load])[-1]
     except StoppedError as stop:
         short = 1 - _way(stop.solution.load) / _way(end.load)
-        return Finding(end, f"{check}, which stopped short of it", short, SHORT)
+        bound = SHORT if end.slip_share is None else RUBBED_SHORT
+        return Finding(end, f"{check}, which stopped short of it", short, bound)
     return Finding(end, check, _apart(end, again), SAME if end.slip_share is None else RUBBED)
 
 

@@ -6,7 +6,7 @@
   that sticks has the share 1 - s of the contact's area. The beam's own compliance is 1 % there.
 - Full slip: the tangential force over mu times the normal one, after a press of 1 mm.
 - Cycle: press 1 mm, then shear to and fro. The loop closes, and its area is the energy dissipated.
-- Half model: the same press and shear on tetrahedra.
+- Half model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
 """
 
 from __future__ import annotations
