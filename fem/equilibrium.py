@@ -14,71 +14,26 @@ import functools
 import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem import contact, models
+from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
-from fem.solution import Solution, read, slides
+from fem.solution import Solution, coulomb, read, slides
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, Response, check_load
+from geometry.scene import Load, Magnet, check_load
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 Progress = Callable[[float, str], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Accuracy:
-    """The finite elements' only knob.
-
-    Attributes
-    ----------
-    name : quick, standard or fine.
-    section_size, solid_size : edge lengths of the section and the tetrahedral mesh, in units of D.
-    section_patch, solid_patch : edge lengths where the glued or gripped patch of skin ends (under a tilted plate at
-        the tip); with coarse ones the tip shears too stiffly.
-    harmonics : number of harmonics of the harmonic model.
-    rub : length of the steps with Coulomb friction over their usual one.
-    """
-
-    name: str
-    section_size: float
-    solid_size: float
-    section_patch: float
-    solid_patch: float
-    harmonics: int
-    rub: float = 1.0
-
-
-QUICK = Accuracy("quick", 0.12, 0.16, 0.01, 0.03, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.004, 0.015, 3)
-FINE = Accuracy("fine", 0.04, 0.10, 0.00125, 0.01, 4)
-LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
-
-RULES = {
-    "press": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
-    "pressed": ((1.0, 0.675, 2.5), (0.5, 1.21, 2.5), (0.5, 1.21, 2.5)),
-    "stick": ((0.7, 0.055, 1.5), (0.4, 0.21, 2.0), (0.5, 0.0095, 0.75)),
-    "grip": ((1.3, 0.065, 1.5), (1.2, 0.023, 1.5), (0.5, 0.028, 1.0)),
-    "friction": ((0.7, 0.27, 1.5), (0.5, 0.28, 1.5), (0.5, 0.28, 1.5)),
-    "solid": ((1.0, 0.45, 1.5), (1.0, 0.45, 1.5), (1.0, 0.25, 1.5)),
-}
-"""How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
-stick shear, whose mesh is fine where the contact ends), and on tetrahedra: the difference
-to the companion times the first number, but at least the second times (edge length / D) to the power of the third.
-Set with `magtip accuracy`, which holds the estimates against true errors. Those with Coulomb friction, whose
-companion takes longer steps too, are the press's: twice the true errors of quick and standard or more at mu = 1,
-0.5 mm deep, sheared by 0.5 and 1.5 mm."""
-COARSER = 1.5
-"""Edge lengths of the companion that the error is estimated with, over those of the solution."""
 MOST_HARMONICS = 12
-NOTHING = 1e-12
-"""Tilts (rad) below this are rounding, which no error is relative to; forces and shifts are small at small loads."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -186,45 +141,18 @@ def _walk(
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, loads, accuracy)
+            yield state if companion is None else _with_estimates(state, companion, loads, accuracy, design.D)
 
 
-def coarser(accuracy: Accuracy) -> Accuracy:
-    """That of the companion."""
-    sizes = ("section_size", "solid_size", "section_patch", "solid_patch", "rub")
-    changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
-    return replace(accuracy, harmonics=max(accuracy.harmonics - 1, 1), **changed)
-
-
-def estimates(
-    one: Response, other: Response, load: Load, loads: Sequence[Load], accuracy: Accuracy, model: str
-) -> tuple[float | None, float | None, float | None]:
-    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's.
-
-    The load is one of the path's `loads`.
-    """
-    scene, edge = "press", accuracy.section_size
-    if coulomb(loads) is not None:
-        scene = "friction"
-    elif any(map(slides, loads)):
-        scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
-    if model in ("half", "full"):
-        scene, edge = "solid", accuracy.solid_size
-    pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
-    force, shift, tilt = (
-        _estimate(*pair, factor, floor * edge**power, nothing)
-        for pair, (factor, floor, power), nothing in zip(pairs, RULES[scene], (0.0, 0.0, NOTHING), strict=True)
-    )
-    return force, shift, tilt
-
-
-def _with_estimates(state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy) -> Solution:
+def _with_estimates(
+    state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy, D: float
+) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt = estimates(state.response, companion.response, state.load, loads, accuracy, state.model)
+    force, shift, tilt = estimates(state.response, companion.response, state.load, loads, accuracy, state.model, D)
     return replace(
         state,
         seconds=seconds,
@@ -232,14 +160,6 @@ def _with_estimates(state: Solution, companion: Solution, loads: Sequence[Load],
         shift_error_estimate=shift,
         tilt_error_estimate=tilt,
     )
-
-
-def _estimate(
-    one: Sequence[float], other: Sequence[float], factor: float, least: float, nothing: float
-) -> float | None:
-    """Relative difference of two vectors times a factor, at least `least`; None where there is nothing."""
-    size = math.hypot(*one)
-    return max(factor * math.dist(one, other) / size, least) if size > nothing else None
 
 
 def _axis(load: Load) -> float:
@@ -336,12 +256,6 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     if held is not None:
         return Path(build(harmonics=accuracy.harmonics), held)
     return Path(build(), raised=functools.partial(build, harmonics=accuracy.harmonics), rim=edge)
-
-
-def coulomb(loads: Sequence[Load]) -> float | None:
-    """Coefficient of friction of a path's loads, None for a frictionless or glued plate."""
-    mu = loads[0].friction
-    return None if isinstance(mu, str) or mu == 0 else float(mu)
 
 
 def contact_edge(d: models.Discretisation, depth: float) -> float:

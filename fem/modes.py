@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from fem import contact, elements, models, rigid
 from fem.contact import Plate
-from fem.equilibrium import STANDARD, Accuracy, contact_edge
+from fem.equilibrium import contact_edge
+from fem.levels import STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import lame, law
 from fem.path import Path

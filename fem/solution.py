@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -83,6 +84,12 @@ def slides(load: Load) -> bool:
     """Whether a load moves the tip sideways (a frictionless plate does not)."""
     rough = load.friction == "stick" if isinstance(load.friction, str) else load.friction > 0
     return bool(load.shear_x or load.shear_y) and (load.grip is not None or rough)
+
+
+def coulomb(loads: Sequence[Load]) -> float | None:
+    """Coefficient of friction of a path's loads, None for a frictionless or glued plate."""
+    mu = loads[0].friction
+    return None if isinstance(mu, str) or mu == 0 else float(mu)
 
 
 def read(

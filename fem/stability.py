@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from fem import contact, models
 from fem.contact import Plate
-from fem.equilibrium import QUICK, STANDARD, Accuracy, contact_edge
+from fem.equilibrium import contact_edge
+from fem.levels import QUICK, STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import law
 from fem.models import Discretisation

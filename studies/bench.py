@@ -43,7 +43,7 @@ class Case:
     Attributes
     ----------
     name, model, magnet, loads : the scene; a load holds the fields of `geometry.scene.Load`.
-    ladder : accuracies to choose from, fields of `fem.equilibrium.Accuracy`; the cheapest within tolerance counts.
+    ladder : accuracies to choose from, fields of `fem.levels.Accuracy`; the cheapest within tolerance counts.
     tolerance_percent : of the force at every load; infinite where it is only reported.
     reference : model and accuracy of the fine solution, or None.
     goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from fem import equilibrium
-from fem.equilibrium import LEVELS
+from fem.levels import LEVELS
 from fem.solution import Solution
 from geometry.scene import Magnet, Response
 from studies import trials

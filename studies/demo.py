@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from fem.equilibrium import STANDARD, Accuracy
+from fem.levels import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
 from studies import compare, describe, files, report

@@ -58,7 +58,7 @@ def grid_of(
 
 def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, Any]]:
     """Run a sweep."""
-    from fem.equilibrium import LEVELS
+    from fem.levels import LEVELS
     from studies import sweep as work
 
     level = LEVELS[grid.accuracy]

@@ -57,7 +57,7 @@ def compare(
         Of the finite elements.
     """
     given = inputs.read_design(source, sets or [])
-    from fem.equilibrium import LEVELS
+    from fem.levels import LEVELS
     from studies import compare as work
 
     _say_what_is_ignored(given)

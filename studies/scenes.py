@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.equilibrium import QUICK, STANDARD, Accuracy
+from fem.levels import QUICK, STANDARD, Accuracy
 from geometry.design import paper
 from geometry.scene import Load
 from studies import judges

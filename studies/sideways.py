@@ -17,7 +17,7 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     at a depth are left out without one.
     """
     from fem import stability
-    from fem.equilibrium import LEVELS
+    from fem.levels import LEVELS
 
     if depth is not None:
         stability.check_depth(design, depth, magnet)

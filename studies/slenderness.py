@@ -48,7 +48,7 @@ def run(
 
 def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
     from fem import stability
-    from fem.equilibrium import LEVELS
+    from fem.levels import LEVELS
 
     found: Row = {"status": "ok"}
     said = []

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from fem.equilibrium import QUICK, STANDARD, Accuracy, trace
+from fem.equilibrium import trace
+from fem.levels import QUICK, STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import paper
 from geometry.scene import Load, Magnet

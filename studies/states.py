@@ -15,7 +15,7 @@ from studies.console import Progress
 from studies.options import Method, Motion
 
 if TYPE_CHECKING:
-    from fem.equilibrium import Accuracy
+    from fem.levels import Accuracy
     from fem.solution import Solution
 
 MOST_STEPS = 1000
@@ -145,9 +145,9 @@ def solve(
 
 def _level(loads: list[Load], method: Method) -> Accuracy:
     """The accuracy, with the number of harmonics asked for."""
-    from fem import equilibrium
+    from fem import equilibrium, levels
 
-    level, harmonics = equilibrium.LEVELS[method.accuracy], method.harmonics
+    level, harmonics = levels.LEVELS[method.accuracy], method.harmonics
     if harmonics is None:
         return level
     most = equilibrium.MOST_HARMONICS

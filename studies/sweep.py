@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fem.equilibrium import STANDARD, Accuracy
+from fem.levels import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, Response, check_load
 from studies.compare import NAN, Outcome, Progress, Row, follow, formulas, part, percent, reading, write_table

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from fem import contact, models
-from fem.equilibrium import LEVELS, trace
+from fem.equilibrium import trace
+from fem.levels import LEVELS
 from fem.newton import newton
 from fem.path import Path
 from geometry.design import paper

@@ -11,7 +11,8 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
-from fem.equilibrium import Accuracy, Model
+from fem.equilibrium import Model
+from fem.levels import Accuracy
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Magnet
 

@@ -13,7 +13,7 @@ BAND = 600.0
 
 def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str) -> dict[str, Any]:
     """One record: frequencies in rising order with their shapes, and the spring-mass formula."""
-    from fem.equilibrium import LEVELS
+    from fem.levels import LEVELS
     from fem.modes import modes, spring_mass
 
     found = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])

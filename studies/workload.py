@@ -30,14 +30,14 @@ def trace(spec: Answer) -> Answer:
     """Follow a path of loads with the finite elements and tell forces, iterations and cost."""
     from dataclasses import replace
 
-    from fem import equilibrium
+    from fem import equilibrium, levels
     from geometry.design import paper
     from geometry.scene import Load
 
     with contextlib.suppress(ImportError):
         import pypardiso  # noqa: F401
     loads = [Load(**load) for load in spec["loads"]]
-    accuracy = replace(equilibrium.STANDARD, name="bench", **spec["accuracy"])
+    accuracy = replace(levels.STANDARD, name="bench", **spec["accuracy"])
     before, wall, base = _cpu(), time.perf_counter(), _peak(resource.RUSAGE_SELF)
     found = equilibrium.trace(paper(), loads, accuracy, magnet=spec["magnet"], model=spec["model"], estimate=False)
     own, children = (now - then for now, then in zip(_cpu(), before, strict=True))

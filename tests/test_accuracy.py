@@ -6,7 +6,7 @@ import math
 import pytest
 
 from fem import equilibrium
-from fem.equilibrium import LEVELS, QUICK
+from fem.levels import LEVELS, QUICK
 from geometry.design import paper
 from studies import accuracy, calibration, cli, trials
 from studies.accuracy import QUANTITIES, Task

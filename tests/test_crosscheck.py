@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from fem.equilibrium import QUICK, solve
+from fem.equilibrium import solve
+from fem.levels import QUICK
 from geometry.design import paper
 from geometry.scene import Load
 from studies import crosscheck

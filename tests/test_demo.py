@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from fem.equilibrium import QUICK
+from fem.levels import QUICK
 from studies import demo
 
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import simpson
 
 from fem import models
-from fem.equilibrium import QUICK, STANDARD, solve, trace
+from fem.equilibrium import solve, trace
+from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load

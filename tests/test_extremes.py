@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.equilibrium import QUICK, solve
+from fem.equilibrium import solve
+from fem.levels import QUICK
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.scene import Load
 from studies import extremes, judges

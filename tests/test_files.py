@@ -8,7 +8,8 @@ import pytest
 import skfem
 
 from fem import elements
-from fem.equilibrium import QUICK, trace
+from fem.equilibrium import trace
+from fem.levels import QUICK
 from fem.solution import Field
 from geometry.design import BadInput, paper
 from geometry.scene import Load

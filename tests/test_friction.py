@@ -9,7 +9,8 @@ import scipy.sparse.linalg as spla
 
 from fem import friction, models
 from fem.contact import Plate
-from fem.equilibrium import QUICK, choose_model, solve, trace
+from fem.equilibrium import choose_model, solve, trace
+from fem.levels import QUICK
 from fem.linear import Solver, have_pardiso
 from geometry.design import Design, paper
 from geometry.scene import Load

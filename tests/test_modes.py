@@ -9,7 +9,7 @@ import skfem
 from scipy.optimize import brentq
 
 from fem import elements, modes
-from fem.equilibrium import QUICK, STANDARD
+from fem.levels import QUICK, STANDARD
 from fem.material import lame
 from fem.models import on_axis
 from fem.system import System

@@ -7,7 +7,8 @@ import pytest
 import skfem
 
 from fem import elements, revolve
-from fem.equilibrium import QUICK, trace
+from fem.equilibrium import trace
+from fem.levels import QUICK
 from fem.solution import Field
 from geometry.cad import beam_volume, magnet_volume
 from geometry.design import paper

@@ -7,7 +7,8 @@ import pytest
 
 from analytic import buckling
 from fem import stability
-from fem.equilibrium import QUICK, STANDARD, trace
+from fem.equilibrium import trace
+from fem.levels import QUICK, STANDARD
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load
 

@@ -193,11 +193,11 @@ def test_options_as_loads(given, loads):
 
 
 def test_choices_match_the_solver():
-    from fem import equilibrium
+    from fem import equilibrium, levels
     from studies.inputs import AccuracyName
 
     assert get_args(options.Model) == get_args(equilibrium.Model)
-    assert set(get_args(AccuracyName)) == set(equilibrium.LEVELS)
+    assert set(get_args(AccuracyName)) == set(levels.LEVELS)
 
 
 @pytest.fixture
@@ -222,7 +222,7 @@ def fake(monkeypatch):
 
 
 def test_sweep_of_a_study(run, fake, tmp_path, strict):
-    from fem.equilibrium import FINE, QUICK
+    from fem.levels import FINE, QUICK
 
     (tmp_path / "study.toml").write_text('depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n')
     failed = {"D_mm": 3.0, "status": "not_converged", "message": "stopped at 2 mm"}

@@ -7,7 +7,7 @@ import pytest
 
 from analytic import beam, hall
 from fem import equilibrium
-from fem.equilibrium import QUICK
+from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load
 from studies import sweep
