@@ -42,13 +42,14 @@ def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
     >>> choose_model([Load(depth=1.0)], "auto")
     'axisymmetric'
     """
-    sideways = any(slides(load) for load in loads)
+    sideways = any(slides(load) or load.imperfection for load in loads)
     tilted = any(load.plate_tilt for load in loads)
-    turns = len({_axis(load) for load in loads if slides(load)} | ({0.0} if tilted else set())) > 1
+    fixed = {0.0} if tilted or any(load.imperfection for load in loads) else set()
+    turns = len({_axis(load) for load in loads if slides(load)} | fixed) > 1
     if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
         raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
     if model == "axisymmetric" and sideways:
-        raise BadInput("model axisymmetric cannot carry a shear: choose auto or harmonic")
+        raise BadInput("model axisymmetric cannot carry a shear or an imperfection: choose auto or harmonic")
     if model in ("axisymmetric", "harmonic") and tilted:
         raise BadInput(f"model {model} cannot carry a tilted plate: choose auto, half or full")
     if model in ("harmonic", "half") and turns:
@@ -171,10 +172,11 @@ def _axis(load: Load) -> float:
 def _check_path(loads: Sequence[Load]) -> None:
     first = loads[0]
     if any(
-        (load.grip, load.friction, load.plate_tilt) != (first.grip, first.friction, first.plate_tilt)
+        (load.grip, load.friction, load.plate_tilt, load.imperfection)
+        != (first.grip, first.friction, first.plate_tilt, first.imperfection)
         for load in loads
     ):
-        raise BadInput("all loads of a path must share the grip, the friction and the tilt of the plate")
+        raise BadInput("all loads of a path must share grip, friction, tilt of the plate and imperfection")
     glued: float | None = None
     for load in loads:
         if glued is not None and load.depth != glued:
@@ -226,7 +228,7 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     sideways = any(map(slides, loads))
     grip, tilt = loads[0].grip, loads[0].plate_tilt
     held = None if grip is None else grip / design.D
-    mu = coulomb(loads)
+    mu, push = coulomb(loads), loads[0].imperfection / (design.E * design.D**2)
     size = accuracy.section_size
     tip = min(size, math.sqrt(shape.R * min(depths, default=1.0)) * size / QUICK.section_size / 6)
     build = functools.partial(models.section, shape, design.nu, magnet, size, tip, silicone)
@@ -240,16 +242,23 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
         edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
     if name in ("half", "full"):
         coarse = accuracy.solid_size
-        solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=name == "half")
+        half = name == "half"
+        solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=half, push=push)
         if edge is None or edge == shape.R:
             fine = accuracy.solid_patch if sideways or tilt else coarse / 2
             return Path(solid(fine), held, tilt, mu=mu, rub=accuracy.rub)
-        return Path(solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=edge)
+        return Path(
+            solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=None if push else edge
+        )
     if name == "axisymmetric":
         return Path(build(), raised=functools.partial(build, harmonics=1), mu=mu, rub=accuracy.rub)
     if mu is not None and sideways:
         raised = functools.partial(build, harmonics=accuracy.harmonics)
         return Path(build(), raised=raised, mu=mu, rub=accuracy.rub)
+    if push:
+        if edge is not None:
+            build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
+        return Path(build(harmonics=accuracy.harmonics, push=push))
     if edge is None:
         return Path(build(harmonics=accuracy.harmonics), held, mu=mu, rub=accuracy.rub)
     build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))

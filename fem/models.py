@@ -68,10 +68,12 @@ def section(
     *,
     harmonics: int = 0,
     rim: tuple[float, float] | None = None,
+    push: float = 0.0,
 ) -> Discretisation:
     """Section of revolution with clamped base; size and tip_size are edge lengths in units of D.
 
     rim : where the patch of contact will end, as for `geometry.section.section`.
+    push : dead force along x, spread over the dome, over E D^2; needs harmonics.
     """
     held = magnet == "rigid"
     mesh = _section_mesh(shape, size, tip_size, rim, "hole" if held else "none")
@@ -84,7 +86,8 @@ def section(
     )
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
-    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, law=law)
+    dead = _pushed(skin, fixed.shape, shape.H, push) if push else None
+    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
@@ -98,10 +101,12 @@ def solid(
     *,
     half: bool,
     rim: tuple[float, float] | None = None,
+    push: float = 0.0,
 ) -> Discretisation:
     """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D.
 
     rim : where the patch of contact will end, as for `geometry.mesh.tetrahedra`.
+    push : dead force along x, spread over the dome, over E D^2.
     """
     held = magnet == "rigid"
     mesh = _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
@@ -113,8 +118,19 @@ def solid(
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
-    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, law=law)
-    return Discretisation("half" if half else "full", mesh, system, 2.0 if half else 1.0, shape)
+    symmetry = 2.0 if half else 1.0
+    dead = _pushed(skin, fixed.shape, shape.H, push / symmetry) if push else None
+    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
+    return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
+
+
+def _pushed(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
+    """Nodal forces of a uniform dead traction along x on the skin above a height, with that resultant."""
+    weights = np.where(skin.points[..., 2] > above, skin.weights, 0.0)
+    along = np.einsum("kq,qf,qn->knf", weights * (force / weights.sum()), skin.E[:, 0], skin.shape)
+    dead = np.zeros(fields)
+    np.add.at(dead, skin.nodes, along)
+    return dead
 
 
 def on_axis(harmonics: int) -> NDArray[np.bool_]:

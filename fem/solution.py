@@ -219,6 +219,11 @@ def _judge(
     aside = max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))
     if load.depth > 0 and not sheared and not load.plate_tilt and aside > BUCKLED:
         shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
+        if load.imperfection:
+            return "ok", (
+                f"the tip leans aside (shift {shift:.2g} mm, tilt {tilt:.2g} rad): the branch to which an "
+                f"imperfection of {load.imperfection:g} N leads"
+            )
         return "unstable", (
             f"the tip has given way sideways under the frictionless plate (shift {shift:.2g} mm, tilt {tilt:.2g} "
             "rad; the mesh decides to which side): the symmetric press is unstable"

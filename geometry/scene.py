@@ -25,6 +25,8 @@ class Load:
         with it), or a Coulomb coefficient that acts from first touch on.
     plate_tilt : rotation of the plate about y that carries its normal from z towards x, rad; it still comes down
         along z, by `depth` after it has touched the dome.
+    imperfection : dead force along x, spread over the dome, N: it picks the side to which a press gives way, so that
+        the branch beyond can be followed.
     grip : no plate; every surface point within this height of the tip moves sideways by the shear, u_z free, mm.
 
     Raises
@@ -39,6 +41,7 @@ class Load:
     friction: float | Literal["none", "stick"] = "none"
     grip: float | None = None
     plate_tilt: float = 0.0
+    imperfection: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth < math.inf:
@@ -53,6 +56,10 @@ class Load:
             raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction:g}")
         if not abs(self.plate_tilt) <= STEEPEST:
             raise BadInput(f"plate tilt must be within +-{STEEPEST:g} rad; got {self.plate_tilt:g}")
+        if not math.isfinite(self.imperfection):
+            raise BadInput(f"imperfection must be a finite number of N; got {self.imperfection:g}")
+        if self.imperfection and (self.grip is not None or self.friction not in ("none", "stick", 0)):
+            raise BadInput("an imperfection goes with a plate that is frictionless or sticks: leave it out")
         if self.grip is not None:
             if self.plate_tilt:
                 raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {self.plate_tilt:g} rad")

@@ -41,6 +41,8 @@ class Motion:
         N states on the way: of the depth, or with a shear, of the shear at the full depth.
     plate_tilt
         Rotation of the plate about y that carries its normal from z towards x, degrees.
+    imperfection
+        Dead force along x on the dome, N: a press that gives way sideways is followed to that side.
     friction
         none, stick (the patch in contact is glued to the plate), or a Coulomb coefficient, from first touch on.
         By default none for a press, and stick when the plate shears.
@@ -54,6 +56,7 @@ class Motion:
     shear: Annotated[float | None, SHEAR] = None
     shear_y: Annotated[float | None, SHEAR_Y] = None
     plate_tilt: float = 0.0
+    imperfection: float = 0.0
     friction: str | None = None
     grip: float | None = None
 

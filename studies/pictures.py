@@ -178,7 +178,9 @@ def _add_plate(plotter: Any, design: Design, solution: Solution, slope: float, r
     load = solution.load
     bottom = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
     middle, half, thick = load.shear_x, 1.25 * design.R, PLATE * design.D
-    ends = [(x, bottom - slope * x) for x in (middle - half, middle + half)]
+    leans = solution.response.shift[0] if not load.shear_x else 0.0
+    span = middle - half + min(1.2 * leans, 0.0), middle + half + max(1.2 * leans, 0.0)
+    ends = [(x, bottom - slope * x) for x in span]
     corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
     plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
     _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)

@@ -34,7 +34,8 @@ def loads_of(motion: Motion) -> list[Load]:
     tilt = math.radians(motion.plate_tilt)
     if motion.depths is not None:
         depths = inputs.parse_numbers("--depths", motion.depths)
-        return [Load(depth=value, friction=contact, plate_tilt=tilt) for value in depths]
+        given = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
+        return [replace(given, depth=value) for value in depths]
     count = _count(motion.steps)
     full = Load(
         depth=motion.depth or 0.0,
@@ -43,6 +44,7 @@ def loads_of(motion: Motion) -> list[Load]:
         friction=contact,
         grip=motion.grip,
         plate_tilt=tilt,
+        imperfection=motion.imperfection,
     )
     shares = [(k + 1) / count for k in range(count)]
     if slides:
@@ -61,6 +63,8 @@ def _check_motion(motion: Motion) -> bool:
         raise BadInput("a grip only moves sideways: add --shear X in mm")
     if motion.grip is not None and motion.friction is not None:
         raise BadInput("a grip has no plate to rub on: leave --friction out")
+    if motion.grip is not None and motion.imperfection:
+        raise BadInput("an imperfection goes with a plate: leave --imperfection out of a grip")
     if motion.grip is not None and motion.plate_tilt:
         raise BadInput("a grip has no plate to tilt: leave --plate-tilt out")
     if motion.depths is not None:
@@ -216,6 +220,7 @@ def _motion_record(load: Load) -> dict[str, Any]:
         "shear_mm": load.shear_x,
         "shear_y_mm": load.shear_y,
         "plate_tilt_rad": load.plate_tilt,
+        "imperfection_N": load.imperfection,
     }
 
 

@@ -32,6 +32,7 @@ SOLVE_KEYS = {
     "tilt_error_estimate",
     "shear_y_mm",
     "plate_tilt_rad",
+    "imperfection_N",
     "tilt_y_rad",
     "dofs",
     "newton_iterations",
