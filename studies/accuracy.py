@@ -133,7 +133,8 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
     """What a solve depends on, as text."""
-    unused: dict[str, Any] = {"name": "", "rub": 0} | ({"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {})
+    unused: dict[str, Any] = {"name": "", "rub": 0}
+    unused |= {"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {}
     unused |= {"harmonics": 0, "section_patch": 0} if trial.scene == "press" else {}
     loads = [dataclasses.astuple(load) for load in trial.loads]
     used = dataclasses.astuple(replace(accuracy, **unused))
