@@ -95,6 +95,8 @@ CASES = (
         (
             {"section_size": 0.12, "section_patch": 0.01, "harmonics": 2},
             {"section_size": 0.1, "section_patch": 0.004, "harmonics": 2},
+            {"section_size": 0.09, "section_patch": 0.006, "harmonics": 3},
+            {"section_size": 0.09, "section_patch": 0.004, "harmonics": 3},
             {"section_size": 0.06, "section_patch": 0.004, "harmonics": 3},
         ),
         0.5,
