@@ -53,13 +53,16 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     Raises
     ------
     BadInput
-        Unknown level, a tilted plate, or a load that the level cannot carry or `check_load` refuses. The paper's
-        level carries depths up to D/2; the others no Coulomb friction, and no shear of a plate that touches nothing.
+        Unknown level, a tilted plate, an imperfection, or a load that the level cannot carry or `check_load`
+        refuses. The paper's level carries depths up to D/2; the others no Coulomb friction, and no shear of a plate
+        that touches nothing.
     """
     if level not in LEVELS:
         raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
     if load.plate_tilt:
         raise BadInput(f"formulas know an upright plate only, so plate tilt must be 0; got {load.plate_tilt:g} rad")
+    if load.imperfection:
+        raise BadInput(f"formulas know no imperfection, so it must be 0; got {load.imperfection:g} N")
     terms = TERMS.get(level)
     rigid = terms is not None and terms.magnet and design.shape.has_magnet
     check_load(design, load, magnet="rigid" if rigid else "ignored")

@@ -23,7 +23,7 @@ from typing import Any
 
 from analytic import beam, buckling
 from fem import equilibrium
-from fem.equilibrium import LEVELS
+from fem.levels import LEVELS
 from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Magnet, Response

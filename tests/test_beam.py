@@ -85,6 +85,8 @@ def test_bad_input():
         solve(paper(), Load(depth=1), level="fem")
     with pytest.raises(BadInput, match="upright plate only"):
         solve(paper(), Load(depth=1, plate_tilt=0.1))
+    with pytest.raises(BadInput, match="no imperfection"):
+        solve(paper(), Load(depth=1, imperfection=0.01))
     with pytest.raises(BadInput, match="depth must be less than the 9 mm"):
         solve(paper(), Load(depth=9))
     with pytest.raises(BadInput, match="grip must be less than L"):
