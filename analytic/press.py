@@ -19,8 +19,9 @@ magnet : rigid, radius a, height h, so that silicone of thickness R - h/2 lies a
 finite : thins the layer to t exp(-1.4 above/R), and below = R C (1 - lambda) with the stretch of a neo-Hookean
          column, 1/lambda^2 - lambda = 3 eps.
 
-0.18, 1.55, 0.4 and 1.4 are fitted to finite elements (`magtip ladder`); all else is quoted or derived. Without a
-magnet, level magnet is level tip. Units mm, N, MPa.
+Fitted to finite elements are 0.18 (sinking of silicone beams at 0.03 D), 1.55 and 0.4 (that with magnets) and 1.4
+(force at D/4); all else is quoted or derived. `magtip ladder` shows how they fare on other designs. Without a magnet,
+level magnet is level tip. Units mm, N, MPa.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ k = 6 (1 + nu)/(7 + 6 nu) (Cowper 1966); all other levels are a column that shea
 holds a tip that cannot turn freely. Along the column (0 to l) with turn psi and shear gamma = (Q + P psi)/S of the
 section (Haringx 1948), q^2 = P f/B, f = 1 + P/S:
 
-    w' = psi + gamma,    B psi'' = -Q - P w',    psi = -Q (f/B) s^2 C(q s) + beta s sin(q s)/(q s),    C(x) = (1 - cos x)/x^2.
+    w' = psi + gamma,    B psi'' = -Q - P w',    psi(0) = w(0) = 0,
+    psi = -Q (f/B) s^2 C(q s) + beta s sin(q s)/(q s),    C(x) = (1 - cos x)/x^2.
 
 Above it all is rigid and turns by omega = psi + gamma/2, up to the patch of radius a, which gives way by Mindlin's
 1/k_t = (2 - nu)/(8 G a), plus 0.1/(G R) of the dome's own shear, and turns against k_r = 8 G a^3/(3 (1 - nu)):
@@ -21,8 +22,9 @@ Level finite takes the column as it is after the press, of stretch lambda: B = E
 and S = k G A lambda, from a neo-Hookean column; its length is what the press leaves. The tip comes down as it
 leans, by kappa delta^2/2 with kappa = -dk/dP (k = Q/delta; energy), and so the press force falls to that of the
 depth d - kappa delta^2/2. The dome rolls onto the plate in front: a grows by |omega| R/4.
-0.1 and 1/4 are fitted to finite elements (`magtip ladder`). Units mm, N, MPa, rad.
-"""  # noqa: E501
+0.1 and 1/4 are fitted to the shear force of finite elements at small shear and at 0.3 D; `magtip ladder` shows how
+they fare on other designs. Units mm, N, MPa, rad.
+"""
 
 from __future__ import annotations
 
