@@ -23,7 +23,8 @@ and S = k G A lambda, from a neo-Hookean column; its length is what the press le
 leans, by kappa delta^2/2 with kappa = -dk/dP (k = Q/delta; energy), and so the press force falls to that of the
 depth d - kappa delta^2/2. The dome rolls onto the plate in front: a grows by |omega| R/4.
 0.1 and 1/4 are fitted to the shear force of finite elements at small shear and at 0.3 D; `magtip ladder` shows how
-they fare on other designs. Units mm, N, MPa, rad.
+they fare on other designs. Level finite is worst where a light press is sheared far: at depth 0.06 D, shear 0.3 D and
+L/D near 1.1 the press force falls too much, and the magnet sinks up to half too far. Units mm, N, MPa, rad.
 """
 
 from __future__ import annotations
