@@ -1,23 +1,108 @@
-"""The paper's mechanics: force and displacement of the magnet from the motion of the tip, in closed form.
+"""The formulas' mechanics, from the paper's own up to the best instant ones: one ladder of levels, one `Response`.
 
-Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7). Lengths in mm, E in MPa, forces in N.
+| level | press | shear under a plate that sticks | good for |
+|---|---|---|---|
+| paper | (5) and (7) | (6) | the paper's claims |
+| column | Hertz in series with a bar | Timoshenko's cantilever, free tip | silicone, small loads |
+| tip | finite dome, clamped foot | patch that holds the tip; pressed column | silicone, depth to 0.06 D |
+| magnet | rigid magnet: layers above and below it | rigid above the magnet's foot | depth to 0.06 D |
+| finite | neo-Hookean at large strain | leaning tip, rolling dome | depth to D/4, shear to 0.3 D |
+
+The terms are in `analytic.press` and `analytic.sway`; what each level is off by, over the design space, is in the
+table of `magtip ladder`. Lengths in mm, E in MPa, forces in N.
+
+The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
 """
 
 from __future__ import annotations
 
 import math
 
+from analytic import buckling
+from analytic.press import Terms, press
+from analytic.sway import Sway, cantilever, sway
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Response, check_load
 
-LEVELS = ("paper",)
-"""The models that `solve` knows."""
+TERMS = {
+    "column": Terms(),
+    "tip": Terms(tip=True),
+    "magnet": Terms(tip=True, magnet=True),
+    "finite": Terms(tip=True, magnet=True, finite=True),
+}
+LEVELS = ("paper", *TERMS)
+"""The models that `solve` knows, from the paper's up."""
 
 
 def solve(design: Design, load: Load, level: str = "paper") -> Response:
-    """How the sensor answers a load, by a formula.
+    """How the sensor answers a load, by formulas.
 
-    Level "paper", with d the depth and delta the sideways motion of the tip, for x and y alike:
+    A plate with friction "none" slides: no sideways force or shift. With "stick" the patch in contact follows the
+    plate. A grip shears at d = 0.
+
+    Parameters
+    ----------
+    load : upright plate or grip; `outside` says whether a level is good for it.
+    level : one of `LEVELS`.
+
+    Returns
+    -------
+    Response
+        Force F_N positive in compression; the magnet's shift and tilt; contact radius.
+
+    Raises
+    ------
+    BadInput
+        Unknown level, a tilted plate, an imperfection, or a load that the level cannot carry or `check_load`
+        refuses. The paper's level carries depths up to D/2; the others no Coulomb friction, and no shear of a plate
+        that touches nothing.
+    """
+    if level not in LEVELS:
+        raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
+    if load.plate_tilt:
+        raise BadInput(f"formulas know an upright plate only, so plate tilt must be 0; got {load.plate_tilt:g} rad")
+    if load.imperfection:
+        raise BadInput(f"formulas know no imperfection, so it must be 0; got {load.imperfection:g} N")
+    terms = TERMS.get(level)
+    rigid = terms is not None and terms.magnet and design.shape.has_magnet
+    check_load(design, load, magnet="rigid" if rigid else "ignored")
+    return _paper(design, load) if terms is None else _climbed(design, load, terms)
+
+
+def outside(design: Design, load: Load, level: str) -> str:
+    """In what a load leaves the range that a level was set beside finite elements in; "" if in nothing."""
+    if level == "paper":
+        return ""
+    deepest = 0.25 if level == "finite" else 0.06
+    found = []
+    if not design.L >= 1.1 * design.D:
+        found.append(f"L/D = {design.L / design.D:.3g} is below 1.1")
+    if not design.L <= 4 * design.D:
+        found.append(f"L/D = {design.L / design.D:.3g} is above 4")
+    if not design.nu >= 0.49:
+        found.append(f"nu = {design.nu:g} is below 0.49")
+    if design.law != "neo-hookean":
+        found.append(f"the formulas know E and nu, not the law {design.law}")
+    if level in ("column", "tip") and design.shape.has_magnet:
+        found.append("the level takes the magnet for silicone")
+    if TERMS[level].magnet and design.shape.has_magnet:
+        if not (design.magnet_diameter <= 0.7 * design.D and design.magnet_height <= 0.5 * design.D):
+            found.append("the magnet is wider than 0.7 D or higher than 0.5 D")
+        if not design.H - design.magnet_height / 2 >= 0.35 * design.D:
+            found.append("less than 0.35 D of silicone lies below the magnet")
+    if not load.depth <= deepest * design.D:
+        found.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
+    size = math.hypot(load.shear_x, load.shear_y) if load.friction == "stick" or load.grip is not None else 0.0
+    farthest = 0.3 if level == "finite" else 0.05
+    if not size <= farthest * design.D:
+        found.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
+    if load.grip is not None and not load.grip <= design.D / 16:
+        found.append(f"grip is above D/16 = {design.D / 16:.3g} mm")
+    return "; ".join([*found, *_gives_way(design, load, level)])
+
+
+def _paper(design: Design, load: Load) -> Response:
+    """Level paper, with d the depth and delta the sideways motion of the tip, for x and y alike:
 
         (5)  F_N  = E A d / L
         (6)  F_mu = 3 E I delta / L^3,    I = pi D^4 / 64
@@ -33,31 +118,13 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     Notes
     -----
     (7) is the cross-section of the hemisphere at the plate's level. It reaches the beam's own section at d = D/2,
-    and would fall beyond. (5) is a secant law: taken as a tangent, dF = (E A/L) dd, the same stiffness gives
-    9.42 N rather than 15.71 N for the paper's sensor at d = 3 mm.
+    and would fall beyond; the contact radius is sqrt(A/pi). (5) is a secant law: taken as a tangent,
+    dF = (E A/L) dd, the same stiffness gives 9.42 N rather than 15.71 N for the paper's sensor at d = 3 mm.
 
-    A plate with friction "none" slides: no sideways force or shift. With "stick" all the shear reaches the tip, even
-    at depth 0, where the force (6) needs no press. A Coulomb coefficient mu limits the force (6) to mu F_N; the tip
-    then follows by no more than that force bends the beam. A grip shears at d = 0, whatever its height.
-
-    Parameters
-    ----------
-    load : depth up to D/2.
-    level : one of `LEVELS`.
-
-    Returns
-    -------
-    Response
-        Force (F_x, F_y, F_N), F_N positive in compression; shift (dx, dy, -dz); tilt 0; contact radius sqrt(A/pi).
-
-    Raises
-    ------
-    BadInput
-        Unknown level, depth above D/2, or a load that `check_load` refuses.
+    With "stick" all the shear reaches the tip, even at depth 0, where the force (6) needs no press. A Coulomb
+    coefficient mu limits the force (6) to mu F_N; the tip then follows by no more than that force bends the beam.
+    The height of a grip does not matter.
     """
-    if level not in LEVELS:
-        raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
-    check_load(design, load, magnet="ignored")
     if not load.depth <= design.R:
         raise BadInput(
             f"depth must not exceed the tip radius D/2 = {design.R:g} mm, where the contact area (7) ends; "
@@ -96,3 +163,53 @@ def _share_that_sticks(load: Load, normal: float, stiffness: float) -> float:
     full = stiffness * math.hypot(load.shear_x, load.shear_y)
     limit = load.friction * normal
     return 1.0 if full <= limit else limit / full
+
+
+def _climbed(design: Design, load: Load, terms: Terms) -> Response:
+    """The levels above the paper's."""
+    if not isinstance(load.friction, str) and load.friction > 0 and load.grip is None:
+        raise BadInput(
+            f"level paper alone knows Coulomb friction: choose it, or friction none or stick; got {load.friction:g}"
+        )
+    pressed = press(design, load.depth, terms)
+    size = math.hypot(load.shear_x, load.shear_y)
+    if not size or (load.friction != "stick" and load.grip is None):
+        return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
+    if load.grip is None and not load.depth > 0:
+        raise BadInput("a plate that sticks needs a depth above 0: nothing is in contact yet")
+    answer = _swayed(design, load, terms)
+    x, y = load.shear_x / size, load.shear_y / size
+    return Response(
+        force=(x * answer.force, y * answer.force, answer.press),
+        shift=(x * answer.shift, y * answer.shift, -answer.sink),
+        tilt=x * answer.tilt,
+        contact_radius=pressed.contact_radius,
+        tilt_y=y * answer.tilt,
+    )
+
+
+def _swayed(design: Design, load: Load, terms: Terms) -> Sway:
+    size = math.hypot(load.shear_x, load.shear_y)
+    if not terms.tip:
+        return cantilever(design, size, press(design, load.depth, terms))
+    return sway(design, load.depth, size, terms, load.grip)
+
+
+def _gives_way(design: Design, load: Load, level: str) -> list[str]:
+    """Whether a press gives way sideways: a tip that slides at Haringx's load, one that sticks at its own."""
+    terms = TERMS[level]
+    force = press(design, load.depth, terms).force
+    if load.grip is not None or not load.depth > 0:
+        return []
+    if load.friction == "stick":
+        if not terms.tip:
+            return []
+        answer = _swayed(design, load, terms)
+        return [
+            *([] if answer.held else ["the press would give way sideways even with the patch glued"]),
+            *([] if answer.press > 0 else ["the tip leans so far that the press lets go"]),
+        ]
+    critical = buckling.haringx(design)
+    if design.L < 2 * design.D or force <= critical:
+        return []
+    return [f"a tip that slides gives way sideways at about {critical:.3g} N (Haringx), and this follows the upright"]

@@ -50,6 +50,7 @@ for verb in (
     evidence.extremes,
     evidence.accuracy,
     evidence.crosscheck,
+    evidence.ladder,
     evidence.bench,
 ):
     app.command(verb)

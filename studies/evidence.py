@@ -1,4 +1,4 @@
-"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, bench."""
+"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, ladder, bench."""
 
 from __future__ import annotations
 
@@ -146,6 +146,39 @@ def crosscheck(
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} designs disagree: {', '.join(failed)}")
     return FAILED if failed else GOOD
+
+
+def ladder(
+    *, accuracy: AccuracyName = "quick", count: int = 10, out: Path | None = None, as_json: AsJson = False
+) -> int:
+    """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
+
+    Parameters
+    ----------
+    accuracy
+        Of the finite elements.
+    count
+        How many of the ten designs, 1 to 10.
+    out
+        Folder of ladder.csv, LADDER.md and ladder.png.
+    """
+    from studies import ladder as work
+    from studies.extremes import versions
+
+    most = len(work.designs())
+    if not 1 <= count <= most:
+        raise BadInput(f"count must lie between 1 and {most}; got {count}")
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(accuracy, count, progress):
+            rows.append(row)
+            if as_json:
+                print(files.json_line(row), flush=True)
+        if folder is not None:
+            work.write(folder, rows, versions(), f"magtip ladder --accuracy {accuracy} --count {count}")
+    if not as_json:
+        console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square")
+    return GOOD
 
 
 def bench(

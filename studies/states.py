@@ -260,6 +260,7 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
     seen = hall.readings(design, response) if design.shape.has_magnet else None
     return {
         "status": "ok",
+        "message": beam.outside(design, load, level),
         "level": level,
         **_motion_record(load),
         **_response_record(response),

@@ -117,7 +117,7 @@ def analytic(
     Parameters
     ----------
     level
-        Which formulas: paper.
+        Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
     """
     record = states.analytic(inputs.read_design(source, sets or []), depth, (shear, shear_y), level)
     console.report([record], as_json=as_json, title="Formulas")
