@@ -162,7 +162,7 @@ def readings(
         shift, tilt = response.shift, (-response.tilt_y, response.tilt)
     at = (0.0, 0.0, 0.0) if shift is None else shift
     chosen = of_design(design) if elements is None else tuple(elements)
-    points, owners = _plates(chosen)
+    points, owners = plates(chosen)
     b = field_at(points, design, at, (0.0, 0.0) if tilt is None else tilt, field=field)
     b = b + _rows("ambient", ambient, 3)
     directions = np.array([element.direction for element in chosen])[owners]
@@ -181,7 +181,7 @@ def readings(
     return Readings(tuple(seen.tolist()), tuple(kept.tolist()), tuple(full.tolist()), units)
 
 
-def _plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
+def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
     """Points at which the elements see the field, shape (n, 3), and the number of the element of each."""
     points, owners = [], []
     for k, element in enumerate(chosen):

@@ -13,7 +13,7 @@ import sys
 from cyclopts import App, CycloptsError, Parameter
 
 from geometry.design import BadInput
-from studies import console, evidence, jobs, verbs
+from studies import console, evidence, inverse, jobs, verbs
 from studies.options import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 
 
@@ -39,6 +39,7 @@ for verb in (
     verbs.analytic,
     verbs.field,
     verbs.readings,
+    inverse.decode,
     verbs.stability,
     verbs.modes,
     jobs.demo,

@@ -121,6 +121,19 @@ def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: 
 
 def read_points(path: Path) -> tuple[list[str], list[list[str]], Array]:
     """Head and rows of a table as they stand, and the places in it, shape (n, 3), mm."""
+    return read_rows(path, PLACES, FOUND)
+
+
+def read_rows(
+    path: Path, wanted: list[str], added: list[str], *, holes: bool = False
+) -> tuple[list[str], list[list[str]], Array]:
+    """Head and rows of a table as they stand, and the numbers in the wanted columns, shape (n, len(wanted)).
+
+    Parameters
+    ----------
+    added : columns that the table will get, and must not have.
+    holes : an empty cell or a NaN is a NaN rather than bad input.
+    """
     import numpy as np
 
     try:
@@ -132,22 +145,25 @@ def read_points(path: Path) -> tuple[list[str], list[list[str]], Array]:
         cause = getattr(error, "strerror", None) or str(error)
         raise BadInput(f"{str(path)!r} cannot be read as a UTF-8 table ({cause})") from None
     if not rows:
-        raise BadInput(f"{path} is empty: its first line must name the columns {','.join(PLACES)}")
+        raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")
     head = [name.strip() for name in rows.pop(0)[1]]
-    _check_head(path, head)
-    columns = [head.index(name) for name in PLACES]
-    places = np.empty((len(rows), 3))
+    _check_head(path, head, wanted, added)
+    columns = [head.index(name) for name in wanted]
+    values = np.empty((len(rows), len(wanted)))
     for k, (line, row) in enumerate(rows):
         if len(row) != len(head):
             raise BadInput(f"{path}, line {line}: {len(row)} values under {len(head)} columns: give one for each")
         for j, column in enumerate(columns):
             try:
-                places[k, j] = float(row[column])
+                values[k, j] = float(row[column].strip() or "nan") if holes else float(row[column])
             except ValueError:
-                places[k, j] = math.nan
-            if not math.isfinite(places[k, j]):
-                raise BadInput(f"{path}, line {line}: {PLACES[j]} must be a finite number of mm; got {row[column]!r}")
-    return head, [row for _, row in rows], places
+                values[k, j] = math.inf
+            if not math.isfinite(values[k, j]) and not (holes and math.isnan(values[k, j])):
+                unit = wanted[j].rpartition("_")[2]
+                raise BadInput(
+                    f"{path}, line {line}: {wanted[j]} must be a finite number of {unit}; got {row[column]!r}"
+                )
+    return head, [row for _, row in rows], values
 
 
 def _numbered(text: str) -> list[tuple[int, list[str]]]:
@@ -155,18 +171,18 @@ def _numbered(text: str) -> list[tuple[int, list[str]]]:
     return [(reader.line_num, row) for row in reader]
 
 
-def _check_head(path: Path, head: list[str]) -> None:
-    wanted = ",".join(PLACES)
-    missing = [name for name in PLACES if name not in head]
+def _check_head(path: Path, head: list[str], wanted: list[str], added: list[str]) -> None:
+    names = ",".join(wanted)
+    missing = [name for name in wanted if name not in head]
     if missing:
         raise BadInput(
-            f"{path}: column {missing[0]} is missing: the first line must name {wanted}; got {','.join(head)}"
+            f"{path}: column {missing[0]} is missing: the first line must name {names}; got {','.join(head)}"
         )
-    if [name for name in head if name in PLACES] != PLACES:
-        raise BadInput(f"{path}: the columns must stand once each in the order {wanted}; got {','.join(head)}")
-    there = [name for name in FOUND if name in head]
+    if [name for name in head if name in wanted] != wanted:
+        raise BadInput(f"{path}: the columns must stand once each in the order {names}; got {','.join(head)}")
+    there = [name for name in added if name in head]
     if there:
-        raise BadInput(f"{path}: there is a column {there[0]} already: leave it out, it is what the field adds")
+        raise BadInput(f"{path}: there is a column {there[0]} already: leave it out, it is what is added here")
 
 
 def _seed(seed: int) -> int:

@@ -1,0 +1,181 @@
+"""Readings of many poses at once, with their slopes: the forward model that the decoder turns round.
+
+A pose is a shift s of the magnet's centre and a tilt. The tilt follows the shift: a body of revolution that is
+moved along e = (s_x, s_y)/rho leans its axis towards e, by the angle t = tau rho with tau(rho^2, s_z) in rad/mm, so
+
+    m = (sin(t) e, cos(t)),    B = -B_magnet(x; m),    x = p - (0, 0, H) - s,
+
+with m the magnet's axis (its polarisation is -J m, north down) and p a point of an element. With G = grad B, which
+is symmetric, and g = G n, the slope of a reading B.n along s_j is -g_j + (dm/ds_j).[(B x n - x x g) x m].
+
+Arrays have the poses in their last axis. Lengths in mm, B in T, angles in rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.hall import Mode, plates
+from analytic.magnet import cylinder_field_jacobian
+from analytic.parts import Element, of_design
+from geometry.design import BadInput, Design
+
+Array = NDArray[np.float64]
+
+NO_TILT: Array = np.zeros((1, 1))
+"""tau = 0."""
+SMALL = 1e-6
+"""t^2 below which the slope of sin(t)/t is taken from its series."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forward:
+    """A design's elements and how its magnet tilts.
+
+    Attributes
+    ----------
+    tau : coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, rad/mm.
+    points, normals : where the elements see the field, mm, and along what, shape (m, 3).
+    owners : the element of each point, shape (m,), in order.
+    """
+
+    design: Design
+    elements: tuple[Element, ...]
+    tau: Array
+    mode: Mode
+    points: Array
+    normals: Array
+    owners: NDArray[np.int64]
+
+
+def model(
+    design: Design,
+    tau: Array = NO_TILT,
+    *,
+    elements: Sequence[Element] | None = None,
+    mode: Mode = "component",
+) -> Forward:
+    """The forward model of a design.
+
+    Parameters
+    ----------
+    tau : see `Forward`; `NO_TILT` ignores the tilt, as the paper does.
+    elements, mode : as in `analytic.hall.readings`.
+
+    Raises
+    ------
+    BadInput
+        The design has no magnet, or there are fewer than three elements.
+    """
+    if not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0), so there is no pose to decode: give it one")
+    chosen = of_design(design) if elements is None else tuple(elements)
+    if len(chosen) < 3:
+        raise BadInput(f"three readings or more make a pose; got {len(chosen)} elements: add elements")
+    points, owners = plates(chosen)
+    normals = np.array([element.direction for element in chosen])[owners]
+    return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)
+
+
+def seen(forward: Forward, shift: Array) -> tuple[Array, Array]:
+    """What the elements see, and how it grows with the shift.
+
+    Parameters
+    ----------
+    shift : shape (3, n), mm.
+
+    Returns
+    -------
+    values : B.n of each element, or |B|, shape (k, n), T.
+    slopes : of element k along s_j at [j, k, n], shape (3, k, n), T/mm.
+    """
+    design, n = forward.design, shift.shape[1]
+    tilted = bool(forward.tau.any())
+    axis, lean = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
+    m = axis[:, None, :]
+    x = forward.points.T[:, :, None] - shift[:, None, :]
+    x[2] -= design.H
+    zeta = _dot(m, x)
+    radial = x - zeta * m
+    rho = np.sqrt(_dot(radial, radial))
+    radial /= np.where(rho > 0, rho, 1.0)
+    local = np.zeros((rho.size, 3))
+    local[:, 0], local[:, 2] = rho.ravel(), zeta.ravel()
+    half, height, polarisation = design.magnet_diameter / 2, design.magnet_height, -design.remanence
+    b, slope = cylinder_field_jacobian(local, half, height, polarisation)
+    b_r, b_z = (b[:, k].reshape(rho.shape) for k in (0, 2))
+    rr, ring, rz, zz = (slope[:, i, j].reshape(rho.shape) for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))
+    B = b_r * radial + b_z * m
+    normal = forward.normals.T[:, :, None]
+    if forward.mode == "magnitude":
+        size = np.sqrt(_dot(B, B))
+        normal = B / np.where(size > 0, size, 1.0)
+    along, out = _dot(normal, m), _dot(normal, radial)
+    values = b_r * out + b_z * along
+    g = ring * normal + ((rr - ring) * out + rz * along) * radial + ((zz - ring) * along + rz * out) * m
+    slopes = -g
+    if lean is not None:
+        turn = _cross(_cross(B, normal) - _cross(x, g), m)
+        for j in range(3):
+            slopes[j] += _dot(lean[j][:, None, :], turn)
+    if len(forward.owners) > len(forward.elements):
+        starts = np.searchsorted(forward.owners, np.arange(len(forward.elements)))
+        share = np.bincount(forward.owners)[:, None]
+        values = np.add.reduceat(values, starts, axis=0) / share
+        slopes = np.add.reduceat(slopes, starts, axis=1) / share
+    return values.reshape(len(forward.elements), n), slopes
+
+
+def tilt_axis(tau: Array, shift: Array) -> tuple[Array, Array]:
+    """The magnet's axis m, shape (3, n), and its slopes dm_i/ds_j at [j, i, n], 1/mm, of shifts (3, n)."""
+    x, y, z = shift
+    u = x * x + y * y
+    t, t_u, t_z = polynomial(tau, u, z)
+    square = t * t * u
+    angle = np.sqrt(square)
+    sinc, cos = np.sinc(angle / np.pi), np.cos(angle)
+    bend = np.where(square > SMALL, (cos - sinc) / (2 * np.where(square > SMALL, square, 1.0)), square / 60 - 1 / 6)
+    grow = (2 * x * t_u, 2 * y * t_u, t_z)
+    wide = (2 * x, 2 * y, 0.0)
+    k = sinc * t
+    lean = np.empty((3, 3, shift.shape[1]))
+    for j in range(3):
+        d_square = 2 * t * u * grow[j] + t * t * wide[j]
+        d_k = sinc * grow[j] + t * bend * d_square
+        lean[j, 0], lean[j, 1], lean[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
+    lean[0, 0] += k
+    lean[1, 1] += k
+    return np.stack([k * x, k * y, cos]), lean
+
+
+def rotation(tau: Array, shift: Array) -> Array:
+    """The tilt as a rotation vector (rx, ry), as `analytic.hall.field_at` takes it, shape (2, n), rad."""
+    x, y, z = shift
+    t = polynomial(tau, x * x + y * y, z)[0]
+    return np.stack([-t * y, t * x])
+
+
+def polynomial(c: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
+    """p = sum c[i, j] u^i w^j with its slopes along u and w, by Horner's rule."""
+    p, p_u, p_w = (np.zeros_like(u) for _ in range(3))
+    for row in c[::-1]:
+        q, q_w = np.full_like(u, row[-1]), np.zeros_like(u)
+        for value in row[-2::-1]:
+            q_w = q_w * w + q
+            q = q * w + value
+        p_u = p_u * u + p
+        p_w = p_w * u + q_w
+        p = p * u + q
+    return p, p_u, p_w
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

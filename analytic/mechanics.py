@@ -1,0 +1,187 @@
+"""The mechanics that the decoder needs: tilt, force and load as functions of the magnet's shift, from any model.
+
+The silicone between base and magnet is a spring, so the forces are smooth functions of the magnet's pose, whatever
+happens at the tip. With u the lateral shift, w the vertical one (negative when the magnet sinks), U = u^2, and all
+lateral quantities along the shift (a body of revolution), least squares over samples Load -> Response give
+
+    tilt = u tau(U, w),  F_t = u k(U, w),  F_n = n(U, w),  depth = r d(U, r),  shear = u g(U, r),  r = (-w)^(1/3),
+
+tau, k, n, d, g polynomials. The depth of a contact goes like (-w)^(2/3) near first touch, hence r. mm, N, rad.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.forward import polynomial
+from geometry.design import BadInput, Design
+from geometry.scene import Load, Response
+
+Array = NDArray[np.float64]
+Sample = tuple[Load, Response]
+
+ORDERS = (2, 6)
+"""Highest powers of U and of w or r, where there are samples enough."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mechanics:
+    """Polynomials c[i, j] of U^i w^j, or of U^i r^j.
+
+    Attributes
+    ----------
+    tau, lateral, normal, depth, shear : rad/mm, N/mm, N, mm and 1.
+    reach, sink : greatest lateral shift and greatest sinking of the samples, mm.
+    errors : worst error of tilt (rad), lateral force and normal force (N), depth and shear (mm) at the samples.
+    """
+
+    tau: Array
+    lateral: Array
+    normal: Array
+    depth: Array
+    shear: Array
+    reach: float
+    sink: float
+    errors: tuple[float, float, float, float, float]
+
+
+def of_formula(
+    solve: Callable[[Load], Response], depth: float, shear: float, counts: tuple[int, int] = (12, 4)
+) -> Mechanics:
+    """From a model that answers at once, sampled up to a depth and a shear, mm; loads that it refuses are left out.
+
+    >>> from analytic.beam import solve
+    >>> from geometry.design import paper
+    >>> found = of_formula(lambda load: solve(paper(), load), 3.0, 3.0)
+    >>> round(found.sink, 3), max(found.errors) < 1e-10
+    (1.667, True)
+    """
+    # denser towards first touch, where everything bends most
+    depths = depth * np.linspace(0, 1, counts[0] + 1) ** 1.5
+    loads = [
+        Load(depth=float(d), shear_x=shear * k / counts[1], friction="stick")
+        for d in depths
+        for k in range(counts[1] + 1)
+    ]
+    samples = []
+    for load in loads:
+        with contextlib.suppress(BadInput):
+            samples.append((load, solve(load)))
+    return of_samples(samples)
+
+
+def of_samples(samples: Iterable[Sample]) -> Mechanics:
+    """From responses to loads, by formulas, finite elements or a test bench; the rest state is added.
+
+    Raises
+    ------
+    BadInput
+        There are no samples with shear or none with a press, or a lateral motion is not along the shear.
+    """
+    rows = np.array([_row(load, response) for load, response in samples]).reshape(-1, 7)
+    u, w, tilt, f_t, f_n, depth, shear = rows.T
+    moved = u > 1e-9 * np.abs(rows[:, :2]).max(initial=0.0)
+    if not moved.any() or not (w < 0).any():
+        raise BadInput("mechanics need states with a press and states with a shear: add both")
+    U, r = u * u, np.cbrt(-w)
+    steps = len(set(np.round(depth, 9)) - {0.0})
+    high = min(ORDERS[1], steps)
+    shears = len(set(np.round(shear, 9)) - {0.0})
+    wide = min(ORDERS[0], shears - 1)
+    m, rest = moved, np.zeros(1)
+    tau = _fit(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
+    lateral = _fit(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
+    normal = _fit(np.append(U, rest), np.append(w, rest), np.append(f_n, rest), (wide, high), constant=False)
+    deep = _fit(U, r, depth, (wide, max(high, 3)), constant=False)
+    sheared = _fit(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
+    errors = (
+        _worst(u * polynomial(tau, U, w)[0], tilt),
+        _worst(u * polynomial(lateral, U, w)[0], f_t),
+        _worst(polynomial(normal, U, w)[0], f_n),
+        _worst(polynomial(deep, U, r)[0], depth),
+        _worst(u * polynomial(sheared, U, r)[0], shear * m),
+    )
+    return Mechanics(tau, lateral, normal, deep, sheared, float(u.max()), float(-w.min()), errors)
+
+
+def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
+    """Force on the tip (F_x, F_y, F_n), shape (3, n), N, and its slopes dF_i/ds_j at [j, i, n], N/mm."""
+    x, y, w = shift
+    U = x * x + y * y
+    k, k_u, k_w = polynomial(mechanics.lateral, U, w)
+    n, n_u, n_w = polynomial(mechanics.normal, U, w)
+    slopes = np.stack(
+        [
+            np.stack([k + 2 * x * x * k_u, 2 * x * y * k_u, 2 * x * n_u]),
+            np.stack([2 * x * y * k_u, k + 2 * y * y * k_u, 2 * y * n_u]),
+            np.stack([x * k_w, y * k_w, n_w]),
+        ]
+    )
+    return np.stack([x * k, y * k, n]), slopes
+
+
+def load(mechanics: Mechanics, shift: Array) -> Array:
+    """Depth and shear of the plate (depth, shear_x, shear_y) that moves the magnet so, shape (3, n), mm.
+
+    Above the rest position the depth is 0.
+    """
+    x, y, w = shift
+    U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
+    ratio = polynomial(mechanics.shear, U, r)[0]
+    return np.stack([np.maximum(polynomial(mechanics.depth, U, r)[0], 0.0), x * ratio, y * ratio])
+
+
+def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:
+    """Box of the magnet's shifts to decode in, low and high, shape (3,), mm.
+
+    Sideways by 3/8 D and down by 3/8 D (3 mm for the paper's sensor, as its table has it), as far as the magnet stays
+    above the base and the mechanics have samples; and up by D/80, so that noise at rest stays inside.
+    """
+    side = 3 / 8 * design.D
+    sink = min(side, design.H - design.magnet_height / 2)
+    if mechanics is not None:
+        side, sink = min(side, mechanics.reach), min(sink, mechanics.sink)
+    return np.array([-side, -side, -sink]), np.array([side, side, design.D / 80])
+
+
+def _row(load: Load, response: Response) -> list[float]:
+    """u, w, tilt, lateral and normal force, depth and shear, lateral values along the shear."""
+    amount = math.hypot(load.shear_x, load.shear_y)
+    e = (load.shear_x / amount, load.shear_y / amount) if amount else (1.0, 0.0)
+    shift, force = response.shift, response.force
+
+    def along(x: float, y: float) -> float:
+        return x * e[0] + y * e[1]
+
+    aside = abs(shift[0] * e[1] - shift[1] * e[0])
+    if load.plate_tilt or not aside <= 1e-3 * (math.hypot(*shift) or 1.0):
+        raise BadInput("mechanics are sampled under upright plates, with the magnet moving along the shear")
+    u = along(shift[0], shift[1]) if amount else 0.0
+    tilt = along(response.tilt, response.tilt_y) if amount else 0.0
+    lateral = along(force[0], force[1]) if amount else 0.0
+    return [u, shift[2], tilt, lateral, force[2], load.depth, amount]
+
+
+def _fit(u: Array, w: Array, values: Array, orders: tuple[int, int], *, constant: bool = True) -> Array:
+    """Least squares, with fewer powers where there are not enough samples."""
+    wide, high = orders
+    while (wide + 1) * (high + 1) > len(values) + (not constant) and (wide or high):
+        wide, high = (wide - 1, high) if wide else (wide, high - 1)
+    scale_u, scale_w = (float(np.abs(v).max(initial=0.0)) or 1.0 for v in (u, w))
+    powers = [(i, j) for i in range(wide + 1) for j in range(high + 1) if constant or (i, j) != (0, 0)]
+    columns = np.column_stack([(u / scale_u) ** i * (w / scale_w) ** j for i, j in powers])
+    found = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
+    c = np.zeros((wide + 1, high + 1))
+    for (i, j), value in zip(powers, found, strict=True):
+        c[i, j] = value / (scale_u**i * scale_w**j)
+    return c
+
+
+def _worst(found: Sequence[float] | Array, true: Sequence[float] | Array) -> float:
+    return float(np.abs(np.asarray(found) - np.asarray(true)).max(initial=0.0))

@@ -1,0 +1,107 @@
+"""Poses from readings by damped Newton steps (Gauss-Newton for more than three readings), many at a time.
+
+With the residual f = w (B(s) - B_read) and A = w dB/ds, a step is p = -(A'A + mu tr(A'A) I)^-1 A'f. mu is 0 until a
+step fails to shrink |f|, grows by 10 from 1e-3 while steps fail, and falls by 10 when they succeed (Levenberg,
+Marquardt). Newton's error squares from step to step, so the error after a step p that follows one of length p' is
+about p^3/p'^2: the iteration ends where that is below `GOAL`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.forward import Forward, seen
+
+Array = NDArray[np.float64]
+
+GOAL = 1e-9
+"""Error of a pose at which the iteration ends, mm."""
+STEPS = 40
+STUCK = 1e-6
+"""Length of a damped step at which there is nothing to be found, mm."""
+LONGEST = 0.5
+"""Of a step, mm."""
+
+
+def refine(
+    forward: Forward, starts: Array, target: Array, weights: Array, low: Array, high: Array
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Poses near the starts that fit the targets best; they stay within a box.
+
+    Parameters
+    ----------
+    starts, target : shape (3, n), mm, and (k, n), T.
+    weights : of the readings, shape (k,).
+    low, high : of the box, shape (3,), mm.
+
+    Returns
+    -------
+    shift : shape (3, n), mm.
+    residual : B - B_read, shape (k, n), T.
+    slopes : dB/ds as `seen`, shape (3, k, n), T/mm, at a distance of the last step.
+    done : whether the iteration came to its goal, shape (n,).
+    """
+    n = starts.shape[1]
+    shift, residual, slopes = starts.copy(), np.empty_like(target), np.empty((3, *target.shape))
+    done = np.zeros(n, dtype=np.bool_)
+    active = np.arange(n)
+    floor, roof, w = low[:, None], high[:, None], weights[:, None]
+    s, goal = np.clip(starts, floor, roof), target
+    mu, last = np.zeros(n), np.full(n, np.inf)
+    values, A = seen(forward, s)
+    f = values - goal
+    size = ((w * f) ** 2).sum(axis=0)
+    for _ in range(STEPS):
+        p = _step(w * A, w * f, mu)
+        length = np.sqrt((p**2).sum(axis=0))
+        end = (mu == 0) & ((length < 1e-3 * GOAL) | (length**3 < GOAL * np.minimum(last, 1e-2) ** 2))
+        end |= size == 0
+        leave = end | ((mu > 0) & (length < STUCK))
+        if leave.any():
+            which = active[end]
+            shift[:, which] = s[:, end] + p[:, end]
+            residual[:, which] = f[:, end] + (A[:, :, end] * p[:, None, end]).sum(axis=0)
+            slopes[:, :, which], done[which] = A[:, :, end], True
+            lost = leave & ~end
+            stuck = active[lost]
+            shift[:, stuck], residual[:, stuck], slopes[:, :, stuck] = s[:, lost], f[:, lost], A[:, :, lost]
+            go = ~leave
+            if not go.any():
+                return shift, residual, slopes, done
+            active, mu, last, size, length = active[go], mu[go], last[go], size[go], length[go]
+            s, goal, f, p, A = s[:, go], goal[:, go], f[:, go], p[:, go], A[:, :, go]
+        trial = np.clip(s + p * np.minimum(1.0, LONGEST / np.maximum(length, 1e-300)), floor, roof)
+        values, A_new = seen(forward, trial)
+        f_new = values - goal
+        size_new = ((w * f_new) ** 2).sum(axis=0)
+        good = size_new < size
+        # rounding: a step that changes nothing is the last
+        good |= (length < 1e-6) & (size_new <= 4 * size + 1e-30)
+        last = np.where(good, length, last)
+        s, f, A = np.where(good, trial, s), np.where(good, f_new, f), np.where(good, A_new, A)
+        size = np.where(good, size_new, size)
+        mu = np.where(good, np.where(mu > 1e-4, mu / 10, 0.0), np.maximum(10 * mu, 1e-3))
+    shift[:, active], residual[:, active], slopes[:, :, active] = s, f, A
+    return shift, residual, slopes, done
+
+
+def inverse_normal(A: Array, mu: Array | float = 0.0) -> Array:
+    """(A'A + mu tr(A'A) I)^-1, shape (3, 3, n), for A of shape (3, k, n); infinite or NaN where it has none."""
+    h = {(i, j): (A[i] * A[j]).sum(axis=0) for i in range(3) for j in range(i, 3)}
+    extra = mu * (h[0, 0] + h[1, 1] + h[2, 2])
+    a, b, c = h[0, 0] + extra, h[1, 1] + extra, h[2, 2] + extra
+    d, e, f = h[0, 1], h[0, 2], h[1, 2]
+    bc, ef, df = b * c - f * f, e * f - c * d, d * f - b * e
+    det = a * bc + d * ef + e * df
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.array([[bc, ef, df], [ef, a * c - e * e, d * e - a * f], [df, d * e - a * f, a * b - d * d]]) / det
+    return np.asarray(found)
+
+
+def _step(A: Array, f: Array, mu: Array) -> Array:
+    slope = (A * f).sum(axis=1)
+    inverse = inverse_normal(A, mu)
+    with np.errstate(invalid="ignore"):
+        p = -(inverse[0] * slope[0] + inverse[1] * slope[1] + inverse[2] * slope[2])
+    return np.where(np.isfinite(p), p, 0.0)

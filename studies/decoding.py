@@ -1,0 +1,207 @@
+"""What `magtip decode` gives: poses and loads from readings on the command line or in a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from geometry.scene import Load, Response
+from studies import files, inputs
+from studies.fields import read_rows
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from analytic.decode import Decoded, Decoder
+    from analytic.mechanics import Mechanics
+    from analytic.parts import Element
+
+    Array = NDArray[np.float64]
+
+FOUND = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad", "force_x_N", "force_y_N"]
+FOUND += ["force_z_N", "depth_mm", "shear_mm", "shear_y_mm", "condition", "multiplicity"]
+"""Columns that a table of readings gets."""
+MANY = 500
+"""Rows from which it pays to load the compiled field first."""
+
+WHY = {
+    "ok": "",
+    "ambiguous": "several poses give these readings; the one nearest to rest is given, all of them are in poses_mm",
+    "out_of_workspace": "no pose of the magnet in the workspace gives these readings: check their order and units",
+    "saturated": "a reading lies at a rail of its element, so it no longer tells where the magnet is",
+    "not_finite": "a reading is missing or not a finite number",
+    "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
+}
+
+
+def prepare(design: Design, level: str | None, responses: Path | None, *, ignore_tilt: bool) -> Decoder:
+    """The decoder of a design with the mechanics of a formula, or of responses in a file.
+
+    Raises
+    ------
+    BadInput
+        Both are given, or what they give cannot be used.
+    """
+    from analytic.decode import decoder
+
+    if responses is not None and level is not None:
+        raise BadInput("--level and --responses both give the mechanics: leave one of them out")
+    law = of_level(design, level or "paper") if responses is None else of_file(responses)
+    return decoder(design, law, ignore_tilt=ignore_tilt)
+
+
+def of_level(design: Design, level: str) -> Mechanics:
+    """The mechanics of a level of the formulas, over the workspace or as far as they go."""
+    from analytic import beam, mechanics
+
+    if level not in beam.LEVELS:
+        raise BadInput(f"level must be one of {', '.join(beam.LEVELS)}; got {level!r}")
+    widest = 3 / 8 * design.D * design.L / design.H
+    deepest = min(widest, design.R, 0.9 * (design.L - design.magnet_height))
+    return mechanics.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
+
+
+def of_file(path: Path) -> Mechanics:
+    """The mechanics of states that `magtip solve --json` printed, one a line; those that are not ok are left out."""
+    from analytic import mechanics
+
+    samples = []
+    try:
+        lines = path.read_text("utf-8-sig").splitlines()
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            try:
+                record = json.loads(line)
+                if record["status"] == "ok":
+                    samples.append(_sample(record))
+            except (ValueError, KeyError, TypeError) as error:
+                if isinstance(error, BadInput):
+                    raise
+                raise BadInput(
+                    f"{path}, line {number} is no state of `magtip solve --json`: it needs status, depth_mm,"
+                    " shear_mm, force_N, shift_mm and tilt_rad"
+                ) from None
+    try:
+        return mechanics.of_samples(samples)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+
+
+def _sample(record: dict[str, Any]) -> tuple[Load, Response]:
+    x, y, z = (float(v) for v in record["shift_mm"])
+    f_x, f_y, f_n = (float(v) for v in record["force_N"])
+    load = Load(
+        depth=float(record["depth_mm"]),
+        shear_x=float(record["shear_mm"]),
+        shear_y=float(record.get("shear_y_mm") or 0.0),
+        friction="stick",
+        plate_tilt=float(record.get("plate_tilt_rad") or 0.0),
+    )
+    tilt, tilt_y = float(record["tilt_rad"]), float(record.get("tilt_y_rad") or 0.0)
+    radius = float(record.get("contact_radius_mm") or 0.0)
+    numbers = (x, y, z, f_x, f_y, f_n, tilt, tilt_y)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("not finite")
+    return load, Response((f_x, f_y, f_n), (x, y, z), tilt, radius, tilt_y)
+
+
+def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
+    """The record of one set of readings a,b,c."""
+    from analytic.decode import decode
+
+    chosen = coder.forward.elements
+    values = inputs.parse_numbers("--readings", text)
+    if len(values) != len(chosen):
+        names = ",".join(element.name for element in chosen)
+        raise BadInput(f"--readings takes {len(chosen)} numbers, {names}; got {len(values)} in {text!r}")
+    field = in_tesla(chosen, [values], units)
+    found = decode(coder, field)
+    (status,) = found.status
+    tilt, tilt_y = _tilts(found)
+    return {
+        "status": status,
+        "message": WHY[status],
+        "readings_T": field[0].tolist(),
+        "shift_mm": found.shift[0].tolist(),
+        "tilt_rad": float(tilt[0]),
+        "tilt_y_rad": float(tilt_y[0]),
+        "force_N": found.force[0].tolist(),
+        "depth_mm": float(found.load[0, 0]),
+        "shear_mm": float(found.load[0, 1]),
+        "shear_y_mm": float(found.load[0, 2]),
+        "condition": float(found.condition[0]),
+        "multiplicity": int(found.multiplicity[0]),
+        "poses_mm": found.poses.tolist(),
+        "noise_um": (1e3 * found.noise_mm[0]).tolist(),
+        "noise_N": found.noise_N[0].tolist(),
+        "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
+    }
+
+
+def table(coder: Decoder, path: Path, units: str | None, out: Path | None) -> dict[str, int]:
+    """Decode a table of readings as a stream, write it with the columns `FOUND` added, and count the statuses.
+
+    The table's head names a column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities);
+    further columns stay as they are. An empty or NaN reading gets the status not_finite.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or written, or is no such table.
+    """
+    import numpy as np
+
+    from analytic import magnet
+    from analytic.decode import decode
+
+    chosen = coder.forward.elements
+    unit = units or chosen[0].unit
+    target = None if out is None else files.check_output_file(out, ".csv")
+    names = [f"{element.name.replace(' ', '_')}_{unit}" for element in chosen]
+    head, rows, values = read_rows(path, names, FOUND, holes=True)
+    if len(rows) >= MANY:
+        magnet.compiled()
+    found = decode(coder, in_tesla(chosen, values, unit), follow=True)
+    tilt, tilt_y = _tilts(found)
+    numbers = np.column_stack([found.shift, tilt, tilt_y, found.force, found.load, found.condition])
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*head, *FOUND])
+    for row, status, line, many in zip(rows, found.status, numbers.tolist(), found.multiplicity, strict=True):
+        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many])
+    if target is None:
+        print(text.getvalue(), end="", flush=True)
+    else:
+        files.write_text(target, text.getvalue())
+    return {name: found.status.count(name) for name in WHY if name in found.status}
+
+
+def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:
+    """Readings (n, k) as flux densities, T."""
+    import numpy as np
+
+    from analytic.decode import field_of
+
+    own = elements[0].unit
+    if units in (None, own):
+        return field_of(elements, values)
+    if units == "V":
+        raise BadInput("these elements send flux densities: give the readings in T")
+    return np.asarray(values, dtype=np.float64)
+
+
+def _tilts(found: Decoded) -> tuple[Array, Array]:
+    """Tilt towards x and towards y."""
+    return found.tilt[:, 1], -found.tilt[:, 0]

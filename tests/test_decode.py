@@ -1,0 +1,249 @@
+"""Round trips of the decoder, its second solutions against an exhaustive search, and readings that no pose gives."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic import beam, decode, forward, hall, mechanics, refine
+from analytic.parts import Element
+from geometry.design import BadInput, Design, paper
+from geometry.scene import Load, Response
+
+TILT = np.array([[0.1, 0.01], [0.002, 0.001]])
+FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
+
+
+def tilting(design, per_mm=0.1):
+    """Mechanics of the paper's formulas with a tilt that grows with the shift."""
+
+    def solve(load):
+        found = beam.solve(design, load)
+        return dataclasses.replace(found, tilt=per_mm * found.shift[0], tilt_y=per_mm * found.shift[1])
+
+    return mechanics.of_formula(solve, 4.0, 5.0)
+
+
+def poses(coder, count, seed=1):
+    rng = np.random.default_rng(seed)
+    shift = rng.uniform(coder.low, coder.high, (count, 3)).T.copy()
+    return shift, forward.seen(coder.forward, shift)[0]
+
+
+@pytest.fixture(scope="module")
+def coder():
+    return decode.decoder(paper(), tilting(paper()))
+
+
+@pytest.mark.parametrize("tau", [forward.NO_TILT, TILT])
+@pytest.mark.parametrize("mode", ["component", "magnitude"])
+@pytest.mark.parametrize(
+    "design", [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1")], ids=["three", "plates", "chip"]
+)
+def test_forward_model_reads_as_the_elements_do(tau, mode, design):
+    model = forward.model(design, tau, mode=mode)
+    shift = np.random.default_rng(0).uniform([-3, -3, -3], [3, 3, 0], (6, 3)).T.copy()
+    shift[:2, 0] = 0
+    values, slopes = forward.seen(model, shift)
+    turns = forward.rotation(tau, shift)
+    for k in range(6):
+        expected = hall.readings(design, shift=shift[:, k], tilt=turns[:, k], mode=mode).B_T
+        assert_allclose(values[:, k], expected, rtol=1e-12)
+    step = 1e-5
+    for j, e in enumerate(step * np.eye(3)[:, :, None]):
+        numeric = (forward.seen(model, shift + e)[0] - forward.seen(model, shift - e)[0]) / (2 * step)
+        assert_allclose(slopes[j], numeric, atol=1e-8 * np.abs(slopes).max())
+
+
+@pytest.mark.parametrize("ignore_tilt", [False, True])
+def test_round_trip(coder, ignore_tilt):
+    coder = decode.decoder(Design(hall_high=3.8), coder.mechanics, ignore_tilt=ignore_tilt)
+    shift, field = poses(coder, 2000)
+    found = decode.decode(coder, field.T)
+    seen = ~decode._at_rail(coder.forward.elements, field)
+    assert 0.9 < seen.mean() < 1
+    assert {s for s, good in zip(found.status, seen, strict=True) if good} == {"ok"}
+    assert {s for s, good in zip(found.status, seen, strict=True) if not good} == {"saturated"}
+    assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
+    assert np.isnan(found.shift[~seen]).all()
+    assert_allclose(found.tilt[:, 1][seen], 0 if ignore_tilt else 0.1 * shift[0][seen], atol=1e-7)
+
+
+def test_load_and_force_come_back(coder):
+    load = Load(depth=1.3, shear_x=0.8, shear_y=-0.5, friction="stick")
+    response = beam.solve(paper(), load)
+    x, y, z = response.shift
+    field = hall.readings(paper(), shift=(x, y, z), tilt=(-0.1 * y, 0.1 * x)).B_T
+    found = decode.decode(coder, [field])
+    assert_allclose(found.force[0], response.force, rtol=1e-8)
+    assert_allclose(found.load[0], [1.3, 0.8, -0.5], rtol=1e-8)
+
+
+def test_ignored_tilt_is_an_error_in_position(coder):
+    flat = decode.decoder(paper(), coder.mechanics, ignore_tilt=True)
+    field = forward.seen(coder.forward, np.array([[1.5], [0.0], [-1.0]]))[0]
+    error = np.linalg.norm(decode.decode(flat, field.T).shift[0] - [1.5, 0, -1])
+    assert 0.05 < error < 1
+
+
+def exhaustive(coder, field):
+    """All poses of one set of readings, from starts all over the workspace."""
+    axes = [np.linspace(a + 0.01, b - 0.01, n) for a, b, n in zip(coder.low, coder.high, (11, 11, 6), strict=True)]
+    starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+    target = np.repeat(field[:, None], starts.shape[1], axis=1)
+    low, high = coder.low - 0.5, coder.high + 0.5
+    s, f, A, done = refine.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
+    inside = (s > coder.low[:, None] - 1e-6).all(axis=0) & (s < coder.high[:, None] + 1e-6).all(axis=0)
+    exact = np.sqrt((f**2).sum(axis=0)) < 1e-7 * np.sqrt((A**2).sum(axis=(0, 1)))
+    distinct = []
+    for pose in s[:, done & inside & exact].T:
+        if all(np.abs(pose - other).max() > 2e-5 for other in distinct):
+            distinct.append(pose)
+    return np.array(distinct)
+
+
+def test_second_poses_are_found_as_an_exhaustive_search_finds_them():
+    coder = decode.decoder(FOLDED, tilting(FOLDED))
+    shift, field = poses(coder, 4000)
+    found = decode.decode(coder, field.T)
+    several = np.flatnonzero(found.multiplicity > 1)
+    assert len(several) > 20
+    assert {found.status[k] for k in several} == {"ambiguous"}
+    apart = [np.abs(found.poses[found.owner == k] - shift[:, k]).max(axis=1).min() for k in range(0, 4000, 7)]
+    assert max(apart) < 1e-5
+    for k in (*several[:4], *np.flatnonzero(found.multiplicity == 1)[:4]):
+        expected = exhaustive(coder, field[:, k])
+        own = found.poses[found.owner == k]
+        assert len(own) == len(expected)
+        assert all(np.abs(own - pose).max(axis=1).min() < 1e-5 for pose in expected)
+
+
+def test_ambiguous_streams_follow_one_branch():
+    coder = decode.decoder(FOLDED)
+    shift, field = poses(coder, 4000)
+    found = decode.decode(coder, field.T)
+    k = max(np.flatnonzero(found.multiplicity > 1), key=lambda k: np.linalg.norm(shift[:, k] - found.shift[k]))
+    assert np.linalg.norm(shift[:, k] - found.shift[k]) > 0.1
+    path = shift[:, k : k + 1] * np.linspace(0.97, 1, 5)
+    # the first reading has no warm start
+    later = decode.decode(coder, forward.seen(coder.forward, path)[0].T, near=path[:, 0], follow=True)
+    assert_allclose(later.shift, path.T, atol=1e-5)
+    near = decode.decode(coder, field[:, k : k + 1].T, near=shift[:, k])
+    assert_allclose(near.shift[0], shift[:, k], atol=1e-5)
+
+
+def test_noise_is_that_of_a_sample():
+    design = Design(hall_noise=2e-3)
+    coder = decode.decoder(design, tilting(design))
+    at = np.array([[0.8], [-0.4], [-1.0]])
+    field = forward.seen(coder.forward, at)[0].T
+    rng = np.random.default_rng(5)
+    many = decode.decode(coder, field + 2e-3 / 31.25 * rng.standard_normal((4000, 3)))
+    one = decode.decode(coder, field)
+    assert_allclose(many.shift.std(axis=0), one.noise_mm[0], rtol=0.05)
+    assert_allclose(many.force.std(axis=0), one.noise_N[0], rtol=0.05)
+    assert np.isnan(decode.decode(decode.decoder(paper()), field).noise_mm).all()
+
+
+def test_condition_is_that_of_differences(coder):
+    at = np.array([[0.8], [-0.4], [-1.0]])
+    step = 1e-6
+    slopes = [
+        (forward.seen(coder.forward, at + e)[0] - forward.seen(coder.forward, at - e)[0])[:, 0] / (2 * step)
+        for e in step * np.eye(3)[:, :, None]
+    ]
+    found = decode.decode(coder, forward.seen(coder.forward, at)[0].T)
+    assert found.condition[0] == pytest.approx(np.linalg.cond(np.array(slopes).T), rel=1e-6)
+
+
+def test_more_elements_than_three():
+    places = [
+        ((0, 0, -2.2), (0, 0, -1)),
+        ((5, 0, -0.2), (1, 0, 0)),
+        ((0, 5, -0.2), (0, 1, 0)),
+        ((-5, 0, -0.2), (1, 0, 0)),
+    ]
+    four = [
+        Element(f"E{k}", position, direction, 31.25, 2.5, 0.2, 4.8, noise=1e-3)
+        for k, (position, direction) in enumerate(places)
+    ]
+    coder = decode.decoder(paper(), elements=four)
+    shift, field = poses(coder, 500)
+    found = decode.decode(coder, field.T)
+    seen = np.array([status != "saturated" for status in found.status])
+    assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
+    three = decode.decode(decode.decoder(dataclasses.replace(paper(), hall_noise=1e-3)), field[:3].T)
+    # the slopes are those before the last Newton step, some 1e-5 mm away
+    assert (found.noise_mm[seen] <= three.noise_mm[seen] * (1 + 1e-4)).all()
+    swapped = decode.decode(coder, field[[0, 3, 2, 1]].T)
+    assert set(swapped.status) <= {"inconsistent", "out_of_workspace", "saturated"}
+    assert np.isnan(swapped.shift).all()
+
+
+def test_readings_that_no_pose_gives(coder):
+    rest = forward.seen(coder.forward, np.zeros((3, 1)))[0][:, 0]
+    high = forward.seen(coder.forward, np.array([[0.0], [0.0], [0.4]]))[0][:, 0]
+    rows = [rest, np.zeros(3), -rest, rest[[1, 0, 2]] * [1, 3, 1], high, [np.nan, 0, 0], [np.inf, 0, 0], [0.08, 0, 0]]
+    found = decode.decode(coder, rows)
+    assert found.status == ["ok", *["out_of_workspace"] * 4, "not_finite", "not_finite", "saturated"]
+    assert np.isnan(found.shift[1:]).all()
+    assert np.isnan(found.force[1:]).all()
+    assert (found.multiplicity == [1, 0, 0, 0, 0, 0, 0, 0]).all()
+    assert decode.decode(coder, np.empty((0, 3))).status == []
+
+
+@pytest.mark.parametrize(
+    ("design", "options", "words"),
+    [
+        (Design(magnet_diameter=0, magnet_height=0), {}, "no magnet"),
+        (Design(l0=3.0, c=0.0), {}, "inside the beam"),
+        (paper(), {"elements": ()}, "three readings"),
+        (paper(), {"workspace": ([0, 0, 0], [1, 1, 0])}, "positive size"),
+        (paper(), {"workspace": ([0, 0, np.nan], [1, 1, 0])}, "positive size"),
+    ],
+)
+def test_bad_designs_are_a_sentence(design, options, words):
+    with pytest.raises(BadInput, match=words):
+        decode.decoder(design, **options)
+
+
+def test_bad_shapes_are_a_sentence(coder):
+    with pytest.raises(BadInput, match=r"shape \(n, 3\)"):
+        decode.decode(coder, [1, 2, 3])
+
+
+def test_mechanics_are_the_formulas():
+    law = tilting(paper())
+    assert max(law.errors) < 1e-9
+    assert_allclose(law.tau[0, 0], 0.1)
+    x, y, z = 0.4, -0.2, -0.9
+    shift, e = np.array([[x], [y], [z]]), 1e-6
+    slopes = mechanics.forces(law, shift)[1]
+    for j in range(3):
+        step = e * np.eye(3)[:, j : j + 1]
+        numeric = (mechanics.forces(law, shift + step)[0] - mechanics.forces(law, shift - step)[0]) / (2 * e)
+        assert_allclose(slopes[j], numeric, atol=1e-8)
+    assert (mechanics.load(law, -shift)[0] == 0).all()
+
+
+def test_mechanics_of_a_contact_and_of_few_states():
+    """A Hertz contact on a linear column with a stuck, tilting tip: F = k w, depth = w + (F/h)^(2/3)."""
+
+    def contact(load):
+        from scipy.optimize import brentq
+
+        w = brentq(lambda w: w + (3 * w / 5) ** (2 / 3) - load.depth, 0, load.depth) if load.depth else 0.0
+        return Response((0.8 * load.shear_x, 0, 3 * w), (0.5 * load.shear_x, 0, -w), 0.06 * load.shear_x, 1.0)
+
+    law = mechanics.of_formula(contact, 3.0, 3.0)
+    assert law.errors[0] < 1e-10
+    assert law.errors[2] < 1e-10
+    assert law.errors[3] < 0.02
+    states = [(load, contact(load)) for load in (Load(1.0), Load(2.0), Load(2.0, 1.0, friction="stick"))]
+    few = mechanics.of_samples(states)
+    assert max(few.errors) < 1e-6
+    with pytest.raises(BadInput, match="add both"):
+        mechanics.of_samples(states[:2])
+    with pytest.raises(BadInput, match="along the shear"):
+        mechanics.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])

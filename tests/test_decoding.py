@@ -1,0 +1,155 @@
+"""The verb decode: a round trip through readings, tables as streams, mechanics from states, and bad input."""
+
+import csv
+import json
+
+import pytest
+from numpy.testing import assert_allclose
+
+READINGS = ("readings", "paper", "--shift", "0.5,0.2,-1", "--json")
+
+
+def volts(run, strict, *tokens):
+    (record,) = strict(run(*(tokens or READINGS))[1])
+    return ",".join(map(repr, record["readings_V"]))
+
+
+def test_readings_come_back_as_their_pose(run, strict):
+    text = volts(run, strict)
+    status, out, err = run("decode", "paper", "--readings", text, "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    assert_allclose(record["shift_mm"], [0.5, 0.2, -1.0], atol=1e-9)
+    assert record["status"] == "ok"
+    assert record["multiplicity"] == 1
+    assert record["noise_um"] == [None] * 3
+    field = ",".join(map(repr, record["readings_T"]))
+    (again,) = strict(run("decode", "paper", "--readings", field, "--units", "T", "--json")[1])
+    assert_allclose(again["shift_mm"], record["shift_mm"], atol=1e-9)
+
+
+def test_the_load_is_that_of_the_formulas(run, strict):
+    (load,) = strict(run("analytic", "paper", "--depth", 1, "--shear", 0.5, "--json")[1])
+    text = ",".join(map(repr, load["readings_V"]))
+    (record,) = strict(run("decode", "paper", "--readings", text, "--json")[1])
+    assert_allclose(record["force_N"], load["force_N"], atol=1e-8)
+    assert_allclose([record["depth_mm"], record["shear_mm"], record["shear_y_mm"]], [1, 0.5, 0], atol=1e-8)
+
+
+@pytest.mark.parametrize(("text", "word"), [("2.5,2.5,2.5", "out_of_workspace"), ("3,4.8,3", "saturated")])
+def test_readings_without_a_pose_end_with_3(run, strict, text, word):
+    status, out, err = run("decode", "paper", "--readings", text, "--json")
+    (record,) = strict(out)
+    assert (status, record["status"], record["shift_mm"]) == (3, word, [None] * 3)
+    assert err.count("\n") == 1
+
+
+def test_ambiguous_readings_warn(run, strict):
+    fields = (
+        "--set",
+        "l0=6",
+        "--set",
+        "c=2.5",
+        "--set",
+        "hall_null=50",
+        "--set",
+        "hall_high=100",
+        "--set",
+        "hall_low=0",
+    )
+    found = []
+    for shift in ("2.8,2.8,-2", "2.6,2.6,-2.1", "2.9,2.2,-2.2", "2.2,2.9,-2"):
+        text = volts(run, strict, "readings", "paper", "--shift", shift, "--json", *fields)
+        status, out, err = run("decode", "paper", "--readings", text, "--json", *fields)
+        (record,) = strict(out)
+        assert status == 0
+        assert ("several poses" in err) == (record["multiplicity"] > 1) == (record["status"] == "ambiguous")
+        assert record["multiplicity"] == len(record["poses_mm"])
+        expected = [float(v) for v in shift.split(",")]
+        assert min(max(abs(a - b) for a, b in zip(p, expected, strict=True)) for p in record["poses_mm"]) < 1e-5
+        found.append(record["multiplicity"])
+    assert max(found) > 1
+
+
+STATE = {"status": "ok", "shear_y_mm": 0.0, "tilt_y_rad": 0.0, "contact_radius_mm": 1.0}
+
+
+def state(depth, shear):
+    """What a solve would print: the magnet follows and tilts by 0.1 rad/mm."""
+    x = 0.5 * shear
+    return {
+        **STATE,
+        "depth_mm": depth,
+        "shear_mm": shear,
+        "force_N": [0.8 * shear, 0.0, 3.0 * depth],
+        "shift_mm": [x, 0.0, -0.6 * depth],
+        "tilt_rad": 0.1 * x,
+    }
+
+
+def test_states_of_a_solve_give_tilt_and_load(run, strict, tmp_path):
+    states = [state(d, s) for d in (0.0, 1.0, 2.0, 3.0) for s in (0.0, 2.0, 4.0)] + [{"status": "not_converged"}]
+    (tmp_path / "states.jsonl").write_text("\n".join(map(json.dumps, states)) + "\n\n")
+    text = volts(run, strict, "readings", "paper", "--shift", "0.5,-0.5,-1", "--tilt", "0.05,0.05", "--json")
+    decode = ("decode", "paper", "--readings", text, "--responses", "states.jsonl", "--json")
+    status, out, _ = run(*decode)
+    (record,) = strict(out)
+    assert status == 0
+    assert_allclose(record["shift_mm"], [0.5, -0.5, -1.0], atol=1e-8)
+    assert_allclose([record["tilt_rad"], record["tilt_y_rad"]], [0.05, -0.05], atol=1e-8)
+    assert_allclose(record["force_N"], [0.8, -0.8, 5.0], atol=1e-8)
+    (flat,) = strict(run(*decode, "--ignore-tilt")[1])
+    assert flat["tilt_rad"] == 0
+    assert abs(flat["shift_mm"][0] - 0.5) > 0.02
+
+
+def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
+    one = volts(run, strict)
+    rest = volts(run, strict, "readings", "paper", "--json")
+    lines = ["time_s,S1_V,S2_V,S3_V", f"0.1,{one}", "0.2,,3,3", "0.3,nan,3,3", f"0.4,{rest}", "0.5,4.9,3,3"]
+    (tmp_path / "r.csv").write_text("\n".join(lines) + "\n")
+    status, out, err = run("decode", "paper", "--file", "r.csv")
+    rows = list(csv.DictReader(out.splitlines()))
+    assert status == 0
+    assert [row["status"] for row in rows] == ["ok", "not_finite", "not_finite", "ok", "saturated"]
+    assert [row["time_s"] for row in rows] == ["0.1", "0.2", "0.3", "0.4", "0.5"]
+    assert_allclose(float(rows[0]["shift_x_mm"]), 0.5, atol=1e-9)
+    assert rows[1]["shift_x_mm"] == ""
+    assert "2 of 5 rows not_finite" in err
+    assert run("decode", "paper", "--file", "r.csv", "--out", "d.csv")[0] == 0
+    assert (tmp_path / "d.csv").read_text() == out
+    (tmp_path / "bad.csv").write_text("S1_T,S2_T,S3_T\n0,0,0\n")
+    assert run("decode", "paper", "--file", "bad.csv", "--units", "T")[0] == 3
+
+
+@pytest.mark.parametrize(
+    ("tokens", "words"),
+    [
+        ((), "either as --readings"),
+        (("--readings", "1,2,3", "--file", "r.csv"), "either as --readings"),
+        (("--readings", "1,2"), "takes 3 numbers"),
+        (("--readings", "1,2,nan"), "finite"),
+        (("--readings", "1,2,3", "--units", "G"), "G"),
+        (("--readings", "1,2,3", "--level", "best"), "level must be"),
+        (("--readings", "1,2,3", "--out", "d.csv"), "--out is for"),
+        (("--readings", "1,2,3", "--level", "paper", "--responses", "s"), "leave one"),
+        (("--readings", "1,2,3", "--responses", "none.jsonl"), "no file"),
+        (("--readings", "1,2,3", "--responses", "r.csv"), "line 1 is no state"),
+        (("--readings", "1,2,3", "--responses", "empty.csv"), "add both"),
+        (("--readings", "1,2,3", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "magnet"),
+        (("--readings", "1,2,3", "--set", "l0=3", "--set", "c=0"), "inside the beam"),
+        (("--readings", "1,2,3", "--units", "V", "--set", "hall_layout=tmag5273a1"), "flux densities"),
+        (("--file", "none.csv"), "no file"),
+        (("--file", "r.csv"), "in the order S1_V,S2_V,S3_V"),
+        (("--file", "r.csv", "--units", "T"), "S1_T is missing"),
+        (("--file", "text.csv"), "must be a finite number of V"),
+        (("--file", "empty.csv"), "is empty"),
+    ],
+)
+def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
+    (tmp_path / "r.csv").write_text("S2_V,S1_V,S3_V\n1,2,3\n")
+    (tmp_path / "text.csv").write_text("S1_V,S2_V,S3_V\n1,two,3\n")
+    (tmp_path / "empty.csv").write_text("")
+    status, out, err = run("decode", "paper", *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert words in err
