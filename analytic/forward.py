@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.hall import Mode, plates
-from analytic.magnet import cylinder_field_jacobian
+from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from analytic.parts import Element, of_design
 from geometry.design import BadInput, Design
 
@@ -93,41 +93,70 @@ def seen(forward: Forward, shift: Array) -> tuple[Array, Array]:
     values : B.n of each element, or |B|, shape (k, n), T.
     slopes : of element k along s_j at [j, k, n], shape (3, k, n), T/mm.
     """
-    design, n = forward.design, shift.shape[1]
-    tilted = bool(forward.tau.any())
-    axis, lean = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
-    m = axis[:, None, :]
-    x = forward.points.T[:, :, None] - shift[:, None, :]
-    x[2] -= design.H
-    zeta = _dot(m, x)
-    radial = x - zeta * m
-    rho = np.sqrt(_dot(radial, radial))
-    radial /= np.where(rho > 0, rho, 1.0)
-    local = np.zeros((rho.size, 3))
-    local[:, 0], local[:, 2] = rho.ravel(), zeta.ravel()
-    half, height, polarisation = design.magnet_diameter / 2, design.magnet_height, -design.remanence
-    b, slope = cylinder_field_jacobian(local, half, height, polarisation)
-    b_r, b_z = (b[:, k].reshape(rho.shape) for k in (0, 2))
-    rr, ring, rz, zz = (slope[:, i, j].reshape(rho.shape) for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))
+    n = shift.shape[1]
+    m, lean, x, radial, local = _places(forward, shift)
+    shape = radial.shape[1:]
+    b, slope = cylinder_field_jacobian(local, *_magnet(forward.design))
+    b_r, b_z = (b[:, k].reshape(shape) for k in (0, 2))
+    rr, ring, rz, zz = (slope[:, i, j].reshape(shape) for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))
     B = b_r * radial + b_z * m
-    normal = forward.normals.T[:, :, None]
-    if forward.mode == "magnitude":
-        size = np.sqrt(_dot(B, B))
-        normal = B / np.where(size > 0, size, 1.0)
+    normal = _normal(forward, B)
     along, out = _dot(normal, m), _dot(normal, radial)
-    values = b_r * out + b_z * along
     g = ring * normal + ((rr - ring) * out + rz * along) * radial + ((zz - ring) * along + rz * out) * m
     slopes = -g
     if lean is not None:
         turn = _cross(_cross(B, normal) - _cross(x, g), m)
         for j in range(3):
             slopes[j] += _dot(lean[j][:, None, :], turn)
-    if len(forward.owners) > len(forward.elements):
-        starts = np.searchsorted(forward.owners, np.arange(len(forward.elements)))
-        share = np.bincount(forward.owners)[:, None]
-        values = np.add.reduceat(values, starts, axis=0) / share
-        slopes = np.add.reduceat(slopes, starts, axis=1) / share
+    values, slopes = _mean(forward, b_r * out + b_z * along, 0), _mean(forward, slopes, 1)
     return values.reshape(len(forward.elements), n), slopes
+
+
+def values_at(forward: Forward, shift: Array) -> Array:
+    """The values of `seen` alone."""
+    m, _, _, radial, local = _places(forward, shift)
+    b = cylinder_field(local, *_magnet(forward.design))
+    B = b[:, 0].reshape(radial.shape[1:]) * radial + b[:, 2].reshape(radial.shape[1:]) * m
+    return _mean(forward, _dot(_normal(forward, B), B), 0)
+
+
+def _places(forward: Forward, shift: Array) -> tuple[Array, Array | None, Array, Array, Array]:
+    """Axis (3, 1, n) and its slopes; the points seen from the magnet, x and its direction across the axis, shape
+    (3, m, n); and the points in a magnet's frame (rho, 0, zeta), shape (m n, 3).
+    """
+    tilted = bool(forward.tau.any())
+    axis, lean = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
+    m = axis[:, None, :]
+    x = forward.points.T[:, :, None] - shift[:, None, :]
+    x[2] -= forward.design.H
+    zeta = _dot(m, x)
+    radial = x - zeta * m
+    rho = np.sqrt(_dot(radial, radial))
+    radial /= np.where(rho > 0, rho, 1.0)
+    local = np.zeros((rho.size, 3))
+    local[:, 0], local[:, 2] = rho.ravel(), zeta.ravel()
+    return m, lean, x, radial, local
+
+
+def _magnet(design: Design) -> tuple[float, float, float]:
+    """Radius, height and, along the axis m, polarisation."""
+    return design.magnet_diameter / 2, design.magnet_height, -design.remanence
+
+
+def _normal(forward: Forward, B: Array) -> Array:
+    """Along what the elements read."""
+    if forward.mode == "component":
+        return forward.normals.T[:, :, None]
+    size = np.sqrt(_dot(B, B))
+    return np.asarray(B / np.where(size > 0, size, 1.0))
+
+
+def _mean(forward: Forward, values: Array, axis: int) -> Array:
+    """Over the points of each element."""
+    if len(forward.owners) == len(forward.elements):
+        return values
+    starts = np.searchsorted(forward.owners, np.arange(len(forward.elements)))
+    return np.asarray(np.add.reduceat(values, starts, axis=axis) / np.bincount(forward.owners)[:, None])
 
 
 def tilt_axis(tau: Array, shift: Array) -> tuple[Array, Array]:

@@ -40,6 +40,7 @@ for verb in (
     verbs.field,
     verbs.readings,
     inverse.decode,
+    inverse.table,
     verbs.stability,
     verbs.modes,
     jobs.demo,

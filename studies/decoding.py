@@ -51,10 +51,14 @@ def prepare(design: Design, level: str | None, responses: Path | None, *, ignore
     """
     from analytic.decode import decoder
 
+    return decoder(design, mechanics_of(design, level, responses), ignore_tilt=ignore_tilt)
+
+
+def mechanics_of(design: Design, level: str | None, responses: Path | None) -> Mechanics:
+    """The mechanics of a level, or of responses in a file; of the level paper if neither is given."""
     if responses is not None and level is not None:
         raise BadInput("--level and --responses both give the mechanics: leave one of them out")
-    law = of_level(design, level or "paper") if responses is None else of_file(responses)
-    return decoder(design, law, ignore_tilt=ignore_tilt)
+    return of_level(design, level or "paper") if responses is None else of_file(responses)
 
 
 def of_level(design: Design, level: str) -> Mechanics:

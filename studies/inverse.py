@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from geometry.design import BadInput
-from studies import console, decoding, inputs
+from studies import console, decoding, files, inputs, tables
 from studies.options import FAILED, GOOD, AsJson, Sets, Source, judged
 
 
@@ -65,3 +65,42 @@ def decode(
         if status != "ok":
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {decoding.WHY[status]}")
     return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
+
+
+def table(
+    source: Source,
+    /,
+    *,
+    out: Path,
+    step: float = 0.01,
+    level: str | None = None,
+    responses: Path | None = None,
+    plane: bool = False,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """The paper's look-up table: B.n of every pose on a grid, T, written as it is made; 2.6 GB at a step of 0.01 mm.
+
+    Interrupted, the same command goes on where it stopped. FILE.json beside the table says what its axes are.
+
+    Parameters
+    ----------
+    out
+        A .npy file, shape (x, y, z, element); read it with numpy.load(FILE, mmap_mode="r").
+    step
+        Of the grid, mm.
+    level, responses
+        As in decode, for the tilt; without them the magnet does not tilt.
+    plane
+        The table of two dimensions that is enough where the magnet does not tilt: B_rho and B_z over (rho, Z).
+    """
+    given = inputs.read_design(source, sets or [])
+    target = files.check_output_file(out, ".npy")
+    model, grid = tables.plan(given, step, level, responses)
+    if plane:
+        record = tables.write_plane(model, grid, target)
+    else:
+        with console.progress(as_json=as_json) as progress:
+            record = tables.write(model, grid, target, progress)
+    console.report([record], as_json=as_json, title="Table")
+    return GOOD

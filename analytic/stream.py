@@ -1,0 +1,222 @@
+"""Readings one at a time, for a loop that waits for each: what `analytic.decode` finds, in a fraction of its time.
+
+NumPy takes microseconds for an operation, whatever the length of its arrays. Here a single row of readings is looked
+up in the table with a few of them, and Newton's steps are taken in Python's own numbers, with one call of the field
+for each. A row that this does not settle (a fold nearby, several poses, more elements than three, plates) goes to
+`decode`, with the pose before as its warm start.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.decode import EDGE, Decoder, Status, decode
+from analytic.magnet import cylinder_field_jacobian
+from analytic.refine import GOAL
+from analytic.sheets import APART, BINS, MARGIN
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+STEPS = 8
+
+
+class Sample(NamedTuple):
+    """What one row of readings says; NaN where there is no pose. Units as in `analytic.decode.Decoded`."""
+
+    status: Status
+    shift: Vector
+    tilt: tuple[float, float]
+    force: Vector
+    multiplicity: int
+
+
+NAN3 = (math.nan, math.nan, math.nan)
+
+
+class Stream:
+    """Decodes row after row; of several poses it takes the one nearest to the last.
+
+    Parameters
+    ----------
+    coder : as `analytic.decode.decoder` makes it.
+    """
+
+    def __init__(self, coder: Decoder) -> None:
+        self.coder = coder
+        forward, design = coder.forward, coder.forward.design
+        self.last: Vector = (0.0, 0.0, 0.0)
+        self.simple = len(forward.owners) == 3 and forward.mode == "component"
+        points = forward.points - [0.0, 0.0, design.H]
+        self.points = list(zip(points.tolist(), forward.normals.tolist(), strict=True))
+        self.magnet = (design.magnet_diameter / 2, design.magnet_height, -design.remanence)
+        self.tau = forward.tau.tolist() if forward.tau.any() else []
+        self.rails = [((e.low - e.null) / e.gain, (e.high - e.null) / e.gain) for e in forward.elements]
+        self.edges = [row.tolist() for row in coder.table.edges]
+        self.low, self.high = (coder.low - EDGE).tolist(), (coder.high + EDGE).tolist()
+        self.local = np.zeros((3, 3))
+
+    def step(self, field: Vector) -> Sample:
+        """Decode B.n of the elements, T.
+
+        Raises
+        ------
+        BadInput
+            There is another number of readings than of elements.
+        """
+        shift = None
+        if self.simple and len(field) == 3:
+            inside = all(low < b < high for b, (low, high) in zip(field, self.rails, strict=True))
+            start = self._start(field) if inside else None
+            shift = None if start is None else self._newton(field, start)
+        if shift is None:
+            return self._slowly(field)
+        self.last = shift
+        turn = self._tau(shift[0] ** 2 + shift[1] ** 2, shift[2])[0]
+        force = NAN3 if self.coder.mechanics is None else self._force(shift)
+        return Sample("ok", shift, (-turn * shift[1], turn * shift[0]), force, 1)
+
+    def _slowly(self, field: Vector) -> Sample:
+        found = decode(self.coder, np.asarray(field, dtype=np.float64)[None], near=self.last)
+        x, y, z = found.shift[0].tolist()
+        if found.multiplicity[0]:
+            self.last = (x, y, z)
+        rx, ry = found.tilt[0].tolist()
+        f_x, f_y, f_n = found.force[0].tolist()
+        return Sample(found.status[0], (x, y, z), (rx, ry), (f_x, f_y, f_n), int(found.multiplicity[0]))
+
+    def _start(self, field: Vector) -> list[float] | None:
+        """The only start that the table gives, or None."""
+        table = self.coder.table
+        index = 0
+        for edges, b in zip(self.edges, field, strict=True):
+            index = index * BINS + bisect_left(edges, b)
+        cells = table.members[table.first[index] : table.first[index + 1]]
+        place = np.matmul(table.inverse[cells], (np.array(field) - table.middle[cells])[:, :, None])[:, :, 0]
+        outside = np.abs(place).max(axis=1, initial=0.0)
+        hit = np.flatnonzero(outside <= 0.5 + MARGIN)
+        if not len(hit):
+            return None
+        turn = table.turn[cells[hit]]
+        if turn[0] == 0 or (turn != turn[0]).any():
+            return None
+        at = table.centre[cells[hit]] + place[hit] * table.edge
+        best = at[outside[hit].argmin()]
+        if (((at - best) ** 2).sum(axis=1) > APART**2 * (table.edge**2).sum()).any():
+            return None
+        found: list[float] = best.tolist()
+        return found
+
+    def _newton(self, field: Vector, s: list[float]) -> Vector | None:
+        """The pose from a start, or None if Newton's undamped steps do not settle, or settle outside."""
+        last = math.inf
+        for _ in range(STEPS):
+            rows, f = self._seen(s, field)
+            (a, b, c), (d, e, g), (h, i, j) = rows
+            A, B, C = e * j - g * i, g * h - d * j, d * i - e * h
+            det = a * A + b * B + c * C
+            if det == 0:
+                return None
+            p = -(A * f[0] + (c * i - b * j) * f[1] + (b * g - c * e) * f[2]) / det
+            q = -(B * f[0] + (a * j - c * h) * f[1] + (c * d - a * g) * f[2]) / det
+            r = -(C * f[0] + (b * h - a * i) * f[1] + (a * e - b * d) * f[2]) / det
+            length = math.sqrt(p * p + q * q + r * r)
+            if not length < min(0.5, last):
+                return None
+            s = [s[0] + p, s[1] + q, s[2] + r]
+            if length < 1e-3 * GOAL or length**3 < GOAL * min(last, 1e-2) ** 2:
+                good = all(low <= v <= high for low, v, high in zip(self.low, s, self.high, strict=True))
+                return (s[0], s[1], s[2]) if good else None
+            last = length
+        return None
+
+    def _seen(self, s: list[float], field: Vector) -> tuple[list[list[float]], list[float]]:
+        """Slopes of each reading, T/mm, and what the readings lack, T; formulas as in `analytic.forward`."""
+        m, lean = self._axis(s)
+        found = []
+        for k, (point, _) in enumerate(self.points):
+            x = [point[0] - s[0], point[1] - s[1], point[2] - s[2]]
+            zeta = m[0] * x[0] + m[1] * x[1] + m[2] * x[2]
+            radial = [x[0] - zeta * m[0], x[1] - zeta * m[1], x[2] - zeta * m[2]]
+            rho = math.sqrt(radial[0] ** 2 + radial[1] ** 2 + radial[2] ** 2)
+            self.local[k, 0], self.local[k, 2] = rho, zeta
+            if rho > 0:
+                radial = [radial[0] / rho, radial[1] / rho, radial[2] / rho]
+            found.append((x, radial))
+        fields, slopes = cylinder_field_jacobian(self.local, *self.magnet)
+        rows, lack = [], []
+        data = zip(found, self.points, fields.tolist(), slopes.reshape(3, 9).tolist(), field, strict=True)
+        for (x, u), (_, n), (b_r, _, b_z), slope, read in data:
+            rr, rz, ring, zz = slope[0], slope[2], slope[4], slope[8]
+            along = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+            out = n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+            on_u, on_m = (rr - ring) * out + rz * along, (zz - ring) * along + rz * out
+            g = [ring * n[k] + on_u * u[k] + on_m * m[k] for k in range(3)]
+            row = [-g[0], -g[1], -g[2]]
+            if lean:
+                B = [b_r * u[k] + b_z * m[k] for k in range(3)]
+                v = _cross(B, n)
+                w = _cross(x, g)
+                turn = _cross([v[0] - w[0], v[1] - w[1], v[2] - w[2]], m)
+                for j in range(3):
+                    row[j] += lean[j][0] * turn[0] + lean[j][1] * turn[1] + lean[j][2] * turn[2]
+            rows.append(row)
+            lack.append(b_r * out + b_z * along - read)
+        return rows, lack
+
+    def _axis(self, s: list[float]) -> tuple[list[float], list[list[float]]]:
+        """The magnet's axis, and its slopes dm_i/ds_j at [j][i]; none if it does not tilt."""
+        if not self.tau:
+            return [0.0, 0.0, 1.0], []
+        x, y, z = s
+        u = x * x + y * y
+        t, t_u, t_z = self._tau(u, z)
+        square = t * t * u
+        angle = math.sqrt(square)
+        cos = math.cos(angle)
+        small = square < 1e-6
+        sinc = 1 - square / 6 if small else math.sin(angle) / angle
+        bend = square / 60 - 1 / 6 if small else (cos - sinc) / (2 * square)
+        k = sinc * t
+        lean = []
+        for grow, wide in ((2 * x * t_u, 2 * x), (2 * y * t_u, 2 * y), (t_z, 0.0)):
+            d_square = 2 * t * u * grow + t * t * wide
+            d_k = sinc * grow + t * bend * d_square
+            lean.append([x * d_k, y * d_k, -sinc / 2 * d_square])
+        lean[0][0] += k
+        lean[1][1] += k
+        return [k * x, k * y, cos], lean
+
+    def _tau(self, u: float, w: float) -> tuple[float, float, float]:
+        return _polynomial(self.tau, u, w)
+
+    def _force(self, shift: Vector) -> Vector:
+        law = self.coder.mechanics
+        assert law is not None
+        x, y, w = shift
+        u = x * x + y * y
+        k = _polynomial(law.lateral.tolist(), u, w)[0]
+        return x * k, y * k, _polynomial(law.normal.tolist(), u, w)[0]
+
+
+def _cross(a: list[float], b: list[float]) -> list[float]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def _polynomial(c: list[list[float]], u: float, w: float) -> tuple[float, float, float]:
+    """As `analytic.forward.polynomial`."""
+    p = p_u = p_w = 0.0
+    for row in reversed(c):
+        q, q_w = 0.0, 0.0
+        for value in reversed(row):
+            q_w = q_w * w + q
+            q = q * w + value
+        p_u = p_u * u + p
+        p_w = p_w * u + q_w
+        p = p * u + q
+    return p, p_u, p_w

@@ -1,0 +1,147 @@
+"""What `magtip table` writes: the paper's look-up table as a file of NumPy that can be read by memory mapping.
+
+The table is written slab by slab under a temporary name beside its own, with a note of what it is and how far it is;
+the same command goes on from there. A complete table takes its name, and FILE.json says what is in it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from studies import files
+from studies.console import Progress
+
+if TYPE_CHECKING:
+    from analytic.forward import Forward
+    from analytic.lookup import Grid
+
+NOTE_EVERY = 8
+"""Slabs between two notes."""
+
+
+def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
+    """The forward model and the grid of a table; without a level or responses the magnet does not tilt.
+
+    Raises
+    ------
+    BadInput
+        The design has no magnet, the step does not fit, or the mechanics cannot be used.
+    """
+    from analytic import forward, lookup, mechanics
+    from studies import decoding
+
+    if not step > 0:
+        raise BadInput(f"step must be more than 0 mm; got {step:g}")
+    law = decoding.mechanics_of(design, level, responses) if level or responses else None
+    tau = forward.NO_TILT if law is None else law.tau
+    model = forward.model(design, tau)
+    low, _ = mechanics.workspace(design, law)
+    if step > min(-low[0], -low[2]):
+        raise BadInput(f"step must be at most {min(-low[0], -low[2]):g} mm, the size of the workspace; got {step:g} mm")
+    # whole steps that fit into the workspace
+    side, sink = (step * int(-length / step + 1e-6) for length in (low[0], low[2]))
+    return model, lookup.Grid(side, sink, step)
+
+
+def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str, Any]:
+    """Write the table of three dimensions, and return what FILE.json says.
+
+    Raises
+    ------
+    BadInput
+        The disk has no room for it.
+    """
+    import numpy as np
+
+    from analytic import lookup, magnet
+
+    shape = (*grid.shape, len(model.elements))
+    about = _about(model, grid, shape)
+    about["axes"] = [
+        {"name": "x_mm", "first": -grid.side, "step": grid.step, "count": shape[0]},
+        {"name": "y_mm", "first": -grid.side, "step": grid.step, "count": shape[1]},
+        {"name": "z_mm", "first": 0.0, "step": -grid.step, "count": shape[2]},
+        {"name": "B_T", "columns": [element.name for element in model.elements]},
+    ]
+    size = 8 * int(np.prod(shape, dtype=np.int64))
+    part, note = out.with_name(f".{out.name}.part"), out.with_name(f".{out.name}.part.json")
+    key = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
+    done, offset = _resume(part, note, key)
+    room = shutil.disk_usage(out.parent).free + (part.stat().st_size if part.exists() else 0)
+    if size > room:
+        raise BadInput(f"the table takes {size / 1e6:.0f} MB and the disk has {room / 1e6:.0f}: raise --step")
+    if size > 1e7:
+        magnet.compiled()
+    with part.open("r+b" if done else "w+b") as stream:
+        if not done:
+            header = {"descr": "<f8", "fortran_order": False, "shape": shape}
+            np.lib.format.write_array_header_1_0(stream, header)
+            offset = stream.tell()
+        stream.seek(offset + done * (size // shape[0]))
+        for i in range(done, shape[0]):
+            progress(i / shape[0], f"{size / 1e6:.0f} MB")
+            stream.write(lookup.slab(model, grid, i).astype("<f8", copy=False).tobytes())
+            if (i + 1) % NOTE_EVERY == 0:
+                stream.flush()
+                files.write_json(note, {"key": key, "done": i + 1, "offset": offset})
+        stream.truncate()
+    files.write_json(out.with_suffix(".json"), about)
+    os.replace(part, out)
+    note.unlink(missing_ok=True)
+    return {"status": "ok", "file": str(out), "poses": size // 8 // shape[3], "size_MB": size / 1e6, "resumed": done}
+
+
+def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
+    """Write the table of two dimensions, and return what is to be said of it.
+
+    Raises
+    ------
+    BadInput
+        The magnet tilts.
+    """
+    import numpy as np
+
+    from analytic import lookup
+
+    if model.tau.any():
+        raise BadInput("--plane is for a magnet that does not tilt: leave out --level and --responses")
+    table, first = lookup.plane(model, grid)
+    about = _about(model, grid, table.shape)
+    about["axes"] = [
+        {"name": "rho_mm", "first": 0.0, "step": grid.step, "count": table.shape[0]},
+        {"name": "Z_mm", "first": first, "step": grid.step, "count": table.shape[1]},
+        {"name": "B_T", "columns": ["B_rho", "B_z"]},
+    ]
+    with files.atomic(out) as temporary:
+        np.save(temporary, table)
+    files.write_json(out.with_suffix(".json"), about)
+    return {"status": "ok", "file": str(out), "poses": table.size // 2, "size_MB": table.nbytes / 1e6, "resumed": 0}
+
+
+def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
+    return {
+        "design": dataclasses.asdict(model.design),
+        "mode": model.mode,
+        "tau": model.tau.tolist(),
+        "step_mm": grid.step,
+        "shape": list(shape),
+        "dtype": "<f8",
+    }
+
+
+def _resume(part: Path, note: Path, key: str) -> tuple[int, int]:
+    """How many slabs of this very table are there already, and where the first begins."""
+    try:
+        found = json.loads(note.read_text("utf-8"))
+        if found["key"] == key and part.exists():
+            return int(found["done"]), int(found["offset"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    return 0, 0

@@ -1,0 +1,91 @@
+"""The look-up table: its entries, its plane, how it goes on after an interruption, and bad input."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic import hall, lookup
+from geometry.design import BadInput, paper
+
+
+def test_entries_are_the_readings(run, strict, tmp_path):
+    status, out, _ = run("table", "paper", "--step", 0.5, "--out", "t.npy", "--json")
+    assert status == 0
+    assert strict(out)[0]["poses"] == 13 * 13 * 7
+    table, about = np.load(tmp_path / "t.npy", mmap_mode="r"), json.loads((tmp_path / "t.json").read_text())
+    assert list(table.shape) == about["shape"] == [13, 13, 7, 3]
+    axes = [[axis["first"] + k * axis["step"] for k in range(axis["count"])] for axis in about["axes"][:3]]
+    for i, j, k in ((0, 0, 0), (6, 6, 0), (2, 11, 5), (12, 12, 6)):
+        shift = (axes[0][i], axes[1][j], axes[2][k])
+        assert_allclose(table[i, j, k], hall.readings(paper(), shift=shift).B_T, rtol=1e-12)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_the_plane_holds_every_reading(run, tmp_path):
+    assert run("table", "paper", "--step", 0.1, "--plane", "--out", "p.npy")[0] == 0
+    table, about = np.load(tmp_path / "p.npy"), json.loads((tmp_path / "p.json").read_text())
+    rho, height = about["axes"][:2]
+    # the magnet at (-1, 0, -2): S2, at (5, 0) and 5.2 mm below its rest, is 6 mm aside and 3.2 mm below it
+    i, j = round(6 / rho["step"]), round((-3.2 - height["first"]) / height["step"])
+    expected = hall.field_at([[5, 0, -0.2]], paper(), (-1, 0, -2))[0]
+    assert_allclose(table[i, j], expected[[0, 2]], rtol=1e-10)
+    corner = np.hypot(8, 3)
+    assert rho["step"] * (rho["count"] - 1) >= corner
+
+
+def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
+    command = ("table", "paper", "--step", 0.25, "--json", "--out")
+    assert run(*command, "whole.npy")[0] == 0
+    slab = lookup.slab
+
+    def stop(model, grid, i):
+        if i == 19:
+            raise KeyboardInterrupt
+        return slab(model, grid, i)
+
+    monkeypatch.setattr(lookup, "slab", stop)
+    assert run(*command, "t.npy")[0] == 130
+    assert not (tmp_path / "t.npy").exists()
+    monkeypatch.setattr(lookup, "slab", slab)
+    status, out, _ = run(*command, "t.npy")
+    assert (status, strict(out)[0]["resumed"]) == (0, 16)
+    assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_another_table_does_not_go_on_from_it(run, strict, tmp_path, monkeypatch):
+    slab = lookup.slab
+    monkeypatch.setattr(lookup, "slab", lambda model, grid, i: 1 / 0 if i == 9 else slab(model, grid, i))
+    with pytest.raises(ZeroDivisionError):
+        run("table", "paper", "--step", 0.5, "--out", "t.npy")
+    monkeypatch.setattr(lookup, "slab", slab)
+    status, out, _ = run("table", "paper", "--step", 0.5, "--set", "l0=8", "--out", "t.npy", "--json")
+    assert (status, strict(out)[0]["resumed"]) == (0, 0)
+
+
+def test_the_papers_grid():
+    grid = lookup.Grid(3.0, 3.0, 0.01)
+    assert np.prod(grid.shape) == 108_721_501
+    assert_allclose(grid.axes()[0][[0, 300, 600]], [-3, 0, 3], atol=1e-15)
+    with pytest.raises(BadInput, match="whole number of steps"):
+        lookup.Grid(3.0, 3.0, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("tokens", "words"),
+    [
+        (("--out", "t.csv"), "must end in .npy"),
+        (("--out", "t.npy", "--step", 0), "more than 0"),
+        (("--out", "t.npy", "--step", "nan"), "more than 0"),
+        (("--out", "t.npy", "--step", 4), "at most"),
+        (("--out", "t.npy", "--step", 1e-4), "disk"),
+        (("--out", "t.npy", "--level", "best"), "level must be"),
+        (("--out", "t.npy", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
+    ],
+)
+def test_bad_input_is_a_sentence(run, tokens, words):
+    status, out, err = run("table", "paper", *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert words in err
