@@ -91,7 +91,8 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
         raise BadInput("mechanics need states with a press and states with a shear: add both")
     U, r = u * u, np.cbrt(-w)
     steps = len(set(np.round(depth, 9)) - {0.0})
-    high = min(ORDERS[1], steps)
+    # half as many powers as depths: a polynomial through all of them swings in between
+    high = min(ORDERS[1], 1 + steps // 2)
     shears = len(set(np.round(shear, 9)) - {0.0})
     wide = min(ORDERS[0], shears - 1)
     m, rest = moved, np.zeros(1)

@@ -44,7 +44,9 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
     model = forward.model(design, tau)
     low, _ = mechanics.workspace(design, law)
     if step > min(-low[0], -low[2]):
-        raise BadInput(f"step must be at most {min(-low[0], -low[2]):g} mm, the size of the workspace; got {step:g} mm")
+        raise BadInput(
+            f"step must be at most {min(-low[0], -low[2]):g} mm, the size of the workspace; got {step:g} mm"
+        )
     # whole steps that fit into the workspace
     side, sink = (step * int(-length / step + 1e-6) for length in (low[0], low[2]))
     return model, lookup.Grid(side, sink, step)

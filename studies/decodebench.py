@@ -1,0 +1,258 @@
+"""The decoder: round trips, second poses against an exhaustive search, speed, the paper's table, and ignored tilt.
+
+`python -m studies.decodebench results/decode` writes DECODE.md; it needs numba. If states.jsonl is in the folder,
+states of `magtip solve --json`, their tilt and load are decoded with as well.
+
+Poses are drawn uniformly from the workspace, +-3/8 D sideways and 3/8 D down, with the elements' rails taken away,
+so that what is ambiguous is so by the layout. tau is the tilt per mm of the magnet's shift. A pose is lost if none of
+the poses found is within 1e-5 mm of it. The other sign of det is the share of poses at which the determinant of the
+slopes has another sign than at rest, which is what a look at the determinant alone would call ambiguous. The
+exhaustive search starts Newton's steps at 13 x 13 x 7 places for each reading. Speeds are CPU time on one thread, the
+median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import beam, decode, forward, lookup, magnet, mechanics, refine, stream
+from analytic.decode import Decoder
+from geometry.design import Design, paper
+from studies import benchfiles, console, decoding, files
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+LAYOUTS = {
+    "paper (h 2, l0 7.2, c 2)": {},
+    "h 4, l0 8, c 2": {"magnet_height": 4.0, "l0": 8.0},
+    "h 4, l0 6, c 2.5": {"magnet_height": 4.0, "l0": 6.0, "c": 2.5},
+    "h 4, l0 6, c 4": {"magnet_height": 4.0, "l0": 6.0, "c": 4.0},
+    "3-axis chip": {"hall_layout": "tmag5273a1"},
+}
+TAUS = (0.0, 0.2)
+"""rad/mm: without tilt, and as finite elements have it (0.0844 rad and 0.406 mm per mm of shear at depth 1 mm)."""
+WIDE = {"hall_low": 0.0, "hall_null": 50.0, "hall_high": 100.0}
+STEPS = (0.5, 0.25, 0.125)
+
+
+def coder_of(design: Design, tau: float) -> Decoder:
+    """With the paper's forces and a tilt of tau rad/mm, over the box."""
+    law = mechanics.of_formula(lambda load: beam.solve(design, load), design.R, 5.0)
+    law = dataclasses.replace(law, tau=np.array([[tau]]))
+    elements = [dataclasses.replace(e, low=-100.0, high=100.0) for e in forward.model(design).elements]
+    return decode.decoder(design, law, elements=elements, workspace=mechanics.workspace(design))
+
+
+def poses(coder: Decoder, count: int, seed: int = 1) -> tuple[Array, Array]:
+    """Shifts (3, n), mm, and what is read there, shape (k, n), T."""
+    shift = np.random.default_rng(seed).uniform(coder.low, coder.high, (count, 3)).T.copy()
+    return shift, forward.values_at(coder.forward, shift)
+
+
+def round_trips(count: int = 20000) -> list[Row]:
+    """How well poses come back, and how many share their readings with others."""
+    rows = []
+    for name, fields in LAYOUTS.items():
+        for tau in TAUS:
+            coder = coder_of(Design(**fields), tau)  # type: ignore[arg-type]
+            shift, field = poses(coder, count)
+            found = decode.decode(coder, field.T)
+            nearest = np.full(count, np.inf)
+            np.minimum.at(nearest, found.owner, np.abs(found.poses - shift.T[found.owner]).max(axis=1))
+            unique = found.multiplicity == 1
+            det = np.linalg.det(np.moveaxis(forward.seen(coder.forward, shift)[1], 2, 0))
+            rest = np.linalg.det(forward.seen(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
+            rows.append(
+                {
+                    "layout": name,
+                    "tau": tau,
+                    "unique": unique.mean(),
+                    "error_mm": np.abs(found.shift - shift.T)[unique & (nearest < 1e-5)].max(),
+                    "lost": (nearest > 1e-5).mean(),
+                    "ambiguous": (found.multiplicity > 1).mean(),
+                    "other_sign": (det * rest < 0).mean(),
+                    "condition": np.nanmedian(found.condition[unique]),
+                    "worst_condition": np.nanmax(found.condition[unique]),
+                }
+            )
+    return rows
+
+
+def searches(count: int = 120) -> list[Row]:
+    """Second poses beside those of an exhaustive search."""
+    rows = []
+    for name, fields in LAYOUTS.items():
+        if "l0 6" not in name:
+            continue
+        for tau in TAUS:
+            coder = coder_of(Design(**fields), tau)  # type: ignore[arg-type]
+            _, field = poses(coder, count, seed=2)
+            found = decode.decode(coder, field.T)
+            every = [exhaustive(coder, field[:, k]) for k in range(count)]
+            own = [found.poses[found.owner == k] for k in range(count)]
+            several = [len(e) > 1 for e in every]
+            missed = sum(not _among(p, mine) for e, mine in zip(every, own, strict=True) for p in e)
+            only = sum(not _among(p, e) for e, mine in zip(every, own, strict=True) for p in mine)
+            said = sum(len(mine) > 1 for mine, s in zip(own, several, strict=True) if s)
+            rows.append(
+                {
+                    "layout": name,
+                    "tau": tau,
+                    "readings": count,
+                    "ambiguous": sum(several),
+                    "said": said,
+                    "poses": sum(map(len, every)),
+                    "missed": missed,
+                    "only": only,
+                }
+            )
+    return rows
+
+
+def exhaustive(coder: Decoder, field: Array, counts: tuple[int, int, int] = (13, 13, 7)) -> Array:
+    """All poses of one set of readings that Newton's steps from a grid of starts arrive at, shape (n, 3), mm."""
+    axes = [np.linspace(a + 0.01, b - 0.01, n) for a, b, n in zip(coder.low, coder.high, counts, strict=True)]
+    starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+    target = np.repeat(field[:, None], starts.shape[1], axis=1)
+    low, high = coder.low - 0.5, coder.high + 0.5
+    s, f, A, done = refine.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
+    inside = ((s > coder.low[:, None] - 1e-6) & (s < coder.high[:, None] + 1e-6)).all(axis=0)
+    exact = np.sqrt((f**2).sum(axis=0)) < 1e-7 * np.sqrt((A**2).sum(axis=(0, 1)))
+    distinct: list[Array] = []
+    for pose in s[:, done & inside & exact].T:
+        if not _among(pose, distinct):
+            distinct.append(pose)
+    return np.array(distinct).reshape(-1, 3)
+
+
+def _among(pose: Array, others: list[Array] | Array) -> bool:
+    return any(np.abs(pose - other).max() < 2e-5 for other in others)
+
+
+def speed(count: int = 20000, runs: int = 5) -> list[Row]:
+    """Decodings a second of many at once and of a stream, in NumPy alone and with the compiled field."""
+    rows = []
+    engine = magnet._ENGINE
+    for program in ("NumPy", "compiled field"):
+        engine.kernel, engine.missing = None, program == "NumPy"
+        if program != "NumPy":
+            magnet.compiled()
+        for name in ("paper (h 2, l0 7.2, c 2)", "h 4, l0 6, c 4", "3-axis chip"):
+            coder = coder_of(Design(**LAYOUTS[name]), TAUS[1])  # type: ignore[arg-type]
+            field = poses(coder, count)[1].T
+            many = statistics.median(_cpu(partial(decode.decode, coder, field)) for _ in range(runs))
+            follower = stream.Stream(coder)
+            t = np.linspace(0, 10, 1000)
+            path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
+            samples = forward.values_at(coder.forward, path).T.tolist()
+            begin = time.perf_counter()
+            for sample in samples:
+                follower.step(tuple(sample))
+            took = time.perf_counter() - begin
+            rows.append({"program": program, "layout": name, "per_s": count / many, "stream_Hz": len(samples) / took})
+    return rows
+
+
+def _cpu(work: Callable[[], object]) -> float:
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def tables(count: int = 2000) -> list[Row]:
+    """The paper's table at several steps, read by its nearest entry, and the decoder."""
+    from scipy.spatial import KDTree
+
+    coder = coder_of(paper(), 0.0)
+    shift, field = poses(coder, count, seed=3)
+    shift[2] = np.minimum(shift[2], 0.0)
+    field = forward.values_at(coder.forward, shift)
+    rows = []
+    for step in STEPS:
+        grid = lookup.Grid(3.0, 3.0, step)
+        begin = time.process_time()
+        entries = np.stack([lookup.slab(coder.forward, grid, i) for i in range(grid.shape[0])]).reshape(-1, 3)
+        built = time.process_time() - begin
+        tree = KDTree(entries)
+        begin = time.process_time()
+        nearest = tree.query(field.T)[1]
+        asked = time.process_time() - begin
+        axes = grid.axes()
+        i, j, k = np.unravel_index(nearest, grid.shape)
+        error = np.linalg.norm(np.stack([axes[0][i], axes[1][j], axes[2][k]]) - shift, axis=0)
+        rows.append(
+            {
+                "step_mm": step,
+                "entries": len(entries),
+                "MB": entries.nbytes / 1e6,
+                "build_s": built,
+                "query_us": 1e6 * asked / count,
+                "median_mm": float(np.median(error)),
+                "worst_mm": float(error.max()),
+            }
+        )
+    return rows
+
+
+def ignored(coder: Decoder, count: int = 5000) -> Row:
+    """Errors of shift and force where the magnet tilts and the decoder does not know it."""
+    shift, field = poses(coder, count, seed=4)
+    flat = decode.decoder(
+        coder.forward.design,
+        coder.mechanics,
+        ignore_tilt=True,
+        elements=coder.forward.elements,
+        workspace=(coder.low - 0.5, coder.high + 0.5),
+    )
+    found = decode.decode(flat, field.T, near=np.zeros(3))
+    good = found.multiplicity > 0
+    error = np.linalg.norm(found.shift[good] - shift.T[good], axis=1)
+    assert coder.mechanics is not None
+    force = mechanics.forces(coder.mechanics, shift)[0].T[good]
+    wrong = np.abs(found.force[good] - force)
+    return {
+        "no_pose": float(1 - good.mean()),
+        "median_mm": float(np.median(error)),
+        "worst_mm": float(error.max()),
+        "lateral_N": float(np.median(np.hypot(wrong[:, 0], wrong[:, 1]))),
+        "normal_N": float(np.median(wrong[:, 2])),
+        "largest_lateral_N": float(np.hypot(force[:, 0], force[:, 1]).max()),
+        "largest_normal_N": float(force[:, 2].max()),
+    }
+
+
+def main(out: str) -> None:
+    """Measure, and write DECODE.md into a folder."""
+    from studies import decodefiles
+
+    folder = files.output_folder(out)
+    about = benchfiles.machine()
+    magnet.compiled()
+    found: dict[str, Any] = {"trips": round_trips()}
+    console.say("round trips done")
+    found["searches"] = searches()
+    console.say("searches done")
+    found["tables"] = tables()
+    found["tilts"] = {"the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))}
+    states = folder / "states.jsonl"
+    if states.exists():
+        law = decoding.of_file(states)
+        found["law"] = law
+        found["tilts"]["finite elements (states.jsonl), as far as they go"] = ignored(decode.decoder(paper(), law))
+    found["speed"] = speed()
+    files.write_text(folder / "DECODE.md", decodefiles.report(found, about, __doc__ or ""))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else str(Path("out", "decode")))
