@@ -67,7 +67,8 @@ def of_level(design: Design, level: str) -> Mechanics:
 
     if level not in beam.LEVELS:
         raise BadInput(f"level must be one of {', '.join(beam.LEVELS)}; got {level!r}")
-    widest = 3 / 8 * design.D * design.L / design.H
+    # the paper's magnet follows the tip by H/L; the other levels bend too much beyond the paper's own range of loads
+    widest = 3 / 8 * design.D * (design.L / design.H if level == "paper" else 1.0)
     deepest = min(widest, design.R, 0.9 * (design.L - design.magnet_height))
     return mechanics.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
 
@@ -151,6 +152,8 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
         "noise_um": (1e3 * found.noise_mm[0]).tolist(),
         "noise_N": found.noise_N[0].tolist(),
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
+        "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
+        "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
     }
 
 

@@ -153,3 +153,16 @@ def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
     status, out, err = run("decode", "paper", *tokens)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert words in err
+
+
+def test_a_level_with_tilt_decodes_its_own_readings(run, strict):
+    options = ("--level", "finite", "--json")
+    (load,) = strict(run("analytic", "paper", "--depth", 1, "--shear", 0.8, *options)[1])
+    text = ",".join(map(repr, load["readings_V"]))
+    (record,) = strict(run("decode", "paper", "--readings", text, *options)[1])
+    (flat,) = strict(run("decode", "paper", "--readings", text, *options, "--ignore-tilt")[1])
+    # as well as the polynomials of `analytic.mechanics` follow the level
+    assert_allclose(record["shift_mm"], load["shift_mm"], atol=2e-3)
+    assert_allclose(record["force_N"], load["force_N"], atol=0.05)
+    assert record["tilt_rad"] == pytest.approx(load["tilt_rad"], abs=2e-3)
+    assert abs(flat["shift_mm"][0] - load["shift_mm"][0]) > 0.01
