@@ -47,7 +47,7 @@ RULES = {
     "stick": ((0.7, 0.055, 1.5, 0.0), (0.7, 0.053, 1.5, 0.0), (0.5, 0.0113, 1.0, 0.0)),
     "grip": ((1.2, 0.0255, 1.0, 0.0), (2.0, 0.058, 2.0, 0.0), (1.2, 0.0035, 1.0, 0.0)),
     "friction": ((0.7, 0.27, 1.5, 0.0), (0.5, 0.28, 1.5, 0.0), (0.5, 0.28, 1.5, 0.0)),
-    "solid": ((1.0, 0.45, 1.5, 0.0), (1.0, 0.45, 1.5, 0.0), (1.0, 0.25, 1.5, 0.0)),
+    "solid": ((1.0, 0.05, 1.0, 0.0), (1.0, 0.05, 1.0, 0.0), (2.0, 0.0315, 1.0, 0.0)),
 }
 """How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
 stick shear, whose mesh is fine where the contact ends), and on tetrahedra. With numbers (k, c, p, q) the estimate is
