@@ -52,9 +52,8 @@ RULES = {
 """How the errors of force, shift and tilt are estimated on a section, by the load ("pressed" is the press before a
 stick shear, whose mesh is fine where the contact ends), and on tetrahedra. With numbers (k, c, p, q) the estimate is
 k times the difference to the companion, but at least c (edge length / D)^p / (contact radius / D)^q: the difference
-may vanish by chance, and a press errs with the number of elements across its contact. Those with Coulomb friction,
-whose companion takes longer steps too, are twice the true errors of quick and standard or more at mu = 1, 0.5 mm
-deep, sheared by 0.5 and 1.5 mm."""
+may vanish by chance, and a press errs with the number of elements across its contact. With Coulomb friction, where
+the companion takes longer steps too, the numbers are wide ones that no study has held against true errors yet."""
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the mesh shrinks with it."""
 COARSER = 1.5

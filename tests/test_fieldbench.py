@@ -32,7 +32,6 @@ def test_regions_are_where_they_say(flatness):
 
 def test_small_run_keeps_the_promise(monkeypatch):
     pytest.importorskip("numba")
-    pytest.importorskip("magpylib")
     monkeypatch.setattr(fieldbench, "FLATNESS", (1.0,))
     rows = fieldbench.errors(count=3, jacobians=1)
     assert max(max(row["NumPy"], row["compiled"]) for row in rows) < fieldbench.PROMISE

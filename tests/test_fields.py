@@ -120,7 +120,6 @@ def test_readings_of_a_chip_and_of_noise(run, strict):
 
 @pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
 def test_magpylib_agrees_on_readings(layout):
-    pytest.importorskip("magpylib")
     design, shift, tilt = Design(hall_layout=layout), (0.6, -0.3, -1.1), (0.08, 0.15)
     exported = fields.to_magpylib(design, shift, tilt)
     (magnet,) = exported.sources

@@ -2,6 +2,7 @@
 
 import math
 
+import magpylib
 import mpmath
 import numpy as np
 import pytest
@@ -217,7 +218,6 @@ def test_jacobian_on_the_axis():
 @pytest.mark.parametrize(("a", "h"), SHAPES)
 def test_against_magpylib(a, h):
     """An independent code, where it has its digits: up to ten sizes away, not on the surface."""
-    magpylib = pytest.importorskip("magpylib")
     p = RNG.normal(size=(500, 3)) * 3 * math.hypot(a, h)
     other = magpylib.magnet.Cylinder(polarization=(0, 0, 1.2), dimension=(2e-3 * a, 1e-3 * h)).getB(1e-3 * p)
     assert relative(cylinder_field(p, a, h, 1.2), other).max() < 1e-9
