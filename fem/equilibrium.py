@@ -255,16 +255,15 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     if mu is not None and sideways:
         raised = functools.partial(build, harmonics=accuracy.harmonics)
         return Path(build(), raised=raised, mu=mu, rub=accuracy.rub)
-    if push:
-        if edge is not None:
-            build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
-        return Path(build(harmonics=accuracy.harmonics, push=push))
-    if edge is None:
-        return Path(build(harmonics=accuracy.harmonics), held, mu=mu, rub=accuracy.rub)
-    build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
-    if held is not None:
-        return Path(build(harmonics=accuracy.harmonics), held)
-    return Path(build(), raised=functools.partial(build, harmonics=accuracy.harmonics), rim=edge)
+    if edge is not None:
+        build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
+    build_high = functools.partial(build, harmonics=accuracy.harmonics, push=push)
+    scout = functools.partial(build, harmonics=1, push=push, around=accuracy.harmonics)
+    if accuracy.harmonics < 2 or mu is not None:
+        scout = None
+    if push or held is not None or edge is None:
+        return Path(build_high(), held, mu=mu, rub=accuracy.rub, scout=scout)
+    return Path(build(), raised=build_high, rim=edge, scout=scout)
 
 
 def contact_edge(d: models.Discretisation, depth: float) -> float:

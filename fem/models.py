@@ -69,11 +69,13 @@ def section(
     harmonics: int = 0,
     rim: tuple[float, float] | None = None,
     push: float = 0.0,
+    around: int = 0,
 ) -> Discretisation:
     """Section of revolution with clamped base; size and tip_size are edge lengths in units of D.
 
     rim : where the patch of contact will end, as for `geometry.section.section`.
     push : dead force along x, spread over the dome, over E D^2; needs harmonics.
+    around : number of harmonics that the skin's angles are enough for, if more than `harmonics`.
     """
     held = magnet == "rigid"
     mesh = _section_mesh(shape, size, tip_size, rim, "hole" if held else "none")
@@ -82,7 +84,7 @@ def section(
     fixed[elements.boundary_nodes(mesh, "base")] = True
     fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics))] = True
     skin = elements.surface(
-        mesh, "skin", e, axisymmetric=True, order=5, angles=4 * harmonics + 4 if harmonics else None
+        mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None

@@ -47,7 +47,13 @@ class Equilibrium:
 
 
 def newton(
-    system: System, solver: Solver, q: Array, plate: Plate | None, pressed: NDArray[np.bool_] | None = None
+    system: System,
+    solver: Solver,
+    q: Array,
+    plate: Plate | None,
+    pressed: NDArray[np.bool_] | None = None,
+    *,
+    most: int = MOST_ITERATIONS,
 ) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess; the first iteration takes the points `pressed` as those in contact.
 
@@ -66,7 +72,7 @@ def newton(
     frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, frozen)
     rate = 1.0
-    for iteration in range(MOST_ITERATIONS):
+    for iteration in range(most):
         force, volume, reference, reach = _norms(system, assembly, state, n)
         small = force <= TOLERANCE * max(reference, NOTHING) and volume <= TOLERANCE * max(reach, NOTHING)
         own = iteration > 0 or frozen is plate
@@ -92,7 +98,7 @@ def newton(
             assembly = system.assemble(state, plate)
         if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n, scale)
-    return Equilibrium(state, assembly, MOST_ITERATIONS, f"no convergence in {MOST_ITERATIONS} iterations")
+    return Equilibrium(state, assembly, most, f"no convergence in {most} iterations")
 
 
 def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[float, float, float, float]:

@@ -2,7 +2,9 @@
 
 The plate's position is v = (depth, shear along x, shear along y). A leg goes straight from one position to another;
 its steps shrink when Newton's method fails and grow when it finds its way fast. Every step starts from the line
-through the last two states, and from the contact that their gaps lead to.
+through the last two states, and from the contact that their gaps lead to. A model with several harmonics has a scout
+with one, on the same mesh, that goes ahead: where it arrives, what the others had to add before is added again, and
+Newton's method needs no steps between. If that does not converge, or finds itself unstable, the leg is gone in steps.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ SHORTEST_STEP = 1e-3
 FAST = 7
 """Iterations up to which a step counts as easy."""
 FIRST_TOUCH = 1e-14
+MOST_LEAP = 12
+"""Iterations for following the scout."""
 SURE_STEP = 0.01
 """Steps over D that first meet an unstable direction are halved down to this before it is believed."""
 ONSET_HALVINGS = 3
@@ -49,6 +53,7 @@ class Path:
     rim : undeformed radius of the patch that is glued then, the contact radius if not told.
     mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
     rub : steps with friction are at most so many times PRESS_RUB and SHEAR_RUB long.
+    scout : builds the model with one harmonic, and the same points on the skin, that goes ahead of one with more.
 
     Attributes
     ----------
@@ -72,6 +77,7 @@ class Path:
         rim: float | None = None,
         mu: float | None = None,
         rub: float = 1.0,
+        scout: Callable[[], Discretisation] | None = None,
     ) -> None:
         self.d, self.tilt, self._raised, self.rim = d, tilt, raised, rim
         self.grip = grip is not None
@@ -91,9 +97,12 @@ class Path:
         self.dissipated, self.sheared = 0.0, False
         self._rub = rub
         self._heading = np.zeros(3)
+        self._build_scout, self._scout = scout, None
         if grip is not None:
             self.tied = contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
             self.targets = self.skin.points[..., :2]
+        if raised is None:
+            self._send_scout()
 
     @property
     def skin(self) -> elements.Surface:
@@ -171,17 +180,29 @@ class Path:
     def close(self) -> None:
         """Give the factorisation's memory back."""
         self.solver.close()
+        if self._scout is not None:
+            self._scout.close()
 
     def _raise(self) -> None:
         """Hand the state over to a model with harmonics on the same mesh."""
         assert self._raised is not None
-        low, self.d, self._raised = self.d.system, self._raised(), None
-        self.q = raise_harmonics(low, self.d.system, self.q)
+        low, q, self.d, self._raised = self.d.system, self.q, self._raised(), None
+        self.q = raise_harmonics(low, self.d.system, q)
         self._last = None
         if self.friction is not None:
             self.friction = friction.revolved(self.friction, self.skin.points)
         self.solver.close()
         self.solver = Solver()
+        self._send_scout(low, q)
+
+    def _send_scout(self, low: System | None = None, q: Array | None = None) -> None:
+        """Let a model with one harmonic stand where this one does: at rest, or as unknowns q of a section `low` say."""
+        if self._build_scout is None:
+            return
+        self._scout = scout = Path(self._build_scout(), tilt=self.tilt)
+        scout.grip, scout.position = self.grip, self.position
+        if low is not None and q is not None:
+            scout.q = raise_harmonics(low, scout.d.system, q)
 
     def _glue(self) -> None:
         """Tie what lies within the contact radius to the plate."""
@@ -189,7 +210,30 @@ class Path:
         assert plate.targets is not None
         self.tied, self.targets, self.gap = plate.tied, plate.targets - self.position[1:], plate.gap
 
+    def _leap(self, goal: Array) -> bool:
+        """Go to a position by following the scout, without steps; tells whether that was possible."""
+        scout = self._scout
+        if scout is None or not np.array_equal(scout.position, self.position):
+            return False
+        scout.tied, scout.targets, scout.gap = self.tied, self.targets, self.gap
+        more = self.q - raise_harmonics(scout.d.system, self.d.system, scout.q)
+        scout.iterations = 0
+        reason = scout._leg(goal)
+        self.iterations += scout.iterations
+        if reason or (scout.unstable or 0) != (self.unstable or 0):
+            return False
+        guess, plate = more + raise_harmonics(scout.d.system, self.d.system, scout.q), self.plate(goal)
+        pressed = None if self.grip else contact.overlap(self.skin, self.d.system.state(guess).u, plate) > 0
+        answer = newton(self.d.system, self.solver, guess, plate, pressed, most=MOST_LEAP)
+        self.iterations += answer.iterations
+        if not answer.converged or (answer.unstable or 0) != (self.unstable or 0):
+            return False
+        self.q, self.energy, self.position, self._last = answer.state.q, answer.assembly.energy, goal, None
+        return True
+
     def _leg(self, goal: Array) -> str:
+        if self._leap(goal):
+            return ""
         start = self.position
         length = float(np.linalg.norm(goal - start))
         if length == 0:

@@ -28,10 +28,11 @@ Points = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 4, 1 / 5, 1 / 2
+TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
 """Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
-CORNER = 0.012
-"""Least edge length at a sharp corner, in D: finer elements there only follow the singularity and turn inside out."""
+LEAST_CLAMP, CORNER = 0.008, 0.012
+"""Least edge lengths at the clamp and at the magnet's sharp edge, in D: finer elements there only follow the
+singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
 FILLET, GAP = 0.75, 0.42
 """Largest edge length at a fillet, as a fraction of its radius, and in a thin layer, as one of its thickness."""
 TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
@@ -131,7 +132,7 @@ def _sizing(
     meshed: bool,
 ) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
-    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(CORNER, CLAMP * size))])]
+    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])]
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = np.full(len(x), min(size, curve.length))
