@@ -84,7 +84,7 @@ class Path:
         self.solver = Solver()
         self.position = np.zeros(3)
         self.q = np.zeros(d.system.size)
-        self._last: tuple[Array, Array] | None = None
+        self._past: list[tuple[Array, Array, Array]] = []
         self.energy = 0.0
         self.iterations = 0
         self.unstable: int | None = None
@@ -188,7 +188,7 @@ class Path:
         assert self._raised is not None
         low, q, self.d, self._raised = self.d.system, self.q, self._raised(), None
         self.q = raise_harmonics(low, self.d.system, q)
-        self._last = None
+        self._past = []
         if self.friction is not None:
             self.friction = friction.revolved(self.friction, self.skin.points)
         self.solver.close()
@@ -228,7 +228,7 @@ class Path:
         self.iterations += answer.iterations
         if not answer.converged or (answer.unstable or 0) != (self.unstable or 0):
             return False
-        self.q, self.energy, self.position, self._last = answer.state.q, answer.assembly.energy, goal, None
+        self.q, self.energy, self.position, self._past = answer.state.q, answer.assembly.energy, goal, []
         return True
 
     def _leg(self, goal: Array) -> str:
@@ -246,11 +246,11 @@ class Path:
             answer = self._try(position)
             if answer.converged and answer.unstable and not self.unstable and step * length > SURE_STEP:
                 # a long step may land on an unstable branch beside the stable one
-                self._last = None
+                self._past = []
                 step = (target - now) / 2
                 continue
             if answer.converged:
-                self._last = (self.position, self.q)
+                self._past = [*self._past[-1:], (self.position, self.q, self._overlap())]
                 self._note_stability(answer, position)
                 if self.friction is not None:
                     self.friction, lost = contact.rubbed(self.skin, answer.state.u, self.plate(position))
@@ -262,7 +262,7 @@ class Path:
                 if self.friction is not None:
                     step = min(step, longest)
                 continue
-            self._last = None
+            self._past = []
             step = (target - now) / 2
             if step * length < SHORTEST_STEP * min(length, 1.0):
                 return answer.reason
@@ -281,37 +281,50 @@ class Path:
         return self._rub * (min(PRESS_RUB, PRESS_SHARE * depth) if way[0] else SHEAR_RUB)
 
     def _try(self, position: Array) -> Equilibrium:
-        further = self._further(position)
-        guess, plate = self.q, self.plate(position)
-        if self._last is not None and further:
-            guess = self.q + further * (self.q - self._last[1])
+        share = self._shares(position)
+        guess, plate = share[-1] * self.q, self.plate(position)
+        for part, (_, q, _) in zip(share[:-1], self._past, strict=True):
+            guess += part * q
         if self.friction is not None:
-            there = contact.slid(self.skin, self.d.system.state(guess).u, plate if further else self.plate())
+            there = contact.slid(self.skin, self.d.system.state(guess).u, plate if self._past else self.plate())
             self.friction = friction.expecting(self.friction, there)
             plate = replace(plate, friction=self.friction)
-        answer = newton(self.d.system, self.solver, guess, plate, self._pressed(position, further))
+        answer = newton(self.d.system, self.solver, guess, plate, self._pressed(position, share))
         self.iterations += answer.iterations
         return answer
 
-    def _further(self, position: Array) -> float:
-        """How far a position lies ahead, over the last step; 0 if that one had another direction."""
-        if self._last is None:
-            return 0.0
-        ahead, step = position - self.position, self.position - self._last[0]
-        further = float(ahead @ step) / float(step @ step)
-        return further if further > 0 and np.allclose(ahead, further * step, rtol=0, atol=1e-9) else 0.0
+    def _shares(self, position: Array) -> Array:
+        """What the past states and, last, the present one count in a polynomial through them, followed to a position.
 
-    def _pressed(self, position: Array, further: float) -> NDArray[np.bool_] | None:
+        States that do not lie on the line from the present one backwards are forgotten.
+        """
+        ahead = position - self.position
+        length = float(np.linalg.norm(ahead))
+        back = [float((place - self.position) @ ahead) / length for place, _, _ in self._past]
+        on_line = [
+            np.allclose(b * ahead / length, p[0] - self.position, rtol=0, atol=1e-9) and b < 0
+            for b, p in zip(back, self._past, strict=True)
+        ]
+        if not all(on_line):
+            self._past, back = [], []
+        at = np.array([*back, 0.0])
+        return np.array([np.prod([(length - u) / (t - u) for u in at if u != t]) for t in at])
+
+    def _overlap(self) -> Array:
+        """How far the skin's points overlap the plate at present, shape (k, q)."""
+        return contact.overlap(self.skin, self.u, self.plate())
+
+    def _pressed(self, position: Array, share: Array) -> NDArray[np.bool_] | None:
         """Where to expect contact: where the gap, followed further, is closed, or Hertz's at first touch."""
         if self.grip:
             return None
         if self.position[0] == 0:
             rest = np.zeros(self.d.system.fixed.shape)
             return contact.overlap(self.skin, rest, self.plate(np.array([position[0] / 2, 0, 0]))) >= 0
-        gap = contact.overlap(self.skin, self.u, self.plate())
-        if self._last is not None and further:
-            place, q = self._last
-            gap += further * (gap - contact.overlap(self.skin, self.d.system.state(q).u, self.plate(place)))
+        gap = self._overlap()
+        if self._past:
+            place, _, before = self._past[-1]
+            gap += np.linalg.norm(position - self.position) / np.linalg.norm(self.position - place) * (gap - before)
         return gap > 0
 
     def _note_stability(self, answer: Equilibrium, position: Array) -> None:
