@@ -227,13 +227,17 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), is followed to its zero. That is
     far less sensitive to the mesh than the last point under pressure. r is the distance from the centre of
     pressure, over all directions: the patch of a sheared tip is answered by its mean radius.
+
+    Where too few points lie there, the radius is that of a Hertz contact with the second moment of the pressure,
+    a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, 2 % too small at 0.43 D.
     """
     g = overlap(surface, u, plate)
     pressed = g > 0
     if not pressed.any():
         return 0.0
     r = from_pressure_centre(surface, u, plate)
-    outermost = radius = float(r[pressed].max())
+    radius, load = float(r[pressed].max()), surface.weights * np.maximum(g, 0.0)
+    by_moment = float(np.sqrt(2.5 * np.sum(load * r**2) / np.sum(load)))
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
     reach = float(out.max())
     ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
@@ -241,11 +245,11 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         width = min(radius, 0.6 * reach)
         around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
         if len(np.unique(r[around].round(9))) < 4:
-            return outermost
+            return by_moment
         opening = (-g[around]) ** (2 / 3)
         a2, a1, a0 = np.polyfit(r[around] / radius - 1, opening / opening.max(), 2)
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:
-            return outermost
+            return by_moment
         radius *= 1 + float(root)
     return radius

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import contact, models
-from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
+from fem.levels import STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, coulomb, read, slides
@@ -34,6 +34,8 @@ Progress = Callable[[float, str], None]
 
 
 MOST_HARMONICS = 12
+TIP = 1.0
+"""Edge length at the tip over that of the section, in radii at which the plate would cut the tip, over D."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -230,7 +232,7 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     held = None if grip is None else grip / design.D
     mu, push = coulomb(loads), loads[0].imperfection / (design.E * design.D**2)
     size = accuracy.section_size
-    tip = min(size, math.sqrt(shape.R * min(depths, default=1.0)) * size / QUICK.section_size / 6)
+    tip = min(size, TIP * size * math.sqrt(shape.R * min(depths, default=1.0)))
     build = functools.partial(models.section, shape, design.nu, magnet, size, tip, silicone)
     edge = None
     if sideways and held is not None:
@@ -258,9 +260,8 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     if edge is not None:
         build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     build_high = functools.partial(build, harmonics=accuracy.harmonics, push=push)
-    scout = functools.partial(build, harmonics=1, push=push, around=accuracy.harmonics)
-    if accuracy.harmonics < 2 or mu is not None:
-        scout = None
+    alone = accuracy.harmonics < 2 or mu is not None
+    scout = None if alone else functools.partial(build, harmonics=1, push=push, around=accuracy.harmonics)
     if push or held is not None or edge is None:
         return Path(build_high(), held, mu=mu, rub=accuracy.rub, scout=scout)
     return Path(build(), raised=build_high, rim=edge, scout=scout)

@@ -77,8 +77,8 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
     H = np.empty((m * q, 3, 3, f * f))
     for J in range(3):
         for L in range(J, 3):
-            pairs = np.einsum("tif,tkg->tikfg", V[:, :, J], V[:, :, L]).reshape(9 * t, f * f)
-            H[:, J, L] = A[:, :, :, J, :, L].reshape(m * q, 9 * t) @ pairs
+            pairs = np.einsum("tif,tkg->iktfg", V[:, :, J], V[:, :, L]).reshape(9 * t, f * f)
+            H[:, J, L] = A[:, :, :, J, :, L].transpose(0, 2, 3, 1).reshape(m * q, 9 * t) @ pairs
             if L > J:
                 H[:, L, J] = np.swapaxes(H[:, J, L].reshape(-1, f, f), 1, 2).reshape(-1, f * f)
     products = (D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a)

@@ -36,9 +36,9 @@ class Accuracy:
     rub: float = 1.0
 
 
-QUICK = Accuracy("quick", 0.12, 0.16, 0.01, 0.03, 2)
-STANDARD = Accuracy("standard", 0.06, 0.14, 0.004, 0.015, 3)
-FINE = Accuracy("fine", 0.036, 0.10, 0.00125, 0.01, 4)
+QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
+STANDARD = Accuracy("standard", 0.09, 0.14, 0.006, 0.015, 3)
+FINE = Accuracy("fine", 0.045, 0.10, 0.002, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 RULES = {

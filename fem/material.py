@@ -64,8 +64,12 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
-def kinematics(G: Array, components: NDArray[np.int64] | None = None, *, tangent: bool = True) -> Kinematics:
-    """Volume change and F^-T of a displacement gradient, shape (..., 3, 3); J must not vanish."""
+def kinematics(
+    G: Array, Jm1: Array | None = None, components: NDArray[np.int64] | None = None, *, tangent: bool = True
+) -> Kinematics:
+    """Volume change (unless J - 1 is given) and F^-T of a displacement gradient, shape (..., 3, 3), J not zero."""
+    if Jm1 is None:
+        Jm1 = volume_change(G)
     F = G + np.eye(3)
     cof = np.empty_like(G)
     for i in range(3):
@@ -73,7 +77,6 @@ def kinematics(G: Array, components: NDArray[np.int64] | None = None, *, tangent
         for a in range(3):
             b, c = (a + 1) % 3, (a + 2) % 3
             cof[..., i, a] = F[..., j, b] * F[..., k, c] - F[..., j, c] * F[..., k, b]
-    Jm1 = volume_change(G)
     return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None], components, tangent)
 
 
@@ -116,11 +119,21 @@ def _wanted(T: Array, k: Kinematics) -> Array:
 
 
 def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
-    """x H + H x, for x (..., c), and `cross` (...) times H_iL H_kJ, shape (..., c, c)."""
-    H = _wanted(k.H, k)
-    A = np.stack([x, H], axis=-1) @ np.stack([H, x], axis=-2)
-    A += _pairs(cross[..., None, None] * k.H, k.H, k.components)
-    return A
+    """x H + H x, for x (..., c), and `cross` (...) times H_iL H_kJ, shape (..., c, c).
+
+    With all nine components the points come last in memory: their loops are long, those over components are not.
+    """
+    if k.components is not None:
+        H = _wanted(k.H, k)
+        A = np.stack([x, H], axis=-1) @ np.stack([H, x], axis=-2)
+        A += _pairs(cross[..., None, None] * k.H, k.H, k.components)
+        return A
+    X, H = (np.ascontiguousarray(v.reshape(-1, 9).T) for v in (x, k.H))
+    A = X[:, None] * H
+    A = A + np.swapaxes(A, 0, 1)
+    left, right = (cross.ravel() * H).reshape(3, 1, 1, 3, -1), np.swapaxes(H.reshape(3, 3, -1), 0, 1)
+    A.reshape(3, 3, 3, 3, -1)[...] += left * right[None, :, :, None]
+    return np.moveaxis(A, -1, 0).reshape(*x.shape, 9)
 
 
 def _restricted(A: Array, k: Kinematics) -> Array:
@@ -172,7 +185,8 @@ def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tup
     F9, H9 = _wanted(G + np.eye(3), k), _wanted(H, k)
     I1 = I1m3 + 3
     A = _tangent(k, (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9 + pJ / 2)[..., None] * H9, s * I1 / 3 - pJ)
-    A.reshape(*s.shape, -1)[..., :: A.shape[-1] + 1] += s[..., None]
+    diagonal = np.einsum("...ii->...i", A)
+    diagonal += s[..., None]
     return W, P, A
 
 

@@ -65,7 +65,7 @@ def newton(
     """
     n = system.n_free + system.n_rigid
     unstable: int | None = None
-    state = _valid(system, q)
+    state = system.admissible(q)
     if state is None:
         state = system.state(q)
         return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out")
@@ -126,25 +126,18 @@ def _damped(
     """The best of a full step and of its half and quarter, by the residual."""
     tried = [(_merit(assembly, n, scale), state, assembly)]
     for back in (0.5, 0.75):
-        shorter = _valid(system, state.q + back * step)
+        shorter = system.admissible(state.q + back * step)
         if shorter is not None:
             there = system.assemble(shorter, plate)
             tried.append((_merit(there, n, scale), shorter, there))
     return min(tried, key=lambda one: one[0])[1:]
 
 
-def _valid(system: System, q: Array) -> State | None:
-    if not np.isfinite(q).all():
-        return None
-    state = system.state(q)
-    return state if system.least_J(state) > 0 else None
-
-
 def _search(system: System, state: State, step: Array) -> State | None:
     """The longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
     scale = 1.0
     for _ in range(7):
-        trial = _valid(system, state.q - scale * step)
+        trial = system.admissible(state.q - scale * step)
         if trial is not None:
             return trial
         scale /= 2

@@ -97,7 +97,8 @@ class Path:
         self.dissipated, self.sheared = 0.0, False
         self._rub = rub
         self._heading = np.zeros(3)
-        self._build_scout, self._scout = scout, None
+        self._build_scout = scout
+        self._scout: Path | None = None
         if grip is not None:
             self.tied = contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
             self.targets = self.skin.points[..., :2]
@@ -196,7 +197,7 @@ class Path:
         self._send_scout(low, q)
 
     def _send_scout(self, low: System | None = None, q: Array | None = None) -> None:
-        """Let a model with one harmonic stand where this one does: at rest, or as unknowns q of a section `low` say."""
+        """Let a model with one harmonic stand where this one does: at rest, or where unknowns q of `low` say."""
         if self._build_scout is None:
             return
         self._scout = scout = Path(self._build_scout(), tilt=self.tilt)

@@ -48,11 +48,13 @@ class State:
     q : (n,) unknowns.
     u : (nodes, fields) displacements.
     p : (corners, pressures) pressures; where a section has harmonics, those that vanish on its axis are 0.
+    strains : for each part of the elements displacement gradients G and J - 1 at its points, where they are known.
     """
 
     q: Array
     u: Array
     p: Array
+    strains: tuple[tuple[Array, Array], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,11 +196,17 @@ class System:
         """Unknowns of the rigid magnet."""
         return q[self.n_free : self.n_free + self.n_rigid]
 
-    def least_J(self, state: State) -> float:
-        """Least volume ratio J over the integration points."""
-        return 1 + min(
-            float(material.volume_change(integrals.gradient(self.elements, s, state.u)).min()) for s in self._parts
-        )
+    def admissible(self, q: Array) -> State | None:
+        """The state of unknowns q with its strains, or None where it turns the silicone inside out."""
+        if not np.isfinite(q).all():
+            return None
+        state = self.state(q)
+        strains = self._strains(state)
+        return replace(state, strains=strains) if all(Jm1.min() > -1 for _, Jm1 in strains) else None
+
+    def _strains(self, state: State) -> tuple[tuple[Array, Array], ...]:
+        gradients = (integrals.gradient(self.elements, part, state.u) for part in self._parts)
+        return tuple((G, material.volume_change(G)) for G in gradients)
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Residual and, if wanted, tangent at a state with all J > 0."""
@@ -207,8 +215,8 @@ class System:
         fu, fp = np.empty(self._u.shape), np.empty(self._p.shape)
         Kuu, Kup = [], []
         energy = 0.0
-        for part in self._parts:
-            k = material.kinematics(integrals.gradient(e, part, state.u), e.angles.components, tangent=tangent)
+        for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
+            k = material.kinematics(*strain, e.angles.components, tangent=tangent)
             p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
             W, P, A = self.law(k, self.mu[part], p)
             soft = self.inverse_K[part]

@@ -35,9 +35,9 @@ LEAST_CLAMP, CORNER = 0.008, 0.012
 singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
 FILLET, GAP = 0.75, 0.42
 """Largest edge length at a fillet, as a fraction of its radius, and in a thin layer, as one of its thickness."""
-TIP_GROWTH, GROWTH, FULL_GROWTH_SIZE = 0.3, 0.4, 0.075
-"""Growth of the edge length with distance from the tip and from other features; below this size (in D) it shrinks
-with the size, so that halving the size halves every edge length."""
+TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
+"""Growth of the edge length with distance from the tip and from other features, and sizes (in D) below which they
+shrink with the size, so that halving the size halves every edge length."""
 DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
 """Largest edge length along the dome, as a fraction of the size, up to a bearing (rad) from the tip, and how fast it
 grows inwards: wherever the contact ends, it ends in small elements. Without them forces scatter with its place."""
@@ -132,7 +132,10 @@ def _sizing(
     meshed: bool,
 ) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
-    source, least = [np.array([1j * shape.L, shape.R])], [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])]
+    source, least = (
+        [np.array([1j * shape.L, shape.R])],
+        [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])],
+    )
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = np.full(len(x), min(size, curve.length))
@@ -147,7 +150,8 @@ def _sizing(
                 want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
         source.append(x[want < size])
         least.append(want[want < size])
-    growth = np.append(TIP_GROWTH, np.full(sum(map(len, source)) - 1, GROWTH)) * min(1, size / FULL_GROWTH_SIZE)
+    from_tip, from_others = TIP_GROWTH * min(1, size / FULL_TIP_GROWTH), GROWTH * min(1, size / FULL_GROWTH)
+    growth = np.append(from_tip, np.full(sum(map(len, source)) - 1, from_others))
     bearing = np.linspace(0, DOME_REACH, 61)[1:]
     source.append(1j * shape.H + shape.R * (np.sin(bearing) + 1j * np.cos(bearing)))
     least.append(np.minimum(tip_size + TIP_GROWTH * shape.R * np.sin(bearing), DOME * size))

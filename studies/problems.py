@@ -70,7 +70,7 @@ def ramp(system: System, dead: Array, levels: Sequence[float]) -> list[Equilibri
     for level in levels:
         system.dead = level * dead
         guess = now + (now - last) * ((level - reached) / (reached - before) if answers else 0.0)
-        if system.least_J(system.state(guess)) <= 0:
+        if system.admissible(guess) is None:
             guess = now
         answers.append(find(system, q=guess))
         before, reached, last, now = reached, level, now, answers[-1].state.q

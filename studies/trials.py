@@ -117,5 +117,5 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
     name = ("rough", "reference", "finer")[fineness]
     if scene == "press":
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
-    size, patch, harmonics = ((0.06, 0.002, 3), (0.05, 0.001, 5), (0.04, 0.0005, 6))[fineness]
+    size, patch, harmonics = ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6))[fineness]
     return Accuracy(name, size, 0.05, patch, 0.02, harmonics)

@@ -185,10 +185,10 @@ def test_a_tilted_plate_is_a_turned_flat_one_for_a_ball_of_silicone():
 
 
 def test_a_solve_that_cannot_go_on_keeps_what_it_reached():
-    solutions = trace(paper(), [Load(depth=d) for d in (1.0, 6.5)], QUICK, estimate=False)
+    solutions = trace(paper(), [Load(depth=d) for d in (1.0, 6.9)], QUICK, estimate=False)
     assert [s.status for s in solutions] == ["ok", "not_converged"]
     last = solutions[-1]
-    assert 1.0 < last.load.depth < 6.5
+    assert 1.0 < last.load.depth < 6.9
     assert f"{last.load.depth:.4g} mm" in last.message
     assert normal(last) > normal(solutions[0])
     assert np.isfinite(last.field.u).all()

@@ -78,7 +78,7 @@ def plate(name, depth, shear=0.0, tilt=0.0):
 def smooth(system):
     """Unknowns of a smooth displacement that inverts no element, and random pressures."""
     x = system.elements.nodes
-    wave = 0.003 * np.sin(x @ RNG.normal(size=(x.shape[1], system.fixed.shape[1])) + 1)
+    wave = 0.001 * np.sin(x @ RNG.normal(size=(x.shape[1], system.fixed.shape[1])) + 1)
     if system.elements.angles.harmonics:
         wave *= 3 * x[:, :1] * x[:, 1:]
     q = 0.1 * RNG.normal(size=system.size)
