@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import contact, models
-from fem.levels import STANDARD, Accuracy, coarser, estimates
+from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, coulomb, read, slides
@@ -232,15 +232,17 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     held = None if grip is None else grip / design.D
     mu, push = coulomb(loads), loads[0].imperfection / (design.E * design.D**2)
     size = accuracy.section_size
-    tip = min(size, TIP * size * math.sqrt(shape.R * min(depths, default=1.0)))
-    build = functools.partial(models.section, shape, design.nu, magnet, size, tip, silicone)
+    tip = TIP * math.sqrt(shape.R * min(depths, default=1.0))
+    build = functools.partial(models.section, shape, design.nu, magnet, size, min(tip, 1.0) * size, silicone)
     edge = None
     if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
     elif sideways and not tilt and mu is None:
         glued = next(load.depth for load in loads if slides(load)) / design.D
         # the first press has no fine mesh where its contact ends, the second one has
-        edge = contact_edge(build(), glued)
+        rough = max(size, QUICK.section_size)
+        first = models.section(shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone)
+        edge = contact_edge(first, glued)
         edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
     if name in ("half", "full"):
         coarse = accuracy.solid_size

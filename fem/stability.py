@@ -136,7 +136,7 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     d, D = depth / design.D, design.D
-    edge = contact_edge(_build(design, magnet, accuracy)(), d)
+    edge = contact_edge(_build(design, magnet, QUICK)(), d)
     edge = contact_edge(_build(design, magnet, accuracy, _rim(edge, accuracy))(), d)
     build = _build(design, magnet, accuracy, _rim(edge, accuracy))
     path = Path(build(), rim=edge)

@@ -210,10 +210,12 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
 
 def _thinned(x: Points, sizing: _Sizing) -> Points:
     """The points, first come first served, that keep their distance from those before."""
-    taken = np.zeros(len(x), dtype=bool)
-    for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
-        taken[i] = not taken[others].any()
-    return x[taken]
+    near = cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x), return_sorted=False)
+    taken = [False] * len(x)
+    for i, others in enumerate(near):
+        taken[i] = not any(taken[j] for j in others)
+    kept: Points = x[np.array(taken, dtype=bool)]
+    return kept
 
 
 def _delaunay(x: Points, sizing: _Sizing) -> Ints:

@@ -14,8 +14,13 @@ LONG_S = 20.0
 """CPU seconds beyond which a solve is measured once."""
 
 
+def compared(answer: Row) -> list[Sequence[float]]:
+    """What counts for the error of an answer: forces, and tilts under shear where they are known."""
+    return [*answer["forces_N"], *answer.get("tilts_rad", ())]
+
+
 def errors_percent(forces: Forces, truth: Forces) -> float:
-    """The largest relative error of the forces of all loads, in %.
+    """The largest relative error of the forces (or tilts) of all loads, in %.
 
     >>> round(errors_percent([(0, 0, 1.0), (0, 0, 2.02)], [(0, 0, 1.0), (0, 0, 2.0)]), 9)
     1.0
@@ -53,7 +58,7 @@ def candidates(
     for rung in ladder:
         answer = solve(rung)
         if answer["status"] == "ok" and truth is not None:
-            answer["error_percent"] = errors_percent(answer["forces_N"], truth)
+            answer["error_percent"] = errors_percent(compared(answer), truth)
         tried.append((rung, answer))
     solved = [pair for pair in tried if pair[1]["status"] == "ok"]
     if truth is None or not solved:
@@ -77,7 +82,7 @@ def measured(
             answers = [solve(rung) for _ in range(runs)]
         for answer in answers:
             if truth is not None and answer["status"] == "ok":
-                answer["error_percent"] = errors_percent(answer["forces_N"], truth)
+                answer["error_percent"] = errors_percent(compared(answer), truth)
         found = median(answers)
         error = found["error_percent"]
         if found["status"] != "ok" or error is None or error <= tolerance:

@@ -4,6 +4,8 @@ Imports are over before the clock starts, so that they can be told apart. CPU se
 children; those of the children alone are the tetrahedral mesher's. `SPEC` is a JSON object:
 
     {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
+    {"task": "small shear", "depth"}         stiffness and tilt about a press, with the magnet, at level standard
+    {"task": "modes", "count"}               natural frequencies with the magnet, at level standard
     {"task": "first", "command": [...]}      a command line of magtip, timed by the clock on the wall
 """
 
@@ -23,7 +25,8 @@ Answer = dict[str, Any]
 def main(text: str) -> None:
     """Do what a specification says and print the answer."""
     spec = json.loads(text)
-    print(json.dumps(first(spec) if spec["task"] == "first" else trace(spec)))
+    tasks = {"first": first, "trace": trace, "small shear": linear, "modes": linear}
+    print(json.dumps(tasks[spec["task"]](spec)))
 
 
 def trace(spec: Answer) -> Answer:
@@ -31,6 +34,7 @@ def trace(spec: Answer) -> Answer:
     from dataclasses import replace
 
     from fem import equilibrium, levels
+    from fem.solution import slides
     from geometry.design import paper
     from geometry.scene import Load
 
@@ -46,6 +50,7 @@ def trace(spec: Answer) -> Answer:
         "status": bad[0].status if bad else "ok",
         "message": bad[0].message if bad else "",
         "forces_N": [s.response.force for s in found],
+        "tilts_rad": [(s.response.tilt,) for s in found if slides(s.load)],
         "dofs": found[-1].dofs,
         "iterations": sum(s.newton_iterations for s in found),
         "import_s": before[0],
@@ -54,6 +59,31 @@ def trace(spec: Answer) -> Answer:
         "wall_s": time.perf_counter() - wall,
         "base_MB": base,
         "solver": "pardiso" if "pypardiso" in sys.modules else "superlu",
+    }
+
+
+def linear(spec: Answer) -> Answer:
+    """What follows from one tangent: a small shear, or vibrations."""
+    from fem import modes, stability
+    from geometry.design import paper
+
+    with contextlib.suppress(ImportError):
+        import pypardiso  # noqa: F401
+    import scipy.sparse.linalg  # noqa: F401
+
+    before, wall, base = _cpu()[0], time.perf_counter(), _peak(resource.RUSAGE_SELF)
+    if spec["task"] == "modes":
+        modes.modes(paper(), spec["count"])
+    else:
+        stability.small_shear(paper(), spec["depth"])
+    return {
+        "status": "ok",
+        "message": "",
+        "import_s": before,
+        "cpu_s": _cpu()[0] - before,
+        "mesh_s": 0.0,
+        "wall_s": time.perf_counter() - wall,
+        "base_MB": base,
     }
 
 

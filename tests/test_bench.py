@@ -226,6 +226,7 @@ def test_a_process_beyond_its_limit_is_stopped():
 def alone(monkeypatch):
     """The bench without the solves of magtip."""
     monkeypatch.setattr(bench, "CASES", ())
+    monkeypatch.setattr(bench, "_linear", lambda _: None)
     monkeypatch.setattr(bench, "_first_call", lambda _: None)
     monkeypatch.setattr(bench, "_growth", lambda _: None)
 
@@ -259,6 +260,35 @@ def test_goals_are_judged_and_misses_said(alone, monkeypatch, run, strict):
         assert status == 0
         assert strict(out)[0]["met"] is met
         assert ("1 goals are missed" in err) is not met
+
+
+@pytest.mark.parametrize(("shear", "modes", "met"), [(0.5, 0.4, [True, True]), (0.6, 0.6, [False, False])])
+def test_what_follows_from_a_tangent_is_held_against_its_goals(monkeypatch, shear, modes, met):
+    cost = {"trace": 0.35, "small shear": shear, "modes": modes}
+    monkeypatch.setattr(peers, "magtip", lambda task: answer(0, cost[task["task"]]))
+    found = bench._Bench(True, Path("nowhere"), "no-such-ccx", None)
+    bench._linear(found)
+    assert [row["met"] for row in found.rows] == [None, *met]
+
+
+def test_a_section_is_compared_with_the_half_model_of_its_scene():
+    case = next(case for case in bench.CASES if case.model == "harmonic" and case.reference is not None)
+    found = bench._Bench(True, Path("nowhere"), "no-such-ccx", None)
+    assert bench._over_half(found, case, answer(0, 1.5)) is None
+    found.rows.append(bench.row(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0)))
+    assert bench._over_half(found, case, answer(0, 1.5)) == 20
+
+
+def test_tilt_counts_as_well_as_force():
+    tilted = answer(0.1, 1.0) | {"tilts_rad": [(0.102,)]}
+    assert timing.errors_percent(timing.compared(tilted), [(0, 0, 1.0), (0.1,)]) == pytest.approx(2)
+
+
+@pytest.mark.parametrize("task", [{"task": "small shear", "depth": 0.5}, {"task": "modes", "count": 1}])
+def test_a_tangent_in_a_process_of_its_own(task):
+    found = peers.magtip(task)
+    assert found["status"] == "ok", found["message"]
+    assert 0 < found["cpu_s"]
 
 
 def test_a_lost_reference_meets_no_goal(alone, monkeypatch, run, strict):
