@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import clearance, decode, forward, mechanics
+from analytic import decode, forward, mechanics
+from analytic.clearance import lowest, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from geometry.design import BadInput
 
@@ -84,20 +85,29 @@ class Survey:
         return _changes(self.sign.reshape(self.counts), self.usable.reshape(self.counts))
 
 
-def survey(coder: Decoder, counts: tuple[int, int, int], *, multiplicity: bool = True) -> Survey:
+def survey(
+    coder: Decoder, counts: tuple[int, int, int], *, multiplicity: bool = True, clearance: float = 0.0
+) -> Survey:
     """Survey the decoder's workspace on a grid of so many poses along x, y and z, its faces included.
 
     Parameters
     ----------
     multiplicity : whether to look for other poses, which takes most of the time.
+    clearance : least distance of an element's plate from the magnet and from the wall, mm.
     """
     axes = [np.linspace(a, b, n) for a, b, n in zip(coder.low, coder.high, counts, strict=True)]
     shift = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
-    return at_poses(coder, shift, _weights(counts), counts, multiplicity=multiplicity)
+    return at_poses(coder, shift, _weights(counts), counts, multiplicity=multiplicity, clearance=clearance)
 
 
 def at_poses(
-    coder: Decoder, shift: Array, weight: Array, counts: tuple[int, int, int], *, multiplicity: bool = True
+    coder: Decoder,
+    shift: Array,
+    weight: Array,
+    counts: tuple[int, int, int],
+    *,
+    multiplicity: bool = True,
+    clearance: float = 0.0,
 ) -> Survey:
     """Survey poses (3, n), mm, in the order of a grid of so many along x, y and z, with weights (n,).
 
@@ -118,7 +128,7 @@ def at_poses(
         [decode.at_rail([e], b[None]) for e, b in zip(ahead.elements, values, strict=True)], dtype=np.bool_
     )
     saturated = by_element.any(axis=0)
-    magnet_hits, wall_hits, grounded = hits(coder, shift, tilt)
+    magnet_hits, wall_hits, grounded = hits(coder, shift, tilt, clearance)
     noise_mm, noise_N = _noise(coder, shift, slopes)
     many, far = np.zeros(shift.shape[1], dtype=np.int64), np.zeros(shift.shape[1])
     if multiplicity:
@@ -174,23 +184,21 @@ def alike(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArray[np.int
     return found.multiplicity + (near > decode.SAME), far
 
 
-def hits(coder: Decoder, shift: Array, tilt: Array) -> tuple[Bools, Bools, Bools]:
-    """Whether the magnet, and the beam's wall, meet each element, shape (k, n); whether the magnet leaves the beam.
+def hits(coder: Decoder, shift: Array, tilt: Array, room: float = 0.0) -> tuple[Bools, Bools, Bools]:
+    """Whether the magnet, and the beam's wall, meet each element, shape (k, n); whether the magnet meets the base.
 
-    An element in the base is out of the wall's way.
+    An element in the base is out of the wall's way. `room` is left around the elements' plates, mm.
     """
     design = coder.forward.design
     places, turns = np.ascontiguousarray(shift.T), np.ascontiguousarray(tilt.T)
     magnet, wall = [], []
     for element in coder.forward.elements:
-        gap = clearance.magnet_gaps(design, element.position, places, turns)
-        magnet.append((gap < element.plate / 2) | (gap == 0))
+        gap = magnet_gaps(design, element.position, places, turns)
+        magnet.append((gap < element.plate / 2 + room) | (gap == 0))
         above = element.position[2] >= 0
-        wall.append(
-            (clearance.wall_gaps(design, element.position, places) < 0) if above else np.zeros_like(magnet[-1])
-        )
+        wall.append((wall_gaps(design, element.position, places) < room) if above else np.zeros_like(magnet[-1]))
     # the lowest pose of the workspace may touch the base but for rounding
-    grounded = clearance.lowest(design, turns) + design.H + shift[2] < -1e-9 * design.H
+    grounded = lowest(design, turns) + design.H + shift[2] < -1e-9 * design.H
     return np.array(magnet), np.array(wall), np.asarray(grounded)
 
 

@@ -1,0 +1,267 @@
+"""Whether readings are unique to each place of the magnet: the paper's claim, answered with numbers.
+
+The paper fills a table of readings over its workspace, sees in a plot for one depth that they are unique to each
+location, and takes the place of the magnet from it. Three forms of the readings are asked here: |B| of the elements
+and a magnet that stays upright, as the paper has it; B.n, as an element reads; and B.n of a magnet that tilts by the
+formulas of level `finite`, in the part of the workspace that these know. The field is exact; the paper's (3), without
+its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field, and
+poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
+varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
+same at rest.
+
+Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
+readings, over their noise (root of the sum of squares), of two poses that are at least so far apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from studies import layout
+from studies.console import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from analytic.decode import Decoder
+    from analytic.hall import Mode
+    from analytic.survey import Survey
+
+    Array = NDArray[np.float64]
+
+Row = dict[str, Any]
+
+FORMS: dict[str, tuple[Mode, str, bool]] = {
+    "|B|, no tilt (the paper's)": ("magnitude", "paper", True),
+    "B.n, no tilt": ("component", "paper", True),
+    "B.n, tilt": ("component", "finite", False),
+}
+"""Mode, level of the mechanics, and whether the tilt is ignored."""
+HEIGHTS = (1.0, 1.5, 2.0)
+"""Of the magnet, over the design's."""
+STEP, BISECTIONS = 1 / 16, 3
+"""Of c, over D; the limit of c is found to an eighth of it."""
+POSES = (13, 13, 7)
+APART = (1 / 80, 1 / 16, 1 / 8)
+"""Over D."""
+WIDE = 1e6
+"""Rails that no field reaches, in units of an output."""
+
+
+def run(design: Design, progress: Progress) -> dict[str, list[Row]]:
+    """ "forms": the design's own layout, form by form; "limits": up to which c each form is unique; "heights": all c.
+
+    Raises
+    ------
+    BadInput
+        The layout is a chip, or the design's elements cannot be decoded.
+    """
+    check(design)
+    magnets = list(_magnets(design))
+    work = [(magnet, form) for magnet in magnets for form in FORMS]
+    forms = []
+    for k, form in enumerate(FORMS):
+        progress(0.2 * k / len(FORMS), "the claim: the given layout")
+        forms.append({"readings": form} | _own(design, form))
+    heights, limits = [], []
+    for k, (magnet, form) in enumerate(work):
+        progress(0.2 + 0.8 * k / len(work), f"the claim: magnet {magnet.magnet_height:g} mm high")
+        rows = _scan(magnet, form)
+        heights += rows
+        limits.append(_limit(magnet, form, rows))
+    progress(1.0, "the claim")
+    return {"forms": forms, "limits": limits, "heights": heights}
+
+
+def check(design: Design) -> None:
+    """Refuse a design that the claim is not about."""
+    if design.hall_layout != "three":
+        raise BadInput("the claim is about three elements: give hall_layout=three, or leave --claim out")
+
+
+def coder_of(design: Design, form: str) -> Decoder:
+    """The decoder of a form of the readings, without rails."""
+    from analytic import decode, parts
+
+    mode, level, ignored = FORMS[form]
+    elements, _ = parts.with_noise(parts.of_design(design))
+    open_ = [dataclasses.replace(e, low=-WIDE, high=WIDE) for e in elements]
+    return decode.decoder(
+        design, layout.mechanics_of(design, level, None), ignore_tilt=ignored, elements=open_, mode=mode
+    )
+
+
+def _magnets(design: Design) -> Iterator[Design]:
+    """The design, and those with taller magnets that S1 reads the same of at rest, as far as they fit."""
+    import numpy as np
+    from scipy.optimize import brentq
+
+    from analytic.magnet import cylinder_field
+
+    def at_rest(height: float, l0: float) -> float:
+        point = np.array([[0.0, 0.0, l0]])
+        return float(cylinder_field(point, design.magnet_diameter / 2, height, design.remanence)[0, 2])
+
+    goal = at_rest(design.magnet_height, design.l0)
+    for factor in HEIGHTS:
+        height = factor * design.magnet_height
+        l0 = brentq(lambda x, h=height: at_rest(h, x) - goal, height / 2, 10 * design.l0)
+        try:
+            yield dataclasses.replace(
+                design, magnet_height=height, l0=design.l0 if factor == 1 else float(f"{l0:.3g}")
+            )
+        except BadInput:
+            continue
+
+
+def _own(design: Design, form: str) -> Row:
+    """Figures of the given layout, with the least differences of readings."""
+    from analytic import survey
+
+    coder = coder_of(design, form)
+    seen = survey.survey(coder, POSES)
+    row = _figures(seen)
+    row["workspace_mm"] = [coder.low.tolist(), coder.high.tolist()]
+    for share in APART:
+        apart = share * design.D
+        row[f"difference_at_{apart:.2g}_mm"] = (
+            least_difference(coder, seen, apart) if not row["alike_percent"] else 0.0
+        )
+    return row
+
+
+def _figures(seen: Survey) -> Row:
+    """What reads alike, and where that is."""
+    import numpy as np
+
+    many = (seen.multiplicity > 1) & (seen.weight > 0)
+    known = seen.weight > 0
+    box = [[float(v[many].min()), float(v[many].max())] for v in seen.shift] if many.any() else None
+    folds = min(seen.share(seen.sign > 0), seen.share(seen.sign < 0))
+    return {
+        "unique_percent": 100 * seen.share(seen.multiplicity == 1),
+        "alike_percent": 100 * seen.share(many),
+        "rarer_det_percent": 100 * folds,
+        "alike_apart_mm": float(seen.alike_mm[many].max(initial=0.0)),
+        "alike_x_mm": box and box[0],
+        "alike_y_mm": box and box[1],
+        "alike_z_mm": box and box[2],
+        "blocked_percent": 100 * seen.share(seen.blocked),
+        "condition_worst": float(np.max(seen.condition[known])) if not folds else np.inf,
+    }
+
+
+def _scan(design: Design, form: str) -> list[Row]:
+    """A row for each c, from 0 to the height of the magnet's centre at rest."""
+    step = STEP * design.D
+    rows = []
+    for k in range(round(design.l0 / step)):
+        found = _at(design, form, k * step)
+        if found is not None:
+            rows.append(found)
+    return rows
+
+
+def _at(design: Design, form: str, c: float) -> Row | None:
+    from analytic import survey
+
+    changed = dataclasses.replace(design, c=c)
+    row = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "c_mm": c, "readings": form}
+    try:
+        return row | _figures(survey.survey(coder_of(changed, form), POSES))
+    except BadInput:
+        return None
+
+
+def _limit(design: Design, form: str, rows: Sequence[Row]) -> Row:
+    """The range of c, about the design's own, in which readings are unique, and what happens just outside.
+
+    An end is None where the scan ends before; both are if the readings are not unique at the c nearest the design's.
+    """
+    found = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "readings": form}
+    own = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
+    if own is None or rows[own]["alike_percent"]:
+        return found | {
+            "unique": False,
+            "unique_from_c_mm": None,
+            "unique_to_c_mm": None,
+            "below": None,
+            "above": None,
+        }
+    ends: dict[str, Any] = {}
+    for name, side, way in (("from", "below", -1), ("to", "above", 1)):
+        k = own
+        while 0 <= k < len(rows) and not rows[k]["alike_percent"]:
+            k += way
+        good, bad = (rows[k - way], rows[k]) if 0 <= k < len(rows) else (None, None)
+        for _ in range(BISECTIONS if good and bad else 0):
+            middle = _at(design, form, (good["c_mm"] + bad["c_mm"]) / 2)  # type: ignore[index]
+            if middle is None:
+                break
+            good, bad = (good, middle) if middle["alike_percent"] else (middle, bad)
+        ends |= {f"unique_{name}_c_mm": good and good["c_mm"], side: bad}
+    return found | {"unique": True} | ends
+
+
+def least_difference(coder: Decoder, seen: Survey, apart: float, tries: int = 8) -> float:
+    """Least distance of the readings, over their noise, of two known poses at least so far apart, mm.
+
+    From the nearest pairs of the survey's grid on by sequential quadratic programming, so that it is an upper bound.
+    """
+    import numpy as np
+
+    known = seen.weight > 0
+    s, r = seen.shift[:, known].T, (seen.readings / coder.sigma[:, None])[:, known].T
+    pairs: list[tuple[float, int, int]] = []
+    for i in range(len(s) - 1):
+        far = ((s[i + 1 :] - s[i]) ** 2).sum(axis=1) >= apart**2
+        if far.any():
+            square = np.where(far, ((r[i + 1 :] - r[i]) ** 2).sum(axis=1), np.inf)
+            j = int(square.argmin())
+            pairs.append((float(square[j]), i, i + 1 + j))
+    ends = [(s[i], s[j]) for _, i, j in sorted(pairs)[:tries]]
+    return min(_nearer(coder, a, b, apart) for a, b in ends)
+
+
+def _nearer(coder: Decoder, a: Array, b: Array, apart: float) -> float:
+    """The distance, from a pair of poses on; infinite where the search ends at unknown poses."""
+    import numpy as np
+    from scipy.optimize import minimize
+
+    from analytic import forward, survey
+
+    def distance(pair: Array) -> tuple[float, Array]:
+        """Square of the distance of the readings, and its slope."""
+        values, slopes = forward.seen(coder.forward, np.ascontiguousarray(pair.reshape(2, 3).T))
+        lack = (values[:, 0] - values[:, 1]) / coder.sigma
+        rows = 2 * np.einsum("jkn,k->nj", slopes / coder.sigma[:, None], lack)
+        return float((lack**2).sum()), np.concatenate([rows[0], -rows[1]])
+
+    def gap(pair: Array) -> float:
+        return float(((pair[:3] - pair[3:]) ** 2).sum() / apart**2 - 1)
+
+    def gap_slope(pair: Array) -> Array:
+        way = 2 * (pair[:3] - pair[3:]) / apart**2
+        return np.concatenate([way, -way])
+
+    def allowed(pair: Array) -> bool:
+        return gap(pair) >= -1e-6 and bool(survey.known(coder, np.ascontiguousarray(pair.reshape(2, 3).T)).all())
+
+    # a pair of the grid is further apart than asked for, which is rarely nearer in readings
+    way = (b - a) * (apart / np.linalg.norm(b - a)) / 2
+    pairs = [np.concatenate([a, b]), np.concatenate([(a + b) / 2 - way, (a + b) / 2 + way])]
+    start = min(pairs, key=lambda pair: distance(pair)[0])
+    size = max(distance(start)[0], 1e-300)
+    found = minimize(
+        lambda pair: tuple(v / size for v in distance(pair)),
+        start,
+        jac=True,
+        bounds=list(zip(np.tile(coder.low, 2), np.tile(coder.high, 2), strict=True)),
+        constraints={"type": "ineq", "fun": gap, "jac": gap_slope},
+        method="SLSQP",
+    )
+    return min((float(np.sqrt(distance(p)[0])) for p in (*pairs, found.x) if allowed(p)), default=np.inf)
