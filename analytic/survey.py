@@ -187,7 +187,7 @@ def alike(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArray[np.int
 def hits(coder: Decoder, shift: Array, tilt: Array, room: float = 0.0) -> tuple[Bools, Bools, Bools]:
     """Whether the magnet, and the beam's wall, meet each element, shape (k, n); whether the magnet meets the base.
 
-    An element in the base is out of the wall's way. `room` is left around the elements' plates, mm.
+    `room` is left around the elements' plates, mm; the wall may lean over an element that lies so deep in the base.
     """
     design = coder.forward.design
     places, turns = np.ascontiguousarray(shift.T), np.ascontiguousarray(tilt.T)
@@ -195,8 +195,9 @@ def hits(coder: Decoder, shift: Array, tilt: Array, room: float = 0.0) -> tuple[
     for element in coder.forward.elements:
         gap = magnet_gaps(design, element.position, places, turns)
         magnet.append((gap < element.plate / 2 + room) | (gap == 0))
-        above = element.position[2] >= 0
-        wall.append((wall_gaps(design, element.position, places) < room) if above else np.zeros_like(magnet[-1]))
+        aside, deep = wall_gaps(design, element.position, places), -element.position[2]
+        # the wall may lean over an element in the base
+        wall.append(aside < room if deep <= 0 else np.hypot(np.maximum(aside, 0.0), deep) < room)
     # the lowest pose of the workspace may touch the base but for rounding
     grounded = lowest(design, turns) + design.H + shift[2] < -1e-9 * design.H
     return np.array(magnet), np.array(wall), np.asarray(grounded)

@@ -148,9 +148,10 @@ def layout(
         console.report([found], as_json=True)
         return GOOD
     console.report([work.shown(found)], as_json=False, title="Layout")
-    for name, rows in (("Layouts, the best first", found.get("search")), ("Claim", found.get("claim"))):
-        if rows:
-            console.report(rows if isinstance(rows, list) else work.shown_claim(rows), as_json=False, title=name)
+    if search:
+        console.report(work.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
+    if claim:
+        console.report(work.shown_claim(found["claim"]), as_json=False, title="Claim")
     for warning in (*found["hits"], *found["warnings"]):
         console.say(f"magtip: warning: {warning}")
     return GOOD

@@ -64,9 +64,9 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     bounds = layoutsearch.parse_ranges(design, job.ranges)
     if job.claim:
         uniqueness.check(design)
+    coder, noise = prepare(design, law, basis)
     progress(0.0, "map of the workspace")
     magnet.compiled()
-    coder, noise = prepare(design, law, basis)
     seen = survey.survey(coder, COUNTS, clearance=basis.clearance)
     found = record(coder, seen, noise, "responses" if basis.responses else basis.level or "paper")
     if job.search:
@@ -84,10 +84,16 @@ def _options(job: Job) -> list[str]:
     names = [
         field.name for field in dataclasses.fields(Basis) if getattr(given, field.name) != getattr(plain, field.name)
     ]
-    texts = [f"--{n.replace('_', '-')}" + ("" if n == "ignore_tilt" else f" {getattr(given, n)}") for n in names]
+    texts = [
+        f"--{n.replace('_', '-')}" + ("" if n == "ignore_tilt" else f" {_shortest(getattr(given, n))}") for n in names
+    ]
     if job.search:
         texts += ["--search", *(f"--range {text}" for text in job.ranges), f"--count {job.count}"]
     return [*texts, "--claim"] if job.claim else texts
+
+
+def _shortest(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def prepare(
@@ -246,9 +252,19 @@ def shown(found: Mapping[str, Any]) -> Row:
     """What a terminal shows of a record."""
     hidden = ("status", "elements", "hits", "warnings", "search", "claim", "known_percent", "poses")
     short = {key: value for key, value in found.items() if key not in hidden and value is not None}
+    if found["most_alike"] == 1:
+        del short["most_alike"], short["alike_apart_mm"]
     low, high = short.pop("workspace_mm")
     short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
     return short
+
+
+def shown_search(rows: Sequence[Row]) -> list[Row]:
+    """What a terminal shows of a search: what to set, and the shares that are not 0 throughout."""
+    shares = ("ambiguous_percent", "saturated_percent", "blocked_percent")
+    kept = ["unique_percent", *(key for key in shares if any(row[key] for row in rows))]
+    kept += ["condition_worst", "noise_worst_um", "noise_worst_N"]
+    return [{"rank": row["rank"] or "given", "settings": row["settings"]} | {k: row[k] for k in kept} for row in rows]
 
 
 def shown_claim(claim: Mapping[str, Sequence[Row]]) -> list[Row]:

@@ -34,8 +34,9 @@ def text(found: Row, command: str, origin: str) -> str:
     """LAYOUT.md."""
     lines = ["# The layout of the Hall elements", "", f"`{command}`", ""]
     lines += [f"In this workspace, {found['message']}.", "", *_figures(found), ""]
-    lines += [f"- {sentence}" for sentence in (*found["hits"], *found["warnings"])]
-    lines += ["", "![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
+    remarks = [f"- {sentence}" for sentence in (*found["hits"], *found["warnings"])]
+    lines += [*remarks, ""] if remarks else []
+    lines += ["![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
     lines += ["Left the plane y = 0, right the worst over all y. The table behind it is layout.csv.", ""]
     if "claim" in found:
         lines += _claim(found["claim"])
@@ -57,7 +58,7 @@ def _figures(found: Row) -> list[str]:
     box = ", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True))
     noise = ", ".join(f"{1e6 * value:.3g}" for value in found["noise_of_readings_T"])
     place = "" if found["f_mm"] is None else f"f = {found['f_mm']:g} mm, c = {found['c_mm']:g} mm, "
-    rows = [
+    rows: list[Sequence[str]] = [
         ("layout", f"{found['layout']}, {place}l0 = {found['l0_mm']:g} mm"),
         ("mechanics, tilt, reading", f"{found['mechanics']}, {found['tilt']}, {found['mode']}"),
         ("workspace: shift of the magnet along x, y, z", f"{box} mm"),
@@ -91,7 +92,8 @@ def _text(value: float | None, unit: str = "") -> str:
 
 
 def _markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(line)} |" for line in (heads, ["---"] * len(heads), *rows)]
+    lines = [[cell.replace("|", "\\|") for cell in line] for line in (heads, ["---"] * len(heads), *rows)]
+    return [f"| {' | '.join(line)} |" for line in lines]
 
 
 def _search(rows: Sequence[Row]) -> list[str]:
@@ -106,7 +108,7 @@ def _search(rows: Sequence[Row]) -> list[str]:
     return _markdown(heads, cells)
 
 
-def _claim(claim: Mapping[str, Sequence[Row]]) -> list[str]:
+def _claim(claim: dict[str, list[dict[str, Any]]]) -> list[str]:
     """The claim, its answer for the given layout, where it fails, and how it was measured."""
     lines = ["## Are the readings unique to each place of the magnet?", ""]
     forms = claim["forms"]
@@ -130,14 +132,15 @@ def _claim(claim: Mapping[str, Sequence[Row]]) -> list[str]:
                 *differences,
             ]
         )
-    lines += ["For the given layout:", "", *_markdown(heads, cells), ""]
+    lines += [f"- {sentence}" for sentence in uniqueness.answer(claim)]
+    lines += ["", "For the given layout:", "", *_markdown(heads, cells), ""]
     lines += ["For which c, and where it fails first:", "", *_limits(claim["limits"]), ""]
     lines += ["![Share of poses whose readings another pose gives too, over c](claim.png)", ""]
     return [*lines, *_body(uniqueness.__doc__), "", "The table behind it is claim.csv.", ""]
 
 
 def _limits(rows: Sequence[Row]) -> list[str]:
-    heads = ["magnet height, mm", "l0, mm", "readings", "unique for c, mm", "just below", "just above"]
+    heads = ["magnet height, mm", "l0, mm", "readings", "unique for c, mm", "there, or just below", "just above"]
     cells = []
     for row in rows:
         low, high = row["unique_from_c_mm"], row["unique_to_c_mm"]
@@ -147,7 +150,7 @@ def _limits(rows: Sequence[Row]) -> list[str]:
                 f"{row['magnet_height_mm']:g}",
                 f"{row['l0_mm']:g}",
                 row["readings"],
-                span if row["unique"] else "not at the given c",
+                span if row["unique"] else "not at c next to the given",
                 _failure(row["below"]),
                 _failure(row["above"]),
             ]

@@ -147,6 +147,8 @@ def claim(path: Path, rows: Sequence[Any], c: float) -> None:
             axis.axvline(c, color="#555555", linestyle=":", linewidth=1.2)
             axis.set_title(f"magnet {height:g} mm high, $l_0$ = {l0:g} mm", fontsize=11)
             axis.set_ylabel("ambiguous (%)")
+        axes[0].set_yscale("symlog", linthresh=0.1, linscale=0.5)
+        axes[0].set(ylim=(-0.01, 100), yticks=[0, 0.1, 1, 10, 100], yticklabels=["0", "0.1", "1", "10", "100"])
         axes[-1].set_xlabel("height $c$ of S2 and S3 over S1 (mm); dotted: the given layout")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False)

@@ -1,10 +1,10 @@
 """A search for layouts: f, l0 and c of three elements, or l0 of a chip under the beam.
 
-A grid over the ranges, then compass searches from the best of it: steps along one parameter at a time, halved where
-none is better. Better is a smaller share of the workspace without a unique pose (blocked, saturated or ambiguous;
-to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of
-poses is looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then
-surveyed and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
+A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
+at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
+saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of poses is
+looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
+and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
 
 Unless told, S1 is sought in the base, D/16 to D below its surface; S2 and S3 between D/2 and 2 D from the axis,
 and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
@@ -81,7 +81,13 @@ def run(
     count: int,
     progress: Progress,
 ) -> list[Row]:
-    """The given layout (rank 0), then the best ones found, as many as there are that differ, at most `count`."""
+    """The given layout (rank 0), then the best ones found, as many as there are that differ, at most `count`.
+
+    Raises
+    ------
+    BadInput
+        None in these ranges can be read.
+    """
     names = list(bounds)
 
     def made(place: Place) -> Design:
@@ -90,11 +96,16 @@ def run(
     def score(place: Place) -> Score:
         return _score(made, place, law, basis)
 
-    found = _search(score, list(bounds.values()), progress)
+    found = _search(score, tuple(getattr(design, name) for name in names), list(bounds.values()), progress)
     best = sorted(found, key=lambda place: found[place])
     widths = [high - low for low, high in bounds.values()]
     steps = [width / (GRID[len(names)] - 1) for width in widths]
     finalists = _distinct([p for p in best if found[p] < HOPELESS], [APART_FOUND * step for step in steps], FINALISTS)
+    if not finalists:
+        raise BadInput(
+            "no layout in these ranges leaves a pose that can be read: keep elements out of the beam (larger l0 or f,"
+            " smaller c), and saturation and --clearance in mind"
+        )
     rows = []
     for k, place in enumerate(finalists):
         progress(0.6 + 0.4 * k / len(finalists), "survey of the best")
@@ -110,7 +121,10 @@ def _with(design: Design, changes: dict[str, Any]) -> Design:
 
 
 def _search(
-    score: Callable[[Place], Score], bounds: Sequence[tuple[float, float]], progress: Progress
+    score: Callable[[Place], Score],
+    given: Place,
+    bounds: Sequence[tuple[float, float]],
+    progress: Progress,
 ) -> dict[Place, Score]:
     """Scores of all places looked at."""
     many = GRID[len(bounds)]
@@ -127,6 +141,9 @@ def _search(
     steps = [(high - low) / (many - 1) for low, high in bounds]
     best = [p for p in sorted(found, key=lambda p: found[p]) if found[p] < HOPELESS]
     starts = _distinct(best, [APART_STARTS * step for step in steps], STARTS)
+    if all(low <= value <= high for value, (low, high) in zip(given, bounds, strict=True)):
+        found[given] = score(given)
+        starts.append(given)
     for k, start in enumerate(starts):
         progress(0.4 + 0.2 * k / len(starts), "compass searches")
         _compass(score, start, steps, bounds, found)

@@ -4,13 +4,15 @@ The paper fills a table of readings over its workspace, sees in a plot for one d
 location, and takes the place of the magnet from it. Three forms of the readings are asked here: |B| of the elements
 and a magnet that stays upright, as the paper has it; B.n, as an element reads; and B.n of a magnet that tilts by the
 formulas of level `finite`, in the part of the workspace that these know. The field is exact; the paper's (3), without
-its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field, and
+its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field;
 poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
 varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
 same at rest.
 
 Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
-readings, over their noise (root of the sum of squares), of two poses that are at least so far apart.
+readings, over their noise (root of the sum of squares), of two poses that are at least so far apart. The paper's
+displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of that: its workspace is part of the one
+here.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from analytic.decode import Decoder
     from analytic.hall import Mode
+    from analytic.mechanics import Mechanics
     from analytic.survey import Survey
 
     Array = NDArray[np.float64]
@@ -46,7 +49,7 @@ HEIGHTS = (1.0, 1.5, 2.0)
 STEP, BISECTIONS = 1 / 16, 3
 """Of c, over D; the limit of c is found to an eighth of it."""
 POSES = (13, 13, 7)
-APART = (1 / 80, 1 / 16, 1 / 8)
+APART = (1 / 800, 1 / 80, 1 / 8)
 """Over D."""
 WIDE = 1e6
 """Rails that no field reaches, in units of an output."""
@@ -70,9 +73,10 @@ def run(design: Design, progress: Progress) -> dict[str, list[Row]]:
     heights, limits = [], []
     for k, (magnet, form) in enumerate(work):
         progress(0.2 + 0.8 * k / len(work), f"the claim: magnet {magnet.magnet_height:g} mm high")
-        rows = _scan(magnet, form)
+        law = law_of(magnet, form)
+        rows = _scan(magnet, form, law)
         heights += rows
-        limits.append(_limit(magnet, form, rows))
+        limits.append(_limit(magnet, form, law, rows))
     progress(1.0, "the claim")
     return {"forms": forms, "limits": limits, "heights": heights}
 
@@ -83,16 +87,58 @@ def check(design: Design) -> None:
         raise BadInput("the claim is about three elements: give hall_layout=three, or leave --claim out")
 
 
-def coder_of(design: Design, form: str) -> Decoder:
+def answer(claim: dict[str, list[Row]]) -> list[str]:
+    """The claim, judged for the given layout and over c, in sentences."""
+    forms, own = claim["forms"], claim["limits"][0]["magnet_height_mm"]
+    failing = [row for row in forms if row["alike_percent"]]
+    lines = []
+    if not failing:
+        lines.append("For the given layout the claim holds in every form: no two poses read alike.")
+    for row in failing:
+        lines.append(
+            f"{row['readings']}: the claim fails for the given layout; {row['alike_percent']:.2g} % of the poses"
+            f" share their readings with others, up to {row['alike_apart_mm']:.2g} mm away."
+        )
+    for row in forms:
+        near, far = [key for key in row if key.startswith("difference_at_")][:2]
+        if not row["alike_percent"]:
+            lines.append(
+                f"{row['readings']}: two poses {_mm(near)} mm apart differ in their readings by {row[near]:.2g} times"
+                f" the noise at least, {_mm(far)} mm apart by {row[far]:.2g} times."
+            )
+    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == own):
+        scan = [r for r in claim["heights"] if (r["magnet_height_mm"], r["readings"]) == (own, limit["readings"])]
+        worst = max(scan, key=lambda row: row["alike_percent"])
+        if worst["alike_percent"]:
+            low, high = limit["unique_from_c_mm"], limit["unique_to_c_mm"]
+            ends = " and".join(
+                f" {name} c = {end:.2g} mm" for name, end in (("below", low), ("above", high)) if end is not None
+            )
+            lines.append(
+                f"{limit['readings']}, over c: fails{ends or ' at the given c'}; at c = {worst['c_mm']:.2g} mm"
+                f" {worst['alike_percent']:.2g} % of the poses share their readings with others, up to"
+                f" {worst['alike_apart_mm']:.2g} mm away."
+            )
+    return lines
+
+
+def _mm(key: str) -> str:
+    return key.removeprefix("difference_at_").removesuffix("_mm")
+
+
+def law_of(design: Design, form: str) -> Mechanics:
+    """The mechanics of a form of the readings; the elements' places are nothing to it."""
+    return layout.mechanics_of(design, FORMS[form][1], None)
+
+
+def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
     """The decoder of a form of the readings, without rails."""
     from analytic import decode, parts
 
-    mode, level, ignored = FORMS[form]
+    mode, _, ignored = FORMS[form]
     elements, _ = parts.with_noise(parts.of_design(design))
     open_ = [dataclasses.replace(e, low=-WIDE, high=WIDE) for e in elements]
-    return decode.decoder(
-        design, layout.mechanics_of(design, level, None), ignore_tilt=ignored, elements=open_, mode=mode
-    )
+    return decode.decoder(design, law, ignore_tilt=ignored, elements=open_, mode=mode)
 
 
 def _magnets(design: Design) -> Iterator[Design]:
@@ -122,7 +168,7 @@ def _own(design: Design, form: str) -> Row:
     """Figures of the given layout, with the least differences of readings."""
     from analytic import survey
 
-    coder = coder_of(design, form)
+    coder = coder_of(design, form, law_of(design, form))
     seen = survey.survey(coder, POSES)
     row = _figures(seen)
     row["workspace_mm"] = [coder.low.tolist(), coder.high.tolist()]
@@ -155,43 +201,40 @@ def _figures(seen: Survey) -> Row:
     }
 
 
-def _scan(design: Design, form: str) -> list[Row]:
+def _scan(design: Design, form: str, law: Mechanics) -> list[Row]:
     """A row for each c, from 0 to the height of the magnet's centre at rest."""
     step = STEP * design.D
     rows = []
     for k in range(round(design.l0 / step)):
-        found = _at(design, form, k * step)
+        found = _at(design, form, law, k * step)
         if found is not None:
             rows.append(found)
     return rows
 
 
-def _at(design: Design, form: str, c: float) -> Row | None:
+def _at(design: Design, form: str, law: Mechanics, c: float) -> Row | None:
     from analytic import survey
 
     changed = dataclasses.replace(design, c=c)
     row = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "c_mm": c, "readings": form}
     try:
-        return row | _figures(survey.survey(coder_of(changed, form), POSES))
+        return row | _figures(survey.survey(coder_of(changed, form, law), POSES))
     except BadInput:
         return None
 
 
-def _limit(design: Design, form: str, rows: Sequence[Row]) -> Row:
+def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[Row]) -> Row:
     """The range of c, about the design's own, in which readings are unique, and what happens just outside.
 
-    An end is None where the scan ends before; both are if the readings are not unique at the c nearest the design's.
+    An end is None where the scan ends before. If the readings are not unique at the c nearest the design's, what
+    happens there is under "below".
     """
     found = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "readings": form}
     own = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
     if own is None or rows[own]["alike_percent"]:
-        return found | {
-            "unique": False,
-            "unique_from_c_mm": None,
-            "unique_to_c_mm": None,
-            "below": None,
-            "above": None,
-        }
+        here = None if own is None else rows[own]
+        nothing = dict.fromkeys(("unique_from_c_mm", "unique_to_c_mm", "above"))
+        return found | {"unique": False, "below": here} | nothing
     ends: dict[str, Any] = {}
     for name, side, way in (("from", "below", -1), ("to", "above", 1)):
         k = own
@@ -199,7 +242,7 @@ def _limit(design: Design, form: str, rows: Sequence[Row]) -> Row:
             k += way
         good, bad = (rows[k - way], rows[k]) if 0 <= k < len(rows) else (None, None)
         for _ in range(BISECTIONS if good and bad else 0):
-            middle = _at(design, form, (good["c_mm"] + bad["c_mm"]) / 2)  # type: ignore[index]
+            middle = _at(design, form, law, (good["c_mm"] + bad["c_mm"]) / 2)  # type: ignore[index]
             if middle is None:
                 break
             good, bad = (good, middle) if middle["alike_percent"] else (middle, bad)
@@ -207,7 +250,7 @@ def _limit(design: Design, form: str, rows: Sequence[Row]) -> Row:
     return found | {"unique": True} | ends
 
 
-def least_difference(coder: Decoder, seen: Survey, apart: float, tries: int = 8) -> float:
+def least_difference(coder: Decoder, seen: Survey, apart: float, tries: int = 4) -> float:
     """Least distance of the readings, over their noise, of two known poses at least so far apart, mm.
 
     From the nearest pairs of the survey's grid on by sequential quadratic programming, so that it is an upper bound.
@@ -263,5 +306,6 @@ def _nearer(coder: Decoder, a: Array, b: Array, apart: float) -> float:
         bounds=list(zip(np.tile(coder.low, 2), np.tile(coder.high, 2), strict=True)),
         constraints={"type": "ineq", "fun": gap, "jac": gap_slope},
         method="SLSQP",
+        options={"maxiter": 50},
     )
     return min((float(np.sqrt(distance(p)[0])) for p in (*pairs, found.x) if allowed(p)), default=np.inf)
