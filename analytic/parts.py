@@ -128,3 +128,12 @@ def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
         dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements
     ]
     return tuple(read), f"{CONVERTER}, since the design states none"
+
+
+def columns(elements: Sequence[Element]) -> list[str]:
+    """What tables call the elements: their names without spaces.
+
+    >>> columns(of_design(Design(hall_layout="tmag5273a1")))
+    ['chip_-z', 'chip_x', 'chip_y']
+    """
+    return [element.name.replace(" ", "_") for element in elements]

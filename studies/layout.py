@@ -228,7 +228,9 @@ def _percent(value: float) -> str:
 
 def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
     """A row for each pose of the map."""
-    names = [element.name.replace(" ", "_") for element in coder.forward.elements]
+    from analytic.parts import columns
+
+    names = columns(coder.forward.elements)
     known, blocked = seen.weight > 0, seen.blocked
     for k in range(len(known)):
         x, y, z = seen.shift[:, k].tolist()
