@@ -2,6 +2,7 @@
 
 Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
 or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
+Ambiguous is what the decoder calls so, which does not look at what is in the way of the other poses.
 Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
 deviation along the worst direction.
 """
@@ -252,7 +253,8 @@ def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
 
 def shown(found: Mapping[str, Any]) -> Row:
     """What a terminal shows of a record."""
-    hidden = ("status", "elements", "hits", "warnings", "search", "claim", "known_percent", "poses")
+    hidden = ["status", "elements", "hits", "warnings", "search", "claim", "poses"]
+    hidden += ["known_percent"] if found["known_percent"] == 100 else []
     short = {key: value for key, value in found.items() if key not in hidden and value is not None}
     if found["most_alike"] == 1:
         del short["most_alike"], short["alike_apart_mm"]

@@ -87,7 +87,7 @@ def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
         "condition": ("condition number (1)", {"cmap": "viridis", "norm": norms["condition"]}),
         "sign": ("sign of det $J$", signs),
         "multiplicity": ("poses alike (1)", many),
-        "noise": ("noise (µm)", {"cmap": "cividis", "norm": norms["noise"]}),
+        "noise": ("noise (µm)", {"cmap": "plasma", "norm": norms["noise"]}),
     }
 
 
