@@ -150,6 +150,8 @@ def layout(
     console.report([work.shown(found)], as_json=False, title="Layout")
     if search:
         console.report(work.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
+    if "aside" in found:
+        console.report(found["aside"], as_json=False, title="The chip, moved sideways (from Python only)")
     if claim:
         console.report(work.shown_claim(found["claim"]), as_json=False, title="Claim")
     for warning in (*found["hits"], *found["warnings"]):

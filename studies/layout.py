@@ -23,6 +23,7 @@ from studies.options import Basis
 if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.mechanics import Mechanics
+    from analytic.parts import Element
     from analytic.survey import Survey
 
 Row = dict[str, Any]
@@ -72,6 +73,8 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     found = record(coder, seen, noise, "responses" if basis.responses else basis.level or "paper")
     if job.search:
         found["search"] = layoutsearch.run(design, law, basis, bounds, job.count, progress)
+        if design.hall_layout != "three":
+            found["aside"] = layoutsearch.aside(design, law, basis)
     if job.claim:
         found["claim"] = uniqueness.run(design, progress)
     if folder is not None:
@@ -98,9 +101,16 @@ def _shortest(value: object) -> str:
 
 
 def prepare(
-    design: Design, law: Mechanics, basis: Basis, cells: tuple[int, int, int] | None = None
+    design: Design,
+    law: Mechanics,
+    basis: Basis,
+    cells: tuple[int, int, int] | None = None,
+    *,
+    aside: float = 0.0,
 ) -> tuple[Decoder, str]:
     """The decoder of a design whose elements have some noise, and where that comes from.
+
+    `aside` moves all elements along x, mm.
 
     Raises
     ------
@@ -112,6 +122,8 @@ def prepare(
     if basis.mode == "magnitude" and design.hall_layout != "three":
         raise BadInput("|B| is one number at a chip's place and makes no pose: leave --mode magnitude out")
     elements, source = parts.with_noise(parts.of_design(design))
+    if aside:
+        elements = tuple(_moved(element, aside) for element in elements)
     coder = decode.decoder(
         design,
         law,
@@ -121,6 +133,11 @@ def prepare(
         cells=cells or decode.CELLS,
     )
     return coder, source
+
+
+def _moved(element: Element, aside: float) -> Element:
+    x, y, z = element.position
+    return dataclasses.replace(element, position=(x + aside, y, z))
 
 
 def record(coder: Decoder, seen: Survey, noise: str, mechanics: str) -> Row:
@@ -253,7 +270,7 @@ def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
 
 def shown(found: Mapping[str, Any]) -> Row:
     """What a terminal shows of a record."""
-    hidden = ["status", "elements", "hits", "warnings", "search", "claim", "poses"]
+    hidden = ["status", "elements", "hits", "warnings", "search", "aside", "claim", "poses"]
     hidden += ["known_percent"] if found["known_percent"] == 100 else []
     short = {key: value for key, value in found.items() if key not in hidden and value is not None}
     if found["most_alike"] == 1:

@@ -42,6 +42,9 @@ def text(found: Row, command: str, origin: str) -> str:
         lines += _claim(found["claim"])
     if "search" in found:
         lines += ["## Other layouts, the best first", "", *_search(found["search"]), ""]
+    if "aside" in found:
+        lines += ["The chip of this design at its own depth, moved sideways (from Python only):", ""]
+        lines += [*_search(found["aside"]), ""]
     lines += ["## How it was made", "", *_body(layout.__doc__)]
     if "search" in found:
         lines += ["", *_body(layoutsearch.__doc__)]
@@ -97,14 +100,17 @@ def _markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def _search(rows: Sequence[Row]) -> list[str]:
-    heads = ["rank", "options", "unique %", "saturated %", "blocked %", "worst condition"]
+    heads = ["rank", "layout", "unique %", "saturated %", "blocked %", "worst condition"]
     heads += ["worst noise, µm", "median noise, µm", "worst noise, N"]
     keys = ("unique_percent", "saturated_percent", "blocked_percent", "condition_worst")
     keys += ("noise_worst_um", "noise_median_um", "noise_worst_N")  # type: ignore[assignment]
     cells = []
     for row in rows:
-        rank = "given" if row["rank"] == 0 else str(row["rank"])
-        cells.append([rank, f"`{row['settings']}`", *(_text(row[key]) for key in keys)])
+        if "aside_mm" in row:
+            name, place = "", f"{row['aside_mm']:g} mm aside"
+        else:
+            name, place = ("given" if row["rank"] == 0 else str(row["rank"])), f"`{row['settings']}`"
+        cells.append([name, place, *(_text(row[key]) for key in keys)])
     return _markdown(heads, cells)
 
 

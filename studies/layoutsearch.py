@@ -37,6 +37,8 @@ GRID = {1: 21, 2: 21, 3: 10}
 STARTS, HALVINGS, FINALISTS = 12, 4, 16
 APART_STARTS, APART_FOUND = 1.5, 0.75
 """Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
+ASIDE = (0.0, 1 / 8, 1 / 4, 1 / 2, 3 / 4)
+"""Places of a chip beside the axis, over D."""
 HOPELESS: Score = (2.0, math.inf)
 """Of a layout that cannot be."""
 
@@ -96,12 +98,13 @@ def run(
     def score(place: Place) -> Score:
         return _score(made, place, law, basis)
 
-    found = _search(score, tuple(getattr(design, name) for name in names), list(bounds.values()), progress)
-    best = sorted(found, key=lambda place: found[place])
+    given = tuple(getattr(design, name) for name in names)
+    found = _search(score, given, list(bounds.values()), progress)
+    best = sorted((place for place in found if place != given), key=lambda place: found[place])
     widths = [high - low for low, high in bounds.values()]
     steps = [width / (GRID[len(names)] - 1) for width in widths]
     finalists = _distinct([p for p in best if found[p] < HOPELESS], [APART_FOUND * step for step in steps], FINALISTS)
-    if not finalists:
+    if min(found.values(), default=HOPELESS) >= HOPELESS:
         raise BadInput(
             "no layout in these ranges leaves a pose that can be read: keep elements out of the beam (larger l0 or f,"
             " smaller c), and saturation and --clearance in mind"
@@ -112,8 +115,19 @@ def run(
         rows.append(_row(made(place), names, law, basis))
     rows.sort(key=_rank)
     progress(1.0, "survey of the best")
-    given = _row(design, names, law, basis)
-    return [{"rank": k, **row} for k, row in enumerate([given, *rows[:count]])]
+    return [{"rank": k, **row} for k, row in enumerate([_row(design, names, law, basis), *rows[:count]])]
+
+
+def aside(design: Design, law: Mechanics, basis: Basis) -> list[Row]:
+    """A chip at its depth, moved sideways along x; a design has no field for that, `analytic.parts.Element` has."""
+    rows = []
+    for share in ASIDE:
+        x = share * design.D
+        try:
+            rows.append({"aside_mm": x, "l0_mm": design.l0} | _figures(design, law, basis, x))
+        except BadInput:
+            continue
+    return rows
 
 
 def _with(design: Design, changes: dict[str, Any]) -> Design:
@@ -208,14 +222,18 @@ def _score(made: Callable[[Place], Design], place: Place, law: Mechanics, basis:
 
 
 def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> Row:
+    row: Row = {f"{name}_mm": getattr(design, name) for name in names}
+    return row | _figures(design, law, basis) | {"settings": layout.settings(design, names)}
+
+
+def _figures(design: Design, law: Mechanics, basis: Basis, x: float = 0.0) -> Row:
     from analytic import survey
 
-    coder, _ = layout.prepare(design, law, basis)
+    coder, _ = layout.prepare(design, law, basis, aside=x)
     found = layout.figures(survey.survey(coder, layout.COUNTS, clearance=basis.clearance))
-    row: Row = {f"{name}_mm": getattr(design, name) for name in names}
     keys = ["unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent", "condition_worst"]
     keys += ["noise_worst_um", "noise_median_um", "noise_worst_N"]
-    return row | {key: found[key] for key in keys} | {"settings": layout.settings(design, names)}
+    return {key: found[key] for key in keys}
 
 
 def _rank(row: Row) -> Score:

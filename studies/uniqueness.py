@@ -123,7 +123,7 @@ def answer(claim: dict[str, list[Row]]) -> list[str]:
 
 
 def _mm(key: str) -> str:
-    return key.removeprefix("difference_at_").removesuffix("_mm")
+    return key.removeprefix("difference_at_").removesuffix("_mm_over_noise")
 
 
 def law_of(design: Design, form: str) -> Mechanics:
@@ -174,7 +174,7 @@ def _own(design: Design, form: str) -> Row:
     row["workspace_mm"] = [coder.low.tolist(), coder.high.tolist()]
     for share in APART:
         apart = share * design.D
-        row[f"difference_at_{apart:.2g}_mm"] = (
+        row[f"difference_at_{apart:.2g}_mm_over_noise"] = (
             least_difference(coder, seen, apart) if not row["alike_percent"] else 0.0
         )
     return row
