@@ -32,6 +32,8 @@ COUNTS = (25, 25, 13)
 """Poses of the map along x, y and z."""
 MOST_CLEARANCE = 100.0
 """mm."""
+MOST_FOUND = 16
+"""Layouts that a search gives, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +63,8 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     law = mechanics_of(design, basis.level, basis.responses)
     if not 0 <= basis.clearance <= MOST_CLEARANCE:
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
-    if not 1 <= job.count <= layoutsearch.FINALISTS:
-        raise BadInput(f"--count must lie between 1 and {layoutsearch.FINALISTS}; got {job.count}")
+    if not 1 <= job.count <= MOST_FOUND:
+        raise BadInput(f"--count must lie between 1 and {MOST_FOUND}; got {job.count}")
     bounds = layoutsearch.parse_ranges(design, job.ranges)
     if job.claim:
         uniqueness.check(design)

@@ -120,7 +120,10 @@ def _claim(claim: dict[str, list[dict[str, Any]]]) -> list[str]:
     forms = claim["forms"]
     apart = [key for key in forms[0] if key.startswith("difference_at_")]
     heads = ["readings", "workspace, mm", "unique", "poses that read alike", "worst condition"]
-    heads += [f"least difference, {key.removeprefix('difference_at_').removesuffix('_mm')} mm apart" for key in apart]
+    heads += [
+        f"least difference, {key.removeprefix('difference_at_').removesuffix('_mm_over_noise')} mm apart"
+        for key in apart
+    ]
     cells = []
     for row in forms:
         low, high = row["workspace_mm"]

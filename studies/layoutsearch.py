@@ -34,7 +34,7 @@ POSES = (9, 9, 6)
 """Of the coarse grid."""
 GRID = {1: 21, 2: 21, 3: 10}
 """Values of each parameter in the first grid, by the number of parameters."""
-STARTS, HALVINGS, FINALISTS = 12, 4, 16
+STARTS, HALVINGS, FINALISTS = 12, 4, layout.MOST_FOUND
 APART_STARTS, APART_FOUND = 1.5, 0.75
 """Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
 ASIDE = (0.0, 1 / 8, 1 / 4, 1 / 2, 3 / 4)

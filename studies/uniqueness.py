@@ -7,7 +7,8 @@ formulas of level `finite`, in the part of the workspace that these know. The fi
 its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field;
 poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
 varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
-same at rest.
+same at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets them in part of the workspace.
+Unique means that of a grid of 13 x 13 x 7 poses none has its readings in common with any other of the workspace.
 
 Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
 readings, over their noise (root of the sum of squares), of two poses that are at least so far apart. The paper's
@@ -118,6 +119,13 @@ def answer(claim: dict[str, list[Row]]) -> list[str]:
                 f"{limit['readings']}, over c: fails{ends or ' at the given c'}; at c = {worst['c_mm']:.2g} mm"
                 f" {worst['alike_percent']:.2g} % of the poses share their readings with others, up to"
                 f" {worst['alike_apart_mm']:.2g} mm away."
+            )
+    for limit in claim["limits"]:
+        if limit["magnet_height_mm"] != own and limit["below"] and not limit["unique"]:
+            lines.append(
+                f"{limit['readings']}, with a magnet {limit['magnet_height_mm']:g} mm high that S1 reads the same of"
+                f" at rest (l0 = {limit['l0_mm']:g} mm): fails at c = {limit['below']['c_mm']:g} mm, for"
+                f" {limit['below']['alike_percent']:.2g} % of the poses."
             )
     return lines
 
