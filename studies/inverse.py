@@ -137,6 +137,7 @@ def layout(
         Folder of layout.csv, layout.png and LAYOUT.md.
     """
     from studies import layout as work
+    from studies import layoutfiles as texts
 
     given = inputs.read_design(source, sets or [])
     if ranges and not search:
@@ -147,13 +148,13 @@ def layout(
     if as_json:
         console.report([found], as_json=True)
         return GOOD
-    console.report([work.shown(found)], as_json=False, title="Layout")
+    console.report([texts.shown(found)], as_json=False, title="Layout")
     if search:
-        console.report(work.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
+        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
     if "aside" in found:
         console.report(found["aside"], as_json=False, title="The chip, moved sideways (from Python only)")
     if claim:
-        console.report(work.shown_claim(found["claim"]), as_json=False, title="Claim")
+        console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim")
     for warning in (*found["hits"], *found["warnings"]):
         console.say(f"magtip: warning: {warning}")
     return GOOD

@@ -10,7 +10,7 @@ deviation along the worst direction.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -268,37 +268,6 @@ def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
             "noise_um": 1e3 * seen.noise_mm[k],
             "noise_N": seen.noise_N[k],
         }
-
-
-def shown(found: Mapping[str, Any]) -> Row:
-    """What a terminal shows of a record."""
-    hidden = ["status", "elements", "hits", "warnings", "search", "aside", "claim", "poses"]
-    hidden += ["known_percent"] if found["known_percent"] == 100 else []
-    short = {key: value for key, value in found.items() if key not in hidden and value is not None}
-    if found["most_alike"] == 1:
-        del short["most_alike"], short["alike_apart_mm"]
-    low, high = short.pop("workspace_mm")
-    short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
-    return short
-
-
-def shown_search(rows: Sequence[Row]) -> list[Row]:
-    """What a terminal shows of a search: what to set, and the shares that are not 0 throughout."""
-    shares = ("ambiguous_percent", "saturated_percent", "blocked_percent")
-    kept = ["unique_percent", *(key for key in shares if any(row[key] for row in rows))]
-    kept += ["condition_worst", "noise_worst_um", "noise_worst_N"]
-    return [{"rank": row["rank"] or "given", "settings": row["settings"]} | {k: row[k] for k in kept} for row in rows]
-
-
-def shown_claim(claim: Mapping[str, Sequence[Row]]) -> list[Row]:
-    """What a terminal shows of the claim: the given layout form by form, and the range of c."""
-    rows = []
-    for form in claim["forms"]:
-        (limit, *_) = [row for row in claim["limits"] if row["readings"] == form["readings"]]
-        keys = [key for key in form if key.startswith(("unique", "alike_percent", "alike_apart", "difference"))]
-        rows.append({"readings": form["readings"]} | {key: form[key] for key in keys})
-        rows[-1] |= {key: limit[key] for key in ("unique_from_c_mm", "unique_to_c_mm")}
-    return rows
 
 
 def settings(design: Design, names: Sequence[str]) -> str:

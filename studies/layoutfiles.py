@@ -1,4 +1,4 @@
-"""Files of `magtip layout`: tables, and LAYOUT.md."""
+"""What `magtip layout` gives to read: tables, LAYOUT.md, and the short forms of a terminal."""
 
 from __future__ import annotations
 
@@ -180,3 +180,35 @@ def _failure(row: Row | None) -> str:
 def _span(ends: Sequence[float]) -> str:
     low, high = ends
     return f"{low:.2g}" if high - low < 1e-9 else f"{low:.2g} to {high:.2g}"
+
+
+# On a terminal
+
+
+def shown(found: Mapping[str, Any]) -> dict[str, Any]:
+    """What a terminal shows of a record."""
+    hidden = ["status", "elements", "hits", "warnings", "search", "aside", "claim", "poses"]
+    hidden += ["known_percent"] if found["known_percent"] == 100 else []
+    short = {key: value for key, value in found.items() if key not in hidden and value is not None}
+    if found["most_alike"] == 1:
+        del short["most_alike"], short["alike_apart_mm"]
+    low, high = short.pop("workspace_mm")
+    short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
+    return short
+
+
+def shown_search(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """What a terminal shows of a search; the other shares are in the files and in JSON."""
+    kept = ("unique_percent", "condition_worst", "noise_worst_um", "noise_median_um", "noise_worst_N")
+    return [{"rank": row["rank"] or "given", "settings": row["settings"]} | {k: row[k] for k in kept} for row in rows]
+
+
+def shown_claim(claim: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
+    """What a terminal shows of the claim: the given layout form by form, and the range of c."""
+    rows = []
+    for form in claim["forms"]:
+        (limit, *_) = [row for row in claim["limits"] if row["readings"] == form["readings"]]
+        keys = [key for key in form if key.startswith(("unique", "alike_percent", "alike_apart", "difference"))]
+        rows.append({"readings": form["readings"]} | {key: form[key] for key in keys})
+        rows[-1] |= {key: limit[key] for key in ("unique_from_c_mm", "unique_to_c_mm")}
+    return rows
