@@ -12,19 +12,26 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from analytic.hall import in_magnet_frame
 from analytic.parts import Element, of_design
 from geometry.design import Design
 
+Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 
 def magnet_gap(design: Design, point: Vector, shift: Vector, tilt: tuple[float, float]) -> float:
     """Distance of a point from the moved magnet, mm; 0 inside."""
-    (local,) = in_magnet_frame(np.array([point]), design, shift, tilt)
-    beside = max(math.hypot(local[0], local[1]) - design.magnet_diameter / 2, 0.0)
-    return math.hypot(beside, max(abs(local[2]) - design.magnet_height / 2, 0.0))
+    return float(magnet_gaps(design, point, np.array([shift]), np.array([tilt]))[0])
+
+
+def magnet_gaps(design: Design, point: Vector, shifts: Array, tilts: Array) -> Array:
+    """`magnet_gap` for shifts (n, 3), mm, and tilts (n, 2), rad; shape (n,)."""
+    local = in_magnet_frame(np.tile(point, (len(shifts), 1)), design, shifts, tilts)
+    beside = np.maximum(np.hypot(local[:, 0], local[:, 1]) - design.magnet_diameter / 2, 0.0)
+    return np.asarray(np.hypot(beside, np.maximum(np.abs(local[:, 2]) - design.magnet_height / 2, 0.0)))
 
 
 def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
@@ -32,14 +39,20 @@ def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
 
     For a point in the base it is measured sideways; it is infinite where the beam stands over it anyway.
     """
+    return float(wall_gaps(design, point, np.array([shift]))[0])
+
+
+def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
+    """`wall_gap` for shifts (n, 3), mm; shape (n,)."""
     if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
-        return math.inf
-    height = max(design.H + shift[2], 1e-3 * design.H)
+        return np.full(len(shifts), math.inf)
+    x, y, z = shifts[:, :, None].transpose(1, 0, 2)
+    height = np.maximum(design.H + z, 1e-3 * design.H)
     t = np.linspace(0, 1, 101)
-    aside = np.hypot(point[0] - t * shift[0], point[1] - t * shift[1])
+    aside = np.hypot(point[0] - t * x, point[1] - t * y)
     above = t * height - point[2] if point[2] > 0 else 0.0
     radius = design.R * np.sqrt(1 + 6 * t * (1 - t) * (design.H / height - 1))
-    return float((np.hypot(aside, above) - radius).min())
+    return np.asarray((np.hypot(aside, above) - radius).min(axis=1))
 
 
 def warnings(
@@ -47,7 +60,7 @@ def warnings(
 ) -> list[str]:
     """What runs into what, in sentences."""
     found = []
-    low = lowest(design, tilt) + design.H + shift[2]
+    low = float(lowest(design, tilt)) + design.H + shift[2]
     if low < 0:
         found.append(
             f"the magnet would lie {-low:.3g} mm below the base plane: no press of the beam can bring it there"
@@ -63,8 +76,9 @@ def warnings(
     return found
 
 
-def lowest(design: Design, tilt: tuple[float, float]) -> float:
-    """Height of the magnet's lowest point over its centre, mm, negative."""
-    angle = math.hypot(*tilt)
+def lowest(design: Design, tilt: ArrayLike) -> Array:
+    """Height of the magnet's lowest point over its centre, mm, negative, for tilts of shape (..., 2), rad."""
+    rotation = np.asarray(tilt, dtype=np.float64)
+    angle = np.hypot(rotation[..., 0], rotation[..., 1])
     a, b = design.magnet_diameter / 2, design.magnet_height / 2
-    return -(a * abs(math.sin(angle)) + b * abs(math.cos(angle)))
+    return np.asarray(-(a * np.abs(np.sin(angle)) + b * np.abs(np.cos(angle))))

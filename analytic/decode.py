@@ -168,7 +168,7 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
         raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {given.shape}")
     target = np.ascontiguousarray(given.T)
     finite = np.asarray(np.isfinite(target).all(axis=0))
-    full = finite & _at_rail(coder.forward.elements, target)
+    full = finite & at_rail(coder.forward.elements, target)
     index = np.flatnonzero(finite & ~full)
     blocks = [_solve(coder, target, index[i : i + BLOCK]) for i in range(0, len(index), BLOCK)]
     poses = np.concatenate([b[0] for b in blocks] or [np.empty((3, 0))], axis=1)
@@ -241,7 +241,8 @@ def _choose(
     return chosen
 
 
-def _at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
+def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
+    """Whether an element's output lies at a rail, shape (n,), for B.n of the elements, shape (k, n), T."""
     found = np.zeros(field.shape[1], dtype=np.bool_)
     for element, b in zip(elements, field, strict=True):
         # a converter's or the arithmetic's last digit must not hide a rail
@@ -270,12 +271,12 @@ def _result(
         return found
 
     blank = np.full((3, s.shape[1]), np.nan)
-    spread = _spread(coder.sigma, A)
+    noisy = spread(coder.sigma, A)
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
         force, slope = mechanics.forces(coder.mechanics, s)
         load = mechanics.load(coder.mechanics, s)
-        noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, spread) ** 2).sum(axis=1))
+        noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))
     return Decoded(
         status=status,
         shift=rows(s),
@@ -284,7 +285,7 @@ def _result(
         load=rows(load),
         condition=rows(condition(A)[None])[:, 0],
         multiplicity=multiplicity,
-        noise_mm=rows(np.sqrt((spread**2).sum(axis=1))),
+        noise_mm=rows(np.sqrt((noisy**2).sum(axis=1))),
         noise_N=rows(noise),
         poses=np.ascontiguousarray(poses.T),
         owner=owner,
@@ -298,8 +299,11 @@ def condition(A: Array) -> Array:
         return np.asarray(values[:, 0] / values[:, 2])
 
 
-def _spread(sigma: Array, A: Array) -> Array:
-    """Slopes of the pose along each reading, times its standard deviation, shape (3, k, n), mm."""
+def spread(sigma: Array, A: Array) -> Array:
+    """Slopes of the pose along each reading, times its standard deviation, shape (3, k, n), mm; NaN without noise.
+
+    The pose's covariance is their product with their own transpose. `sigma` has shape (k,), T, and A (3, k, n), T/mm.
+    """
     if not sigma.any():
         return np.full_like(A, np.nan)
     weights = (sigma.min() / sigma if sigma.all() else np.ones_like(sigma))[:, None]

@@ -7,12 +7,15 @@ data sheet, and want checking before anything is built on them.
 |---|---|---|---|
 | SS495A | Honeywell SS490 series, 055843 | ratiometric, rail to rail, quad Hall | 3.125 mV/G (3.00 to 3.25), null 2.5 V, +-670 G (quoted by others from it); rails 0.2 V from the supply of 5 V; noise: none stated |
 | TMAG5273A1 | Texas Instruments SLYS045A, 2021 | 12-bit converter, ranges +-40 and +-80 mT | noise 0.1 mT without averaging; 410 LSB/mT of the 16-bit word at +-80 mT is a driver's |
+| NI 9205 | the converter that the paper names | 16 bits; +-10 V make a step of 0.305 mV | random noise 0.244 mV |
 | TLE493D-P2B6 | Infineon, version 1.0, 2021-01-12 | +-160 mT, resolution down to 65 uT | step 0.13 mT at full range is a driver's; noise 0.1 mT |
 """  # noqa: E501
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -87,6 +90,9 @@ CHIPS = {
 }
 """3-axis parts by `Design.hall_layout`, at their wide range and without averaging; sources above."""
 
+CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
+"""What reads the elements in the paper: name, noise and step, V. The elements' own noise comes on top of it."""
+
 AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """Along which S1, S2 and S3 read, or the three axes of a chip."""
 
@@ -112,3 +118,22 @@ def of_design(design: Design) -> tuple[Element, ...]:
         Element(name, place, axis, *rails, *errors)
         for name, place, axis in zip(("S1", "S2", "S3"), places, AXES, strict=True)
     )
+
+
+def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
+    """The elements, those in V with the noise and step of `CONVERTER` if none of them states any; and whose it is."""
+    if any(element.noise or element.step for element in elements):
+        return tuple(elements), "the design's" if elements[0].unit == "V" else "the chip's"
+    read = [
+        dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements
+    ]
+    return tuple(read), f"{CONVERTER}, since the design states none"
+
+
+def columns(elements: Sequence[Element]) -> list[str]:
+    """What tables call the elements: their names without spaces.
+
+    >>> columns(of_design(Design(hall_layout="tmag5273a1")))
+    ['chip_-z', 'chip_x', 'chip_y']
+    """
+    return [element.name.replace(" ", "_") for element in elements]

@@ -41,6 +41,7 @@ for verb in (
     verbs.readings,
     inverse.decode,
     inverse.table,
+    inverse.layout,
     verbs.stability,
     verbs.modes,
     jobs.demo,

@@ -25,6 +25,7 @@ from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, Response, check_load
 from studies import report
+from studies.fields import columns
 from studies.files import atomic
 
 Progress = Callable[[float, str], None]
@@ -246,7 +247,10 @@ def percent(model: float, truth: float) -> float:
 
 
 def reading(design: Design, response: Response | None) -> tuple[Sequence[float], Sequence[float]]:
-    """Field in mT and output in V of S1, S2, S3 for a pose; NaN where there is none, or no magnet, or no field."""
+    """Field in mT and output in V, or in mT of a chip, of the elements for a pose.
+
+    NaN where there is none, or no magnet, or no field.
+    """
     nothing = (NAN,) * 3
     if response is None or not design.shape.has_magnet:
         return nothing, nothing
@@ -254,7 +258,9 @@ def reading(design: Design, response: Response | None) -> tuple[Sequence[float],
         seen = hall.readings(design, response)
     except BadInput:
         return nothing, nothing
-    return [1e3 * value for value in seen.B_T], seen.V
+    sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
+    outputs = [size * value for size, value in zip(sizes, seen.output, strict=True)]
+    return [1e3 * value for value in seen.B_T], outputs
 
 
 def _mechanics(
@@ -274,9 +280,11 @@ def _mechanics(
 
 def _readings(design: Design, poses: dict[str, Response | None], elements: Iterable[int]) -> Row:
     seen = {name: reading(design, response) for name, response in poses.items()}
-    row = {f"{name}_S{k}_mT": seen[name][0][k - 1] for k in elements for name in poses}
-    row |= {f"{name}_S{k}_V": seen[name][1][k - 1] for k in elements for name in poses}
-    return row | {f"{name}_S{k}_error_percent_FS": NAN for k in elements for name in poses if name != "fem"}
+    names, unit = columns(design)
+    found = [(names[k - 1], k - 1) for k in elements]
+    row = {f"{model}_{name}_mT": seen[model][0][k] for name, k in found for model in poses}
+    row |= {f"{model}_{name}_{unit}": seen[model][1][k] for name, k in found for model in poses}
+    return row | {f"{model}_{name}_error_percent_FS": NAN for name, _ in found for model in poses if model != "fem"}
 
 
 def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> Row:
@@ -289,15 +297,16 @@ def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> Row:
 
 def _fill_reading_errors(design: Design, rows: Iterable[Row]) -> None:
     rest = reading(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))[0]
+    names, _ = columns(design)
     changes: dict[int, float] = {}
     for row in rows:
-        for k in (1, 2, 3):
-            change, alike = abs(row.get(f"fem_S{k}_mT", NAN) - rest[k - 1]), min(k, 2)
+        for k, name in enumerate(names):
+            change, alike = abs(row.get(f"fem_{name}_mT", NAN) - rest[k]), min(k, 1)
             if change > changes.get(alike, 0.0):
                 changes[alike] = change
     for row in rows:
-        for name in list(row):
-            model, _, end = name.partition("_S")
-            if end.endswith("_error_percent_FS"):
-                k = int(end[0])
-                row[name] = 100 * (row[f"{model}_S{k}_mT"] - row[f"fem_S{k}_mT"]) / changes.get(min(k, 2), NAN)
+        for k, name in enumerate(names):
+            for model in ("untilted", "analytic"):
+                if (key := f"{model}_{name}_error_percent_FS") in row:
+                    wrong = row[f"{model}_{name}_mT"] - row[f"fem_{name}_mT"]
+                    row[key] = 100 * wrong / changes.get(min(k, 1), NAN)

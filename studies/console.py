@@ -16,6 +16,7 @@ Progress = Callable[[float, str], None]
 UNITS = {
     "mm": ("mm", 1.0),
     "mm3": ("mm³", 1.0),
+    "um": ("µm", 1.0),
     "N": ("N", 1.0),
     "rad": ("rad", 1.0),
     "MPa": ("MPa", 1.0),

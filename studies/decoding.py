@@ -172,11 +172,12 @@ def table(coder: Decoder, path: Path, units: str | None, out: Path | None) -> di
 
     from analytic import magnet
     from analytic.decode import decode
+    from analytic.parts import columns
 
     chosen = coder.forward.elements
     unit = units or chosen[0].unit
     target = None if out is None else files.check_output_file(out, ".csv")
-    names = [f"{element.name.replace(' ', '_')}_{unit}" for element in chosen]
+    names = [f"{name}_{unit}" for name in columns(chosen)]
     head, rows, values = read_rows(path, names, FOUND, holes=True)
     if len(rows) >= MANY:
         magnet.compiled()

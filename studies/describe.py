@@ -39,6 +39,7 @@ def design_record(design: Design) -> dict[str, Any]:
 def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
     """Heights, volumes, places and readings at rest of the Hall elements; and why a reading is missing."""
     from analytic import hall
+    from analytic.parts import of_design
     from geometry.cad import beam_volume, magnet_volume
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
@@ -48,9 +49,10 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
     failed = []
     try:
         seen = hall.readings(design)
-        values = (seen.B_T, seen.V, seen.saturated)
-        at_rest = dict(zip(at_rest, map(list, values), strict=True))
-        failed = [f"S{k + 1} is saturated at rest" for k, full in enumerate(seen.saturated) if full]
+        volts = list(seen.V) if set(seen.units) == {"V"} else None
+        at_rest = dict(zip(at_rest, (list(seen.B_T), volts, list(seen.saturated)), strict=True))
+        names = [element.name for element in of_design(design)]
+        failed = [f"{name} is saturated at rest" for name, full in zip(names, seen.saturated, strict=True) if full]
     except BadInput as error:
         failed = [f"no readings at rest: {error}"]
     return {

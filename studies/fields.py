@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from analytic.hall import Readings
+
     Array = NDArray[np.float64]
 
 PLACES = ["x_mm", "y_mm", "z_mm"]
@@ -66,7 +68,6 @@ def readings(
         ambient=(bx, by, bz),
         noise=noise,
     )
-    full = [f"{e.name} is saturated" for e, at_rail in zip(chosen, seen.saturated, strict=True) if at_rail]
     volts = all(unit == "V" for unit in seen.units)
     return {
         "status": "ok",
@@ -86,8 +87,29 @@ def readings(
         "saturated": list(seen.saturated),
         "magnet_gap_mm": [clearance.magnet_gap(design, element.position, shift, tilt) for element in chosen],
         "wall_gap_mm": [clearance.wall_gap(design, element.position, shift) for element in chosen],
-        "warnings": full + clearance.warnings(design, shift, tilt),
+        "warnings": warnings(design, seen, shift, tilt),
     }
+
+
+def warnings(design: Design, seen: Readings, shift: Vector, tilt: tuple[float, float]) -> list[str]:
+    """Which elements are saturated, and what runs into what, in sentences."""
+    from analytic import clearance, parts
+
+    chosen = zip(parts.of_design(design), seen.saturated, strict=True)
+    full = [f"{element.name} is saturated" for element, at_rail in chosen if at_rail]
+    return full + clearance.warnings(design, shift, tilt)
+
+
+def columns(design: Design) -> tuple[list[str], str]:
+    """What tables call the elements, and the ending of their outputs: "V", or "output_mT" of a chip.
+
+    >>> columns(Design(hall_layout="tmag5273a1"))
+    (['chip_-z', 'chip_x', 'chip_y'], 'output_mT')
+    """
+    from analytic import parts
+
+    chosen = parts.of_design(design)
+    return parts.columns(chosen), "V" if chosen[0].unit == "V" else "output_mT"
 
 
 def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: Path | None) -> None:

@@ -1,13 +1,15 @@
-"""The verbs that go back from readings: decode and table."""
+"""The verbs that go back from readings, and that judge how well this can be done: decode, table, layout."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies import console, decoding, files, inputs, tables
-from studies.options import FAILED, GOOD, AsJson, Sets, Source, judged
+from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, judged
 
 
 def decode(
@@ -104,3 +106,59 @@ def table(
             record = tables.write(model, grid, target, progress)
     console.report([record], as_json=as_json, title="Table")
     return GOOD
+
+
+def layout(
+    source: Source,
+    /,
+    *,
+    basis: Basis = Basis(),
+    search: bool = False,
+    ranges: Annotated[list[str] | None, Parameter(name="--range")] = None,
+    count: int = 10,
+    claim: bool = False,
+    out: Path | None = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """How well the Hall elements tell the magnet's poses apart over the workspace; and a search for better layouts.
+
+    Parameters
+    ----------
+    search
+        Rank layouts over f, l0 and c (of a chip: l0) by what they fail at, then by their worst noise; a minute.
+    ranges
+        Where to search: NAME=LOW,HIGH in mm, or NAME=VALUE to keep it; repeatable.
+    count
+        How many layouts the search gives, 1 to 16.
+    claim
+        Whether readings are unique, as the paper models them and as elements read them, over c; a minute.
+    out
+        Folder of layout.csv, layout.png and LAYOUT.md.
+    """
+    from studies import layout as work
+    from studies import layoutfiles as texts
+
+    given = inputs.read_design(source, sets or [])
+    if ranges and not search:
+        raise BadInput("--range says where to search: add --search")
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        job = work.Job(given, basis, search, tuple(ranges or ()), count, claim)
+        found = work.run(job, progress, folder, " ".join(["magtip layout", source, *_repeated("--set", sets)]))
+    if as_json:
+        console.report([found], as_json=True)
+        return GOOD
+    console.report([texts.shown(found)], as_json=False, title="Layout")
+    if search:
+        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
+    if "aside" in found:
+        console.report(found["aside"], as_json=False, title="The chip, moved sideways (from Python only)")
+    if claim:
+        console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim")
+    for warning in (*found["hits"], *found["warnings"]):
+        console.say(f"magtip: warning: {warning}")
+    return GOOD
+
+
+def _repeated(option: str, values: list[str] | None) -> list[str]:
+    return [f"{option} {value}" for value in values or []]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
@@ -95,6 +96,32 @@ class Method:
     model: Model = "auto"
     harmonics: float | None = None
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Basis:
+    """On what a layout of Hall elements is judged.
+
+    Attributes
+    ----------
+    level
+        Formulas that give tilt and force from the shift, and the reach of the workspace: paper (no tilt) by default.
+    responses
+        States printed by `magtip solve --json`, a line each, instead of formulas.
+    ignore_tilt
+        As if the magnet did not tilt.
+    mode
+        B.n as an element reads it, or the paper's |B|.
+    clearance
+        Least distance of an element from the moved magnet and the beam's wall, mm.
+    """
+
+    level: str | None = None
+    responses: Path | None = None
+    ignore_tilt: bool = False
+    mode: Literal["component", "magnitude"] = "component"
+    clearance: float = 0.0
 
 
 def judged(records: Sequence[dict[str, Any]]) -> int:

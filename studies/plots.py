@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import Design
+from studies.fields import columns
 from studies.files import atomic
 
 Row = Mapping[str, Any]
@@ -47,6 +48,7 @@ MODELS = {
 
 def press(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
     """Force, its error, the magnet's shift and the reading of S1 against depth."""
+    (first, *_), _ = columns(design)
     with _figure(path, 2, 2) as (figure, axes):
         depth = [row["depth_mm"] for row in rows]
         three = ("fem", "fem_homogeneous", "analytic")
@@ -58,8 +60,8 @@ def press(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
         _label(axes[1], "b", "formula's error (%)")
         _lines(axes[2], depth, rows, three, "shift_z_mm")
         _label(axes[2], "c", "magnet shift $z$ (mm)")
-        _lines(axes[3], depth, rows, ("fem", "analytic"), "S1_mT")
-        _label(axes[3], "d", "reading of S1 (mT)")
+        _lines(axes[3], depth, rows, ("fem", "analytic"), f"{first}_mT")
+        _label(axes[3], "d", f"reading of {first.replace('_', ' ')} (mT)")
         _volts(axes[3], design)
         for axis in axes:
             axis.set_xlim(left=0)
@@ -83,9 +85,9 @@ def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
         degrees = [{f"{m}_tilt_deg": math.degrees(row[f"{m}_tilt_rad"]) for m in three} for row in rows]
         _lines(axes[3], way, degrees, three, "tilt_deg")
         _label(axes[3], "d", "magnet tilt (°)")
-        for axis, name, letter in zip(axes[4:], ("S1", "S2"), "ef", strict=True):
+        for axis, name, letter in zip(axes[4:], columns(design)[0][:2], "ef", strict=True):
             _lines(axis, way, rows, readings, f"{name}_mT")
-            _label(axis, letter, f"reading of {name} (mT)")
+            _label(axis, letter, f"reading of {name.replace('_', ' ')} (mT)")
             _volts(axis, design)
             axis.set_xlabel("shear of the plate (mm)")
         _legend(figure, axes, ("fem", "fem_homogeneous", "untilted", "analytic"))
@@ -293,7 +295,9 @@ def _label(axis: Any, letter: str, text: str) -> None:
 
 
 def _volts(axis: Any, design: Design) -> None:
-    """The element's output on the right; the rails are not drawn."""
+    """The element's output on the right, where it is a voltage; the rails are not drawn."""
+    if columns(design)[1] != "V":
+        return
     gain, null = design.hall_gain / 1e3, design.hall_null
     right = axis.secondary_yaxis("right", functions=(lambda b: null + gain * b, lambda v: (v - null) / gain))
     right.spines["right"].set_visible(True)

@@ -9,6 +9,7 @@ from typing import Any
 from analytic import beam, hall
 from geometry.design import Design
 from geometry.scene import Load
+from studies.fields import columns
 
 Row = Mapping[str, Any]
 Span = tuple[float, float]
@@ -25,17 +26,18 @@ def findings(design: Design, press: Sequence[Row], shear: Sequence[Row]) -> dict
     Spans are pairs (first, last) of neighbouring depths of the table, mm. A "worst" figure is the one of largest
     magnitude, beside the depth or shear where it occurs.
     """
-    found: dict[str, Any] = {"depths_mm": [row["depth_mm"] for row in press]}
+    names, unit = columns(design)
+    found: dict[str, Any] = {"depths_mm": [row["depth_mm"] for row in press], "elements": names, "output": unit}
     for beam_name, prefix in (("homogeneous", "homogeneous_"), ("rigid", "")):
         for bound in (5, 10):
             key = f"{beam_name}_within_{bound}_percent_mm"
             found[key] = spans(press, "depth_mm", f"{prefix}force_error_percent", bound)
         found |= _worst(press, f"{prefix}force_error_percent", "depth_mm")
-    for name in ("shift_error_percent", "analytic_S1_error_percent_FS", "analytic_S2_error_percent_FS"):
+    for name in ("shift_error_percent", *(f"analytic_{name}_error_percent_FS" for name in names[:2])):
         found |= _worst(press, name, "depth_mm")
-    found |= _voltage_against_force(design, press)
+    found |= _output_against_force(design, press, f"{names[0]}_{unit}")
     found |= _secant(design, [row["depth_mm"] for row in press])
-    found |= _shear_figures(design, shear)
+    found |= _shear_figures(design, shear, names)
     for label, rows in (("press", press), ("shear", shear)):
         estimates = [row[name] for row in rows for name in ("error_estimate", "homogeneous_error_estimate")]
         found[f"{label}_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
@@ -68,24 +70,24 @@ def _worst(rows: Sequence[Row], name: str, along: str, key: str = "") -> dict[st
     return {f"worst_{key or name}": row[name], f"worst_{key or name}_at_mm": row[along]}
 
 
-def _voltage_against_force(design: Design, press: Sequence[Row]) -> dict[str, float]:
-    """The paper's own test: the voltage of S1 at equal force, errors in % of its largest change in the FEM."""
-    names = ("fem_force_N", "fem_S1_V", "analytic_force_N", "analytic_S1_V")
+def _output_against_force(design: Design, press: Sequence[Row], output: str) -> dict[str, float]:
+    """The paper's own test: the output of S1 at equal force, errors in % of its largest change in the FEM."""
+    names = ("fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}")
     rows = [row for row in press if all(math.isfinite(row[name]) for name in names)]
-    result = {"S1_V_against_force_error_percent_FS": NAN, "S1_V_against_force_up_to_N": NAN}
+    result = {f"{output}_against_force_error_percent_FS": NAN, f"{output}_against_force_up_to_N": NAN}
     if not rows:
         return result
     import numpy as np
 
-    rest = hall.readings(design).V[0]
-    force, volt, model_force, model_volt = (np.array([row[name] for row in rows]) for name in names)
+    rest = hall.readings(design).output[0] * (1e3 if output.endswith("mT") else 1.0)
+    force, seen, model_force, model_seen = (np.array([row[name] for row in rows]) for name in names)
     shared = force <= model_force.max()
-    if not shared.any() or volt[-1] == rest:
+    if not shared.any() or seen[-1] == rest:
         return result
-    at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_volt))
-    error = 100 * (at_equal_force - volt[shared]) / np.abs(volt - rest).max()
-    result["S1_V_against_force_error_percent_FS"] = float(error[np.abs(error).argmax()])
-    result["S1_V_against_force_up_to_N"] = float(force[shared].max())
+    at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_seen))
+    error = 100 * (at_equal_force - seen[shared]) / np.abs(seen - rest).max()
+    result[f"{output}_against_force_error_percent_FS"] = float(error[np.abs(error).argmax()])
+    result[f"{output}_against_force_up_to_N"] = float(force[shared].max())
     return result
 
 
@@ -103,7 +105,7 @@ def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
     }
 
 
-def _shear_figures(design: Design, shear: Sequence[Row]) -> dict[str, float]:
+def _shear_figures(design: Design, shear: Sequence[Row], elements: Sequence[str]) -> dict[str, float]:
     forces = ("fem_force_x_N", "fem_homogeneous_force_x_N")
     moved = [row for row in shear if row["shear_mm"] and all(math.isfinite(row[name]) for name in forces)]
     found = {"shear_depth_mm": shear[0]["depth_mm"] if shear else NAN}
@@ -119,8 +121,8 @@ def _shear_figures(design: Design, shear: Sequence[Row]) -> dict[str, float]:
     for name in ("force_x_error_percent", "homogeneous_force_x_error_percent"):
         found |= _worst(moved, name, "shear_mm")
     for model in ("untilted", "analytic"):
-        for k in (1, 2, 3):
-            name = f"{model}_S{k}_error_percent_FS"
+        for element in elements:
+            name = f"{model}_{element}_error_percent_FS"
             found |= _worst(shear, name, "shear_mm", f"shear_{name}")
     return found
 
@@ -152,17 +154,21 @@ def press_sentences(found: Row) -> list[str]:
         lines.append(
             f"Sinking of the magnet: the paper's figure is off by up to {worst:+.0f} % (at {at:.3g} mm){why}."
         )
-    if math.isfinite(found["worst_analytic_S1_error_percent_FS"]):
+    first, second, third = found["elements"]
+    errors = [found[f"worst_analytic_{name}_error_percent_FS"] for name in (first, second)]
+    if math.isfinite(errors[0]):
         lines.append(
-            "Readings at equal depth: off by up to "
-            f"{found['worst_analytic_S1_error_percent_FS']:+.0f} % of full scale in S1 and "
-            f"{found['worst_analytic_S2_error_percent_FS']:+.0f} % in S2 and S3."
+            f"Readings at equal depth: off by up to {errors[0]:+.0f} % of full scale in {_words(first)} and "
+            f"{errors[1]:+.0f} % in {_words(second)} and {_words(third)}."
         )
-    if math.isfinite(found["S1_V_against_force_error_percent_FS"]):
-        worst = found["S1_V_against_force_error_percent_FS"]
+    output = f"{first}_{found['output']}"
+    worst = found[f"{output}_against_force_error_percent_FS"]
+    if math.isfinite(worst):
+        volts = found["output"] == "V"
+        what = "Voltage of S1" if volts else f"Output of {_words(first)}"
         lines.append(
-            f"Voltage of S1 at equal force (the paper reports less than 5 %), up to "
-            f"{found['S1_V_against_force_up_to_N']:.3g} N: off by up to {worst:+.0f} % of full scale; "
+            f"{what} at equal force (the paper reports less than 5 %{'' if volts else ' of its S1'}), up to "
+            f"{found[f'{output}_against_force_up_to_N']:.3g} N: off by up to {worst:+.0f} % of full scale; "
             f"{'this agrees with the paper.' if abs(worst) < 5 else 'the finite elements do not confirm the claim.'}"
         )
     if math.isfinite(found["secant_force_N"]):
@@ -193,12 +199,15 @@ def shear_sentences(found: Row) -> list[str]:
         f"For each mm of shear the magnet moves sideways by {shift:.2f} mm (paper: "
         f"{found['analytic_shift_per_mm']:.2f} mm) and tilts by {tilt:.1f}° (paper: 0°)."
     )
-    tilted = [found[f"worst_shear_untilted_S{k}_error_percent_FS"] for k in (1, 2, 3)]
-    whole = [found[f"worst_shear_analytic_S{k}_error_percent_FS"] for k in (1, 2, 3)]
+    tilted, whole = (
+        [found[f"worst_shear_{model}_{name}_error_percent_FS"] for name in found["elements"]]
+        for model in ("untilted", "analytic")
+    )
     if all(math.isfinite(value) for value in (*tilted, *whole)):
         guilty = max(map(abs, tilted)) >= 0.5 * max(map(abs, whole))
+        elements = ", ".join(map(_words, found["elements"]))
         lines.append(
-            f"Readings of S1, S2, S3: off by up to {_list(whole)} % of full scale. With the finite elements' "
+            f"Readings of {elements}: off by up to {_list(whole)} % of full scale. With the finite elements' "
             f"position of the magnet but without its tilt they are still off by up to {_list(tilted)} %: the tilt "
             f"{'explains most of' if guilty else 'alone does not explain'} the paper's error"
             f"{'.' if guilty else '; the wrong position of the magnet weighs more.'}"
@@ -226,6 +235,10 @@ def trust_sentences(found: Row) -> list[str]:
         else "Every state asked for was reached."
     )
     return lines
+
+
+def _words(element: str) -> str:
+    return element.replace("_", " ")
 
 
 def _where(found: Sequence[Span], figures: Row) -> str:

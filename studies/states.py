@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from geometry.design import BadInput, Design
 from geometry.scene import STEEPEST, Load, Magnet, Response
-from studies import files, inputs
+from studies import fields, files, inputs
 from studies.console import Progress
 from studies.options import Method, Motion
 
@@ -251,13 +251,17 @@ def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
 
 
 def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> dict[str, Any]:
-    """The formulas' answer under the same names, with the readings; these are None without a magnet."""
+    """The formulas' answer under the same names, with the readings and what is in the magnet's way.
+
+    Without a magnet there are no readings; of a chip there are fields and outputs in T, of three elements volts.
+    """
     from analytic import beam, hall
 
     friction: Literal["none", "stick"] = "stick" if any(shear) else "none"
     load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
     response = beam.solve(design, load, level)
     seen = hall.readings(design, response) if design.shape.has_magnet else None
+    volts = seen is not None and set(seen.units) == {"V"}
     return {
         "status": "ok",
         "message": beam.outside(design, load, level),
@@ -265,5 +269,10 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
         **_motion_record(load),
         **_response_record(response),
         "readings_T": None if seen is None else list(seen.B_T),
-        "readings_V": None if seen is None else list(seen.V),
+        "readings_V": list(seen.output) if seen and volts else None,
+        "output_T": list(seen.output) if seen and not volts else None,
+        "saturated": None if seen is None else list(seen.saturated),
+        "warnings": []
+        if seen is None
+        else fields.warnings(design, seen, response.shift, (-response.tilt_y, response.tilt)),
     }

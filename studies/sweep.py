@@ -21,6 +21,7 @@ from fem.levels import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, Response, check_load
 from studies.compare import NAN, Outcome, Progress, Row, follow, formulas, part, percent, reading, write_table
+from studies.fields import columns
 
 DIGITS = 12
 """Decimal digits of lengths over D that must agree for two cases to be one problem."""
@@ -96,7 +97,7 @@ def run(
     magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
     solved = _solve(cases, magnet, accuracy, progress)
-    rows = [_row(case, outcome) for case, outcome in zip(cases, solved, strict=True)]
+    rows = [_row(case, outcome, *columns(design)) for case, outcome in zip(cases, solved, strict=True)]
     if folder is not None:
         from studies import plots
 
@@ -178,7 +179,7 @@ def _scaled(outcome: Outcome, number: int, first: Design, case: Case) -> Solved:
     return Solved(response, outcome.status, message, outcome.error_estimate, number, seconds)
 
 
-def _row(case: Case, solved: Solved) -> Row:
+def _row(case: Case, solved: Solved, names: Sequence[str], unit: str) -> Row:
     """The case's figures: FEM, formulas, and the formulas' errors, readings in % of their change from rest."""
     row: Row = {f"{name}_{unit}": case.values[name] for name, unit in UNITS.items()}
     row["depth_mm"] = case.depth
@@ -196,9 +197,9 @@ def _row(case: Case, solved: Solved) -> Row:
         reading(design, pose) if design else none
         for pose in (Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0), fem, formula)
     )
-    for k, name in enumerate(("S1", "S2")):
+    for k, name in enumerate(names[:2]):
         row |= {f"fem_{name}_mT": seen[0][k], f"analytic_{name}_mT": told[0][k]}
-        row |= {f"fem_{name}_V": seen[1][k], f"analytic_{name}_V": told[1][k]}
+        row |= {f"fem_{name}_{unit}": seen[1][k], f"analytic_{name}_{unit}": told[1][k]}
         row[f"{name}_error_percent_of_change"] = percent(told[0][k] - rest[0][k], seen[0][k] - rest[0][k])
     row |= {"l0_mm": design.l0 if design else NAN, "error_estimate": solved.error_estimate}
     row |= {"solve": solved.number, "seconds": solved.seconds, "status": solved.status}

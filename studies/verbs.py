@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from geometry.design import BadInput, Design
 from geometry.scene import Magnet
@@ -120,8 +120,16 @@ def analytic(
         Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
     """
     record = states.analytic(inputs.read_design(source, sets or []), depth, (shear, shear_y), level)
-    console.report([record], as_json=as_json, title="Formulas")
+    _report(record, "Formulas", as_json=as_json)
     return GOOD
+
+
+def _report(record: dict[str, Any], title: str, *, as_json: bool) -> None:
+    """Print a record, its warnings on standard error."""
+    brief = {key: value for key, value in record.items() if key != "warnings"}
+    console.report([record if as_json else brief], as_json=as_json, title=title)
+    for warning in record["warnings"]:
+        console.say(f"magtip: warning: {warning}")
 
 
 def field(
@@ -172,10 +180,7 @@ def readings(
         Draw one sample of the elements' noise with this seed; none by default.
     """
     record = fields.readings(inputs.read_design(source, sets or []), pose, level, mode, ambient, seed)
-    brief = {key: value for key, value in record.items() if key != "warnings"}
-    console.report([record if as_json else brief], as_json=as_json, title="Readings")
-    for warning in record["warnings"]:
-        console.say(f"magtip: warning: {warning}")
+    _report(record, "Readings", as_json=as_json)
     return GOOD
 
 

@@ -1,6 +1,7 @@
 import csv
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -216,3 +217,31 @@ def test_default_states_suit_the_design(monkeypatch):
     flat = Design(L=4.3, magnet_diameter=0.0, magnet_height=0.0)
     compare.run(flat, None)
     assert max(load.depth for load in asked[0]) < 0.61 * flat.L
+
+
+def test_a_chip_has_its_own_columns_in_mT(tmp_path):
+    """Fields along its axes and what it sends, in counts; no volts. The formulas stand in for the finite elements."""
+    design = Design(hall_layout="tmag5273a1")
+
+    def rows(make, loads):
+        states = [SimpleNamespace(response=beam.solve(design, load), error_estimate=0.01) for load in loads]
+        outcomes = [compare.Outcome(state, "ok", "") for state in states]
+        return make(design, loads, outcomes, outcomes)
+
+    press = rows(compare.press_rows, [Load(depth=d) for d in DEPTHS])
+    shear = rows(compare.shear_rows, [Load(depth=0.8, shear_x=s, friction="stick") for s in (0.0, 1.0)])
+    compare._fill_reading_errors(design, [*press, *shear])
+    seen = hall.readings(design, beam.solve(design, Load(depth=1.0)))
+    assert press[1]["fem_chip_-z_mT"] == pytest.approx(1e3 * seen.B_T[0])
+    assert press[1]["fem_chip_-z_output_mT"] == pytest.approx(1e3 * seen.output[0])
+    assert press[1]["fem_chip_-z_output_mT"] != press[1]["fem_chip_-z_mT"]
+    assert shear[1]["analytic_chip_x_error_percent_FS"] == pytest.approx(0, abs=1e-9)
+    assert not any(name.endswith("_V") or "S1" in name for row in (*press, *shear) for name in row)
+    found = report.findings(design, press, shear)
+    assert found["chip_-z_output_mT_against_force_error_percent_FS"] == pytest.approx(0, abs=1e-9)
+    text = " ".join(found["sentences"])
+    assert "Output of chip -z" in text
+    assert "chip x" in text
+    assert "S2" not in text
+    compare.write(tmp_path, design, compare.Comparison(press, shear, found, [], []))
+    assert (tmp_path / "press.png").stat().st_size > 10000

@@ -61,7 +61,7 @@ def test_round_trip(coder, ignore_tilt):
     coder = decode.decoder(Design(hall_high=3.8), coder.mechanics, ignore_tilt=ignore_tilt)
     shift, field = poses(coder, 2000)
     found = decode.decode(coder, field.T)
-    seen = ~decode._at_rail(coder.forward.elements, field)
+    seen = ~decode.at_rail(coder.forward.elements, field)
     assert 0.9 < seen.mean() < 1
     assert {s for s, good in zip(found.status, seen, strict=True) if good} == {"ok"}
     assert {s for s, good in zip(found.status, seen, strict=True) if not good} == {"saturated"}

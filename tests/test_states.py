@@ -272,3 +272,22 @@ def test_demo_that_lost_a_state_says_so(run, fake):
     status, _, err = run("demo")
     assert status == 3
     assert "stopped at 2 mm" in err
+
+
+def test_formulas_say_what_is_in_the_way(run, strict):
+    status, out, err = run("analytic", "paper", "--depth", 3, "--shear", 2.8, "--set", "c=3", "--json")
+    (record,) = strict(out)
+    assert status == 0
+    assert any("wall reaches S2" in text for text in record["warnings"])
+    assert err.count("warning: ") == len(record["warnings"])
+    (full,) = strict(run("analytic", "paper", "--depth", 3, "--set", "l0=5", "--json")[1])
+    assert full["saturated"] == [True, False, False]
+    assert "S1 is saturated" in full["warnings"]
+    _, out, err = run("analytic", "paper", "--depth", 3, "--set", "l0=5")
+    assert "S1 is saturated" in err
+
+
+def test_formulas_give_what_a_chip_sends(run, strict):
+    (record,) = strict(run("analytic", "paper", "--depth", 1, "--set", "hall_layout=tmag5273a1", "--json")[1])
+    assert record["readings_V"] is None
+    assert record["output_T"][0] == pytest.approx(record["readings_T"][0], abs=0.08 / 2048)

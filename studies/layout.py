@@ -1,0 +1,286 @@
+"""A layout of Hall elements over the workspace: what `magtip layout` says and writes of it.
+
+Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
+or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
+Ambiguous is what the decoder calls so, which does not look at what is in the way of the other poses.
+Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
+deviation along the worst direction.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from studies import decoding
+from studies.console import Progress
+from studies.options import Basis
+
+if TYPE_CHECKING:
+    from analytic.decode import Decoder
+    from analytic.mechanics import Mechanics
+    from analytic.parts import Element
+    from analytic.survey import Survey
+
+Row = dict[str, Any]
+
+COUNTS = (25, 25, 13)
+"""Poses of the map along x, y and z."""
+MOST_CLEARANCE = 100.0
+"""mm."""
+MOST_FOUND = 16
+"""Layouts that a search gives, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is asked for: a map of the design, a search over ranges NAME=LOW,HIGH, and the answer to the claim."""
+
+    design: Design
+    basis: Basis
+    search: bool
+    ranges: Sequence[str]
+    count: int
+    claim: bool
+
+
+def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
+    """The record of the map, with "search" and "claim" where they are asked for; files if there is a folder.
+
+    Raises
+    ------
+    BadInput
+        No magnet, a layout or a range that cannot be, or what `decoding.mechanics_of` refuses.
+    """
+    from analytic import magnet, survey
+    from studies import layoutfiles, layoutsearch, uniqueness
+
+    design, basis = job.design, job.basis
+    law = mechanics_of(design, basis.level, basis.responses)
+    if not 0 <= basis.clearance <= MOST_CLEARANCE:
+        raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
+    if not 1 <= job.count <= MOST_FOUND:
+        raise BadInput(f"--count must lie between 1 and {MOST_FOUND}; got {job.count}")
+    bounds = layoutsearch.parse_ranges(design, job.ranges)
+    if job.claim:
+        uniqueness.check(design)
+    coder, noise = prepare(design, law, basis)
+    progress(0.0, "map of the workspace")
+    magnet.compiled()
+    seen = survey.survey(coder, COUNTS, clearance=basis.clearance)
+    found = record(coder, seen, noise, "responses" if basis.responses else basis.level or "paper")
+    if job.search:
+        found["search"] = layoutsearch.run(design, law, basis, bounds, job.count, progress)
+        if design.hall_layout != "three":
+            found["aside"] = layoutsearch.aside(design, law, basis)
+    if job.claim:
+        found["claim"] = uniqueness.run(design, progress)
+    if folder is not None:
+        layoutfiles.write(folder, coder, seen, found, " ".join([command, *_options(job)]), basis.clearance)
+    return found
+
+
+def _options(job: Job) -> list[str]:
+    """Those that differ from what is taken without them, as they are given."""
+    given, plain = job.basis, Basis()
+    names = [
+        field.name for field in dataclasses.fields(Basis) if getattr(given, field.name) != getattr(plain, field.name)
+    ]
+    texts = [
+        f"--{n.replace('_', '-')}" + ("" if n == "ignore_tilt" else f" {_shortest(getattr(given, n))}") for n in names
+    ]
+    if job.search:
+        texts += ["--search", *(f"--range {text}" for text in job.ranges), f"--count {job.count}"]
+    return [*texts, "--claim"] if job.claim else texts
+
+
+def _shortest(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def prepare(
+    design: Design,
+    law: Mechanics,
+    basis: Basis,
+    cells: tuple[int, int, int] | None = None,
+    *,
+    aside: float = 0.0,
+) -> tuple[Decoder, str]:
+    """The decoder of a design whose elements have some noise, and where that comes from.
+
+    `aside` moves all elements along x, mm.
+
+    Raises
+    ------
+    BadInput
+        What `analytic.decode.decoder` refuses, or a chip's |B|, which is the same along all its axes.
+    """
+    from analytic import decode, parts
+
+    if basis.mode == "magnitude" and design.hall_layout != "three":
+        raise BadInput("|B| is one number at a chip's place and makes no pose: leave --mode magnitude out")
+    elements, source = parts.with_noise(parts.of_design(design))
+    if aside:
+        elements = tuple(_moved(element, aside) for element in elements)
+    coder = decode.decoder(
+        design,
+        law,
+        ignore_tilt=basis.ignore_tilt,
+        elements=elements,
+        mode=basis.mode,
+        cells=cells or decode.CELLS,
+    )
+    return coder, source
+
+
+def _moved(element: Element, aside: float) -> Element:
+    x, y, z = element.position
+    return dataclasses.replace(element, position=(x + aside, y, z))
+
+
+def record(coder: Decoder, seen: Survey, noise: str, mechanics: str) -> Row:
+    """Everything that there is to say of a layout in numbers."""
+    design, elements = coder.forward.design, coder.forward.elements
+    three = design.hall_layout == "three"
+    found = {
+        "status": "ok",
+        "message": "",
+        "layout": design.hall_layout,
+        "elements": [element.name for element in elements],
+        "f_mm": design.f if three else None,
+        "l0_mm": design.l0,
+        "c_mm": design.c if three else None,
+        "mechanics": mechanics,
+        "tilt": "followed" if coder.forward.tau.any() else "none",
+        "mode": coder.forward.mode,
+        "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
+        "poses": len(seen.weight),
+        "known_percent": 100 * float((seen.weight > 0).mean()),
+        **figures(seen),
+        "noise_of_readings_T": coder.sigma.tolist(),
+        "noise_source": noise,
+        "hits": _hits(coder, seen),
+        "warnings": design.warnings(),
+    }
+    return found | {"message": sentence(found)}
+
+
+def figures(seen: Survey) -> Row:
+    """Shares, determinant, condition number and noise; infinite on a fold, None where no pose is left to judge."""
+    import numpy as np
+
+    many, usable = seen.multiplicity > 1, seen.usable
+    known = seen.weight > 0
+    found: Row = {
+        "unique_percent": 100 * seen.share(usable & ~many),
+        "ambiguous_percent": 100 * seen.share(usable & many),
+        "saturated_percent": 100 * seen.share(seen.saturated & ~seen.blocked),
+        "blocked_percent": 100 * seen.share(seen.blocked),
+        "det_positive_percent": 100 * seen.share(seen.sign > 0),
+        "det_negative_percent": 100 * seen.share(seen.sign < 0),
+        "folded": seen.folded,
+        "most_alike": int(seen.multiplicity[known].max()),
+        "alike_apart_mm": float(seen.alike_mm[usable & many].max(initial=0.0)),
+    }
+    for name, values, factor in (
+        ("condition", seen.condition, 1.0),
+        ("noise_um", seen.noise_mm, 1e3),
+        ("noise_N", seen.noise_N, 1.0),
+    ):
+        some = factor * values[usable]
+        stem, _, unit = name.partition("_")
+        end = f"_{unit}" if unit else ""
+        found[f"{stem}_median{end}"] = float(np.median(some)) if len(some) else None
+        worst = np.inf if seen.folded else some.max() if len(some) else np.nan
+        found[f"{stem}_worst{end}"] = float(worst) if len(some) else None
+    at = np.flatnonzero(usable)
+    found["worst_at_mm"] = seen.shift[:, at[seen.noise_mm[at].argmax()]].tolist() if len(at) else None
+    return found
+
+
+def _hits(coder: Decoder, seen: Survey) -> list[str]:
+    """What gets into whose way, in sentences."""
+    found = []
+    for what, flags in (("the magnet", seen.magnet_hits), ("the beam's wall (estimate)", seen.wall_hits)):
+        for element, hit in zip(coder.forward.elements, flags, strict=True):
+            share = seen.share(hit)
+            if share > 0:
+                found.append(f"{what} meets {element.name} in {_percent(100 * share)} of the workspace")
+    if seen.share(seen.grounded) > 0:
+        found.append(f"the magnet meets the base in {_percent(100 * seen.share(seen.grounded))} of the workspace")
+    return found
+
+
+def sentence(found: Row) -> str:
+    """The verdict."""
+    clear = found["unique_percent"] + found["ambiguous_percent"]
+    if not clear > 0:
+        return "no pose in the workspace is free of elements and saturation"
+    parts = []
+    if not found["ambiguous_percent"] > 0:
+        parts.append(
+            "no two poses read alike" + ("" if clear > 100 - 1e-6 else f" in the {_percent(clear)} that can be read")
+        )
+    else:
+        parts.append(
+            f"{_percent(found['ambiguous_percent'])} of the workspace is ambiguous, with poses up to"
+            f" {found['alike_apart_mm']:.2g} mm apart that read alike"
+        )
+    if found["folded"]:
+        parts.append("det J changes its sign on a surface through it, where condition number and noise are infinite")
+    return "; ".join(parts)
+
+
+def _percent(value: float) -> str:
+    """A share with as many digits as it needs, never rounded to 0 or 100.
+
+    >>> _percent(0.004), _percent(12.3456), _percent(99.98), _percent(100.0)
+    ('below 0.01 %', '12.3 %', '99.98 %', '100 %')
+    """
+    if 0 < value < 0.01:
+        return "below 0.01 %"
+    return f"{value:.3g} %" if value < 99.5 else f"{value:.4g} %"
+
+
+def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
+    """A row for each pose of the map."""
+    from analytic.parts import columns
+
+    names = columns(coder.forward.elements)
+    known, blocked = seen.weight > 0, seen.blocked
+    for k in range(len(known)):
+        x, y, z = seen.shift[:, k].tolist()
+        row: Row = {"x_mm": x, "y_mm": y, "z_mm": z, "tilt_rad": seen.tilt[1, k] + 0.0}
+        row["tilt_y_rad"] = 0.0 - seen.tilt[0, k]
+        row |= {f"{name}_mT": 1e3 * b for name, b in zip(names, seen.readings[:, k].tolist(), strict=True)}
+        yield row | {
+            "known": int(known[k]),
+            "blocked": int(blocked[k]),
+            "saturated": int(seen.saturated[k]),
+            "det_sign": int(seen.sign[k]),
+            "condition": seen.condition[k],
+            "multiplicity": int(seen.multiplicity[k]) or None,
+            "alike_apart_mm": seen.alike_mm[k],
+            "noise_um": 1e3 * seen.noise_mm[k],
+            "noise_N": seen.noise_N[k],
+        }
+
+
+def settings(design: Design, names: Sequence[str]) -> str:
+    """Options that make another design of the same file or preset this one.
+
+    >>> settings(Design(f=6.5), ("f", "l0"))
+    '--set f=6.5 --set l0=7.2'
+    """
+    return " ".join(f"--set {name}={getattr(design, name):g}" for name in names)
+
+
+def mechanics_of(design: Design, level: str | None, responses: Path | None) -> Mechanics:
+    """As `studies.decoding.mechanics_of`; a design without a magnet is refused first."""
+    if not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0), so there is nothing to read: give it one")
+    return decoding.mechanics_of(design, level, responses)
