@@ -55,6 +55,7 @@ for verb in (
     evidence.ladder,
     evidence.bench,
     meshing.cache,
+    meshing.range_,
 ):
     app.command(verb)
 
