@@ -55,8 +55,11 @@ class _Sizing:
     growth: Floats
 
     def __call__(self, x: Points) -> Floats:
-        near: Floats = (cdist(_pairs(x), _pairs(self.source)) * self.growth + self.least).min(axis=1)
-        return np.minimum(self.size, near)
+        near: Floats = cdist(_pairs(x), _pairs(self.source))
+        near *= self.growth
+        near += self.least
+        wanted: Floats = np.minimum(self.size, near.min(axis=1))
+        return wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,11 +213,10 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
 
 def _thinned(x: Points, sizing: _Sizing) -> Points:
     """The points, first come first served, that keep their distance from those before."""
-    near = cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x), return_sorted=False)
-    taken = [False] * len(x)
-    for i, others in enumerate(near):
-        taken[i] = not any(taken[j] for j in others)
-    kept: Points = x[np.array(taken, dtype=bool)]
+    taken = bytearray(len(x))
+    for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
+        taken[i] = not any(map(taken.__getitem__, others))
+    kept: Points = x[np.frombuffer(taken, dtype=bool)]
     return kept
 
 
@@ -264,7 +266,7 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> t
     fixed = len(border.node)
     for _ in range(STEPS):
         x = np.concatenate([border.node, inner])
-        bars = np.unique(_edges(_delaunay(x, sizing)), axis=0)
+        bars = np.column_stack(np.divmod(np.unique(_keys(_edges(_delaunay(x, sizing)))), 2**31))
         free = bars[bars[:, 1] >= fixed]
         along = x[free[:, 1]] - x[free[:, 0]]
         length, want = np.abs(along), sizing(x[free].mean(axis=1))
