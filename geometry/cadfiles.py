@@ -1,0 +1,213 @@
+"""Solids as files: STEP for CAD, STL and 3MF for printing; lengths mm.
+
+Triangles keep within an absolute tolerance of the surface, and their volume within 1e-3 of the solid's.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+LARGEST_ERROR = 1e-3
+"""Largest relative volume error of an exported mesh."""
+
+TOLERANCE = 0.004
+"""Largest distance of a facet from the surface unless told otherwise, mm; printers make 0.05 mm."""
+
+TOLERANCES = (1e-5, 1.0)
+"""Least and greatest tolerance that may be asked for, mm."""
+
+ANGLE = 0.3
+"""Largest angle between neighbouring facets, rad, at first."""
+
+TRIALS = 4
+"""How often a mesh is made, finer each time, before its volume is given up."""
+
+FORMATS = ("step", "stl", "3mf")
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What `export` wrote for one part.
+
+    Attributes
+    ----------
+    name : name of the part; the files are name.step, name.stl and name.3mf.
+    file : the STL file, to which the figures below belong; the 3MF file holds the same triangles.
+    volume_mm3 : exact volume of the solid.
+    stl_volume_mm3, relative_error : volume enclosed by the triangles as read back, and its error.
+    watertight : the triangles enclose a volume; always true, since `export` refuses to write anything else.
+    """
+
+    name: str
+    file: str
+    volume_mm3: float
+    stl_volume_mm3: float
+    relative_error: float
+    watertight: bool
+    triangles: int
+
+
+def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGLE) -> Any:
+    """A closed trimesh of the solid's surface, mm, in single precision as an STL file has it.
+
+    Parameters
+    ----------
+    tolerance : largest distance from the surface, mm.
+    angle : largest angle between neighbouring facets, rad.
+    """
+    import trimesh
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.BRepTools import BRepTools
+    from OCP.StlAPI import StlAPI_Writer
+
+    # a mesh that the solid still carries would be kept if it is the finer one
+    BRepTools.Clean_s(solid.wrapped)
+    BRepMesh_IncrementalMesh(solid.wrapped, tolerance, False, angle, False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "part.stl")
+        writer = StlAPI_Writer()
+        writer.ASCIIMode = False
+        if not writer.Write(solid.wrapped, os.fspath(path)):
+            raise OSError(None, "the CAD kernel could not write it", os.fspath(path))
+        mesh = trimesh.load_mesh(path)
+    # a sphere's pole gives triangles with two corners in one point; they would leave the mesh open
+    a, b, c = mesh.faces.T
+    mesh.update_faces((a != b) & (b != c) & (c != a))
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def export(parts: Mapping[str, Solid], folder: str | Path, *, tolerance: float = TOLERANCE) -> list[Exported]:
+    """Write NAME.step, NAME.stl and NAME.3mf into an existing folder for every part; units mm.
+
+    All files are written to a temporary folder inside `folder` and moved only once all are complete, so a failure
+    leaves nothing half-written. Where the volume misses by more than 1e-3 the facets are made finer than asked.
+
+    Parameters
+    ----------
+    tolerance : largest distance of a facet from the surface, mm.
+
+    Raises
+    ------
+    BadInput
+        The tolerance lies outside `TOLERANCES`.
+    OSError
+        The folder does not exist or cannot be written.
+    RuntimeError
+        A part's triangles are not watertight, or miss its volume by more than 1e-3.
+    """
+    check_tolerance(tolerance)
+    with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
+        written = [_write(name, solid, Path(temporary), tolerance) for name, solid in parts.items()]
+        for name in parts:
+            for suffix in FORMATS:
+                os.replace(Path(temporary) / f"{name}.{suffix}", Path(folder) / f"{name}.{suffix}")
+    return written
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise a BadInput for a tolerance outside `TOLERANCES`."""
+    low, high = TOLERANCES
+    if not low <= tolerance <= high:
+        raise BadInput(f"tolerance must lie between {low:g} and {high:g} mm; got {tolerance:g} mm")
+
+
+def step(shape: Any) -> bytes:
+    """The text of a STEP file, with the labels and colours of a shape and its children.
+
+    It is made in memory: a disk that is full is then found by whoever writes it, as an OSError.
+    """
+    import build123d as bd
+
+    text = BytesIO()
+    bd.export_step(shape, text)
+    return text.getvalue()
+
+
+def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
+    """Solids by name, each with its colour (a name that CSS knows), as one labelled compound."""
+    import copy
+
+    import build123d as bd
+
+    children = []
+    for label, (solid, colour) in parts.items():
+        # the part may belong to another assembly too
+        child = copy.copy(solid)
+        child.label, child.color = label, bd.Color(colour)
+        children.append(child)
+    return bd.Compound(label=name, children=children)
+
+
+def _write(name: str, solid: Solid, folder: Path, tolerance: float) -> Exported:
+    import trimesh
+
+    exact = float(solid.volume)
+    (folder / f"{name}.step").write_bytes(step(solid))
+    path = folder / f"{name}.stl"
+    finer, error = 1.0, 1.0
+    for _ in range(TRIALS):
+        path.write_bytes(triangulated(solid, tolerance / finer, ANGLE / math.sqrt(finer)).export(file_type="stl"))
+        mesh = trimesh.load_mesh(path)
+        if not mesh.is_volume:
+            raise RuntimeError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
+        error = mesh.volume / exact - 1
+        if abs(error) <= LARGEST_ERROR:
+            break
+        # the error goes with the distance, and with the square of the angle
+        finer *= 1.5 * abs(error) / LARGEST_ERROR
+    else:
+        raise RuntimeError(
+            f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
+            f"make tolerance finer than {tolerance:g} mm"
+        )
+    _write_3mf(name, mesh, folder / f"{name}.3mf")
+    return Exported(name, path.name, exact, float(mesh.volume), float(error), True, len(mesh.faces))
+
+
+def _write_3mf(name: str, mesh: Any, path: Path) -> None:
+    import numpy as np
+    from lib3mf import Lib3MF
+
+    wrapper = _library()
+    model = wrapper.CreateModel()
+    model.SetUnit(Lib3MF.ModelUnit.MilliMeter)
+    body = model.AddMeshObject()
+    body.SetName(name)
+    vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces, dtype=np.uint32)
+    body.SetGeometry(_packed(Lib3MF.Position, vertices), _packed(Lib3MF.Triangle, faces))
+    if not body.IsManifoldAndOriented():
+        raise RuntimeError(f"{name}: 3MF refuses the {len(mesh.faces)} triangles: try another tolerance")
+    model.AddBuildItem(body, wrapper.GetIdentityTransform())
+    writer = model.QueryWriter("3mf")
+    writer.SetDecimalPrecision(9)
+    try:
+        writer.WriteToFile(os.fspath(path))
+    except Lib3MF.ELib3MFException as error:
+        raise OSError(None, str(error), os.fspath(path)) from None
+
+
+@functools.cache
+def _library() -> Any:
+    from lib3mf import Lib3MF
+
+    return Lib3MF.Wrapper()
+
+
+def _packed(kind: type[ctypes.Structure], rows: Any) -> Any:
+    """Rows (n, 3) as an array of the library's own structures."""
+    return (kind * len(rows)).from_buffer_copy(rows.tobytes())

@@ -1,0 +1,272 @@
+"""A design as things to make: solids, mould, checks, drawings, picture and recipe in one folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.base import Base, Plan
+from geometry.cadfiles import check_tolerance
+from geometry.design import BadInput, Design
+from geometry.mold import Mold
+from studies import console, files, inputs, recipe
+from studies.console import Progress
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+    from geometry.printing import Check
+
+COLOURS = {"base": "lightsteelblue", "silicone": "wheat", "magnet": "silver", "mold_a": "goldenrod"}
+"""Of what is in a STEP assembly or in the picture; Hall elements and the other parts have `OTHER`."""
+
+OTHER = "darkslategray"
+
+SHARE = 2000
+"""The facets' tolerance is D over this unless it is given."""
+
+ALONE = "README.md"
+"""The file of a folder that is not replaced unless magtip wrote it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Making:
+    """What a maker chooses: mould, base, and the facets' tolerance, mm (None: D/2000)."""
+
+    mold: Mold = field(default_factory=Mold)
+    base: Base = field(default_factory=Base)
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Things:
+    """All solids of a sensor.
+
+    Attributes
+    ----------
+    sensor : silicone, magnet and base where they are in the sensor's frame; beam, the outer form.
+    bodies : the Hall elements, in the sensor's frame.
+    plan : of the base; None where it has no place for the elements, and `missing` says why.
+    mold : mold_a, and mold_b or its halves, closed, in the mould frame; A and B, the parts not split.
+    """
+
+    sensor: dict[str, Solid]
+    bodies: dict[str, Solid]
+    plan: Plan | None
+    missing: str
+    mold: dict[str, Solid]
+    A: Solid
+    B: Solid
+
+
+def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None) -> Making:
+    """A maker's choices from texts KEY=VALUE.
+
+    >>> making_of("sla", ["columns=3", "shrink=0.01"], [], None).mold.columns
+    3
+    """
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    chosen = inputs.parse_choices("--mold", mold, Mold)
+    if "process" in chosen:
+        raise BadInput("--mold takes no process: give --process fdm or --process sla")
+    return Making(Mold(process=process, **chosen), Base(**inputs.parse_choices("--base", base, Base)), tolerance)
+
+
+def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
+    """The axes of a batch from texts NAME=a,b,c; none without."""
+    axes = inputs.parse_axes(texts) if texts else {}
+    if "depth" in axes:
+        raise BadInput("there is no axis 'depth' of what is made: choose from D, L, f, E")
+    return axes
+
+
+def things(design: Design, making: Making) -> Things:
+    """Make all solids.
+
+    Raises
+    ------
+    BadInput
+        Something about the mould does not go with the design.
+    """
+    from geometry import base, cad, hallbody, moldparts
+
+    sensor = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
+    if design.shape.has_magnet:
+        sensor["magnet"] = cad.magnet(design)
+    plan, missing, bodies = None, "", {}
+    try:
+        plan = base.plan(design, making.base, making.mold.process)
+        sensor["base"], bodies = base.base(design, making.base, making.mold.process), hallbody.bodies(design)
+    except BadInput as error:
+        if making.base != Base():
+            raise
+        missing = f"no base and no assembly: {error}"
+    A, B = moldparts.parts(design, making.mold)
+    halves = moldparts.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
+    return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
+
+
+def build(design: Design, out: Path, progress: Progress, making: Making = Making()) -> dict[str, Any]:
+    """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
+
+    Raises
+    ------
+    BadInput
+        A choice is impossible, or the folder cannot be used.
+    """
+    from geometry import mold
+
+    mold.sizes(design, making.mold)
+    with files.filled(out) as folder, files.staged(folder) as stage:
+        refuse_foreign(folder / ALONE)
+        progress(0.0, "solids and mould")
+        made = things(design, making)
+        progress(0.2, "checks")
+        stood = printed(made)
+        checks = examined(design, making, made, stood)
+        record: dict[str, Any] = {
+            "status": "ok",
+            "message": "",
+            "folder": folder,
+            "parts": [],
+            "checks": [dataclasses.asdict(check) for check in checks],
+            "warnings": [*design.warnings(), *([made.missing] if made.missing else []), *_fine(design, making)],
+        }
+        bad = [check for check in checks if not check.passed]
+        try:
+            if bad:
+                raise RuntimeError(
+                    f"check '{bad[0].name}' fails: {bad[0].value:.3g} {bad[0].unit}, must be {bad[0].bound}; "
+                    "no file is written: change the design or the mould"
+                )
+            record["parts"] = _write(design, making, made, stood, stage, progress)
+        except RuntimeError as error:
+            record["status"], record["message"] = "failed", str(error)
+            return record
+        (stage / ALONE).write_text(recipe.text(design, making, record, made.plan), encoding="utf-8", newline="\n")
+    return record
+
+
+def batch(
+    design: Design, axes: Mapping[str, Sequence[float]], out: Path, progress: Progress, making: Making = Making()
+) -> Iterator[dict[str, Any]]:
+    """`build` for every combination of values, each in a folder of its own named after them; records as made.
+
+    As in a sweep the Hall elements stay where they are in the base. A combination that is impossible gives a record
+    with status bad_input and the reason.
+    """
+    from studies.sweep import varied
+
+    combinations = list(itertools.product(*axes.values()))
+    for k, values in enumerate(combinations):
+        fields = dict(zip(axes, values, strict=True))
+        name = "_".join(f"{key}{value:g}" for key, value in fields.items())
+        progress(k / len(combinations), name)
+        try:
+            record = build(varied(design, fields), out / name, _silent, making)
+        except BadInput as error:
+            record = {"status": "bad_input", "message": str(error), "folder": out / name, "parts": [], "checks": []}
+            record["warnings"] = []
+        yield {**fields, **record}
+
+
+def refuse_foreign(readme: Path) -> None:
+    """A README.md that magtip did not write is somebody else's: it must not be replaced."""
+    if readme.exists() and not readme.read_bytes().startswith(recipe.MARK.encode()):
+        raise BadInput(f"{str(readme)!r} was not written by magtip cad and would be replaced: choose another folder")
+
+
+def printed(made: Things) -> dict[str, Solid]:
+    """What is printed, each as it stands on the printer's bed."""
+    from geometry.printing import standing
+
+    stood = {"base": standing(made.sensor["base"])} if made.plan else {}
+    stood |= {name: standing(part, upside_down=name == "mold_a") for name, part in made.mold.items()}
+    return stood
+
+
+def examined(design: Design, making: Making, made: Things, stood: Mapping[str, Solid]) -> list[Check]:
+    """All checks of mould, base and printing."""
+    from geometry import base, moldchecks
+
+    halves = [part for name, part in made.mold.items() if name not in ("mold_a", "mold_b")]
+    found = moldchecks.checks(design, making.mold, made.A, made.B, halves)
+    if made.plan:
+        found += base.checks(design, made.sensor["base"], made.bodies)
+    for name, part in stood.items():
+        found += moldchecks.printable(name, part, making.mold.printing)
+    return found
+
+
+def _write(
+    design: Design, making: Making, made: Things, stood: Mapping[str, Solid], stage: Path, progress: Progress
+) -> list[dict[str, Any]]:
+    """All files but the recipe, into the stage; what was exported."""
+    from geometry import cadfiles, mold
+    from studies import blueprint, portrait
+
+    progress(0.4, "STEP, STL and 3MF")
+    tolerance = making.tolerance or min(design.D / SHARE, cadfiles.TOLERANCES[1])
+    plain = {name: part for name, part in made.sensor.items() if name != "base"}
+    exported = cadfiles.export({**plain, **stood}, stage, tolerance=tolerance)
+    closed = {name: (part, COLOURS.get(name, OTHER)) for name, part in made.mold.items()}
+    (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
+    progress(0.7, "drawings")
+    s = mold.sizes(design, making.mold)
+    files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, made.B))
+    if made.plan:
+        together = {name: part for name, part in made.sensor.items() if name != "beam"} | made.bodies
+        shown = {name: (part, COLOURS.get(name, OTHER)) for name, part in together.items()}
+        (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", shown)))
+        files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, together, made.bodies))
+        files.write_text(stage / "base.svg", blueprint.base_sheet(made.plan, made.sensor["base"]))
+        progress(0.8, "picture")
+        (stage / "assembly.png").write_bytes(portrait.portrait(shown))
+    return [dataclasses.asdict(part) for part in exported]
+
+
+def _fine(design: Design, making: Making) -> list[str]:
+    """What is finer than the process makes."""
+    from geometry import mold
+
+    s, process = mold.sizes(design, making.mold), making.mold.printing
+    details = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
+    return [
+        f"{name} is {size:.3g} mm across; {process.name} printing makes {process.detail:g} mm at least"
+        for name, size in details.items()
+        if 0 < size < process.detail
+    ]
+
+
+def show(records: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
+    """Print what was made: the parts and checks of one sensor, or a line for each of several."""
+    if as_json:
+        console.report(records, as_json=True)
+    elif len(records) == 1:
+        _show_one(records[0])
+    else:
+        rows = [{**record, "parts": len(record["parts"]), "checks": len(record["checks"])} for record in records]
+        console.report(rows, as_json=False, title="Folders", brief=("warnings",))
+    for warning in dict.fromkeys(warning for record in records for warning in record["warnings"]):
+        console.say(f"magtip: warning: {warning}")
+
+
+def _show_one(record: Mapping[str, Any]) -> None:
+    if record["parts"]:
+        console.report(record["parts"], as_json=False, title=f"Parts in {record['folder']}, each .step .stl .3mf")
+    rows = [
+        [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
+        for check in record["checks"]
+    ]
+    console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
+    if record["parts"]:
+        print(f"Start with {Path(record['folder'], ALONE)}.")
+
+
+def _silent(fraction: float, text: str) -> None:
+    """No progress."""
