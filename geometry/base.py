@@ -1,10 +1,10 @@
 """The rigid base: a plate with its top in the plane z = 0, seats for the Hall elements, and holes for screws.
 
 S1 lies in a pocket under the beam, open below, its leads in a channel towards -x. S2 and S3 stand in slots from
-above, marked face to the beam, on a ledge that sets their height; their leads go down through the plate. What of them would
-stand above the base gets a post as high as the element's plate, open towards the beam. Under the beam's footprint
-they go into pockets from below too. A 3-axis chip sits on a board glued to the underside, its body in a pocket. The
-base is printed as it stands, underside down. Lengths mm; the sensor's frame.
+above, marked face to the beam, on a ledge that sets their height; their leads go down through the plate. What of them
+would stand above the base gets a post as high as the element's plate, open towards the beam. Under the beam's
+footprint they go into pockets from below too. A 3-axis chip sits on a board glued to the underside, its body in a
+pocket. The base is printed as it stands, underside down. Lengths mm; the sensor's frame.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.design import BadInput, Design, Shape
 
 if TYPE_CHECKING:
-    from build123d import Solid
+    from build123d import BoundBox, Solid
 
 Corner = tuple[float, float, float]
 """A corner of a profile: distance from the axis, height, fillet radius; all mm."""
@@ -120,7 +120,18 @@ def common(one: Solid, other: Solid) -> list[Solid]:
 
 def overlap(one: Solid, other: Solid) -> float:
     """Volume that two solids share, mm³."""
+    if distance(one.bounding_box(optimal=False), other.bounding_box(optimal=False)) > 0:
+        return 0.0
     return float(sum(solid.volume for solid in common(one, other)))
+
+
+def distance(box: BoundBox, other: BoundBox) -> float:
+    """Distance of two boxes, mm; never more than that of what they hold."""
+    gaps = [
+        max(getattr(other.min, axis) - getattr(box.max, axis), getattr(box.min, axis) - getattr(other.max, axis), 0.0)
+        for axis in "XYZ"
+    ]
+    return math.hypot(*gaps)
 
 
 def beam(design: Design | Shape) -> Solid:

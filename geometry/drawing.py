@@ -81,19 +81,19 @@ class View:
         """Add the section of a solid with a plane of constant y, seen along +y: x to the right, z upwards."""
         import build123d as bd
 
-        reach = 4 * max(solid.bounding_box().size) + 4 * abs(y)
+        reach = 4 * max(solid.bounding_box(optimal=False).size) + 4 * abs(y)
         found = solid.intersect(
             bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
         )
         shapes = [] if found is None else found if isinstance(found, list) else [found]
         for face in (face for shape in shapes for face in shape.faces()):
             loops = [face.outer_wire(), *face.inner_wires()]
-            self.paths.append(([_pieces(loop.order_edges(), 0, 2) for loop in loops], style))
+            self.paths.append(([_pieces(loop.edges(), 0, 2) for loop in loops], style))
 
     def seen(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
         """Add the visible edges of a solid, seen from above (x to the right, y upwards) or from below."""
         side = -1.0 if below else 1.0
-        far = 10 * max(solid.bounding_box().size)
+        far = 10 * max(solid.bounding_box(optimal=False).size)
         edges, _ = solid.project_to_viewport((0, 0, side * far), (0, 1, 0), (0, 0, 0))
         self.paths.append(([_pieces([edge], 0, 1) for edge in edges], style))
 
@@ -226,7 +226,7 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
     words = []
     for loop in loops:
         last: Point | None = None
-        for piece in _chained(list(loop)):
+        for piece in _chained(loop):
             (x, y), (u, v) = on(piece.start), on(piece.end)
             if last is None or math.dist(last, (x, y)) > 1e-6:
                 words.append(f"M{x:.4f} {y:.4f}")
@@ -243,18 +243,17 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
     return "".join(words)
 
 
-def _chained(loop: list[Piece]) -> list[Piece]:
-    """The pieces, each turned so that it starts where the one before ended."""
-    found: list[Piece] = []
-    # the first has none before it: it ends where the second begins
-    last = loop[0].start
-    if len(loop) > 1 and min(math.dist(last, p) for p in (loop[1].start, loop[1].end)) < 1e-7:
-        last = loop[0].end
-    for piece in loop:
+def _chained(loop: Iterable[Piece]) -> list[Piece]:
+    """The pieces as they hang together, each turned so that it starts where the one before ended."""
+    left = list(loop)
+    found = [left.pop(0)]
+    while left:
+        last = found[-1].end
+        piece = min(left, key=lambda piece: min(math.dist(last, piece.start), math.dist(last, piece.end)))
+        left.remove(piece)
         if math.dist(last, piece.end) < math.dist(last, piece.start):
             piece = Piece(piece.end, piece.start, piece.middle, piece.radius)
         found.append(piece)
-        last = piece.end
     return found
 
 

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from geometry import cadfiles
-from geometry.cad import common, cut, magnet, overlap, turned
+from geometry.cad import common, cut, distance, magnet, overlap, turned
 from geometry.design import LEAST_WALL, Design
 from geometry.mold import LARGEST_VENT, Mold, Sizes, pours, sizes
 from geometry.moldparts import slab, tip_vents, vents
 from geometry.printing import Check, Process, at_least, at_most, overhangs
 
 if TYPE_CHECKING:
-    from build123d import Solid
+    from build123d import Face, Solid
 
 NOTHING = 1e-9
 """Share of the cavity's volume below which an overlap or a difference counts as none."""
@@ -87,28 +87,21 @@ def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
 
     Of A only its lid lies over the cavity: faces that reach below the base plane are left out.
     """
+
+    def apart(face: Face) -> float:
+        return distance(box, face.bounding_box(optimal=False))
+
     box = cast.bounding_box(optimal=False)
     lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > -1e-6]
     found = []
     for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
         least = math.inf
         # the boxes' distance is never more than the faces': most faces need no closer look
-        for near, face in sorted(((_apart(box, face), face) for face in faces), key=lambda pair: pair[0]):
-            if near < least and (distance := cast.distance_to(face)) > 1e-6:
-                least = min(least, distance)
+        for face in sorted(faces, key=apart):
+            if apart(face) < least and (wall := cast.distance_to(face)) > 1e-6:
+                least = min(least, wall)
         found.append(at_least(f"least wall of {name} over the cavity", least if least < math.inf else 0.0, bound))
     return found
-
-
-def _apart(box: object, face: object) -> float:
-    """Distance of a box (build123d) from the box of a face, mm."""
-    other = face.bounding_box(optimal=False)  # type: ignore[attr-defined]
-    low, high = box.min, box.max  # type: ignore[attr-defined]
-    gaps = [
-        max(getattr(other.min, axis) - getattr(high, axis), getattr(low, axis) - getattr(other.max, axis), 0.0)
-        for axis in "XYZ"
-    ]
-    return math.hypot(*gaps)
 
 
 def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid, outline: Solid) -> list[Check]:
@@ -140,7 +133,7 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
     """How the magnet fits the pocket that a pin leaves once the silicone has shrunk."""
     import build123d as bd
 
-    pocket = pin.scale(1 - mold.shrink)
+    pocket = pin.scale(1 - mold.shrink, about=(0, 0, 0))
     radius = design.magnet_diameter / 2
     body = magnet(design).mirror(bd.Plane.XY)
     deep = design.H + design.magnet_height / 2 + min(vertex.Z for vertex in pocket.vertices())

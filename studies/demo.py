@@ -206,7 +206,7 @@ def _made(cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> list[str]:
     """What became of parts, mould and mesh."""
     parts, checks = cad["parts"], cad["checks"]
     passed = sum(check["passed"] for check in checks)
-    lines = [f"Mould: {passed} of {len(checks)} checks passed."]
+    lines = [f"Mould and base: {passed} of {len(checks)} checks passed."]
     if cad["status"] != "ok":
         lines.append(f"CAD: {cad['message']}")
     if parts:

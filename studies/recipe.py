@@ -90,8 +90,8 @@ def _casting(design: Design, making: Making) -> list[str]:
     lines = [
         "## Cast",
         "",
-        f"{count} {'cavity' if count == 1 else 'cavities'}. What to mix holds {100 * WASTE:g} % for vents and spills,",
-        f"and {CUP / 1000:g} mL that the cup keeps.",
+        f"{count} {'cavity' if count == 1 else 'cavities'}. What to mix holds {100 * WASTE:g} % for vents and",
+        f"spills, and {CUP / 1000:g} mL that the cup keeps.",
         "",
         "| pour | stays in the parts (mL) | mix (mL) | mix (g) |",
         "|---|---:|---:|---:|",
@@ -115,8 +115,8 @@ def _casting(design: Design, making: Making) -> list[str]:
     if design.shape.has_magnet:
         steps.append(opening)
         steps.append(
-            f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the pocket, "
-            "its north pole up, out of the mould: it points to the base later."
+            f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
+            "pocket, its north pole up, out of the mould: it points to the base later."
         )
         steps.append(
             "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "

@@ -71,9 +71,9 @@ def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance:
     """
     if tolerance is not None:
         check_tolerance(tolerance)
-    chosen = inputs.parse_choices("--mold", mold, Mold)
-    if "process" in chosen:
+    if any(text.partition("=")[0].strip() == "process" for text in mold):
         raise BadInput("--mold takes no process: give --process fdm or --process sla")
+    chosen = inputs.parse_choices("--mold", mold, Mold)
     return Making(Mold(process=process, **chosen), Base(**inputs.parse_choices("--base", base, Base)), tolerance)
 
 
