@@ -76,14 +76,14 @@ def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGL
 
 
 def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
-    """The solid's triangles as the bytes of a binary STL file."""
+    """The solid's triangles as the bytes of a binary STL file.
+
+    Faces that have been given finer triangles before keep them, in this solid or in another made from it.
+    """
     import numpy as np
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.BRepTools import BRepTools
     from OCP.StlAPI import StlAPI_Writer
 
-    # a mesh that the solid still carries would be kept if it is the finer one
-    BRepTools.Clean_s(solid.wrapped)
     # the kernel's other algorithm, Delabella, is faster but misses the tolerance by up to 1.7 on a sphere
     BRepMesh_IncrementalMesh(solid.wrapped, tolerance, False, angle, False)
     with tempfile.NamedTemporaryFile(suffix=".stl") as file:

@@ -32,9 +32,6 @@ LARGEST_GRIP = 0.15
 LARGEST_PLAY = 0.05
 """Largest gap between magnet and pocket, as a fraction of D: so far off the axis the magnet may end up."""
 
-COARSE = 0.02
-"""Tolerance of the triangles that overhangs are looked for on, mm."""
-
 UP = (0.0, 0.0, 1.0)
 
 
@@ -63,9 +60,9 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     return found + _clearances(design, s, mold, A, B, outline)
 
 
-def printable(name: str, part: Solid, process: Process) -> list[Check]:
+def printable(name: str, part: Solid, process: Process, tolerance: float = cadfiles.TOLERANCE) -> list[Check]:
     """What overhangs on a part that stands as it is printed; a roof is named only where there is one."""
-    area, bridge = overhangs(cadfiles.triangulated(part, COARSE))
+    area, bridge = overhangs(cadfiles.triangulated(part, tolerance))
     found = [at_most(f"overhang of {name}, as printed", area, 0.0, "mm2")]
     return found + ([at_most(f"widest bridge of {name}", bridge, process.bridge, "mm")] if bridge > 0 else [])
 

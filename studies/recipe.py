@@ -22,7 +22,7 @@ CUP = 2000.0
 """And what every mixing cup keeps, mm³."""
 
 
-def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None) -> str:
+def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str) -> str:
     """The recipe for one design."""
     d = design
     lines = [
@@ -30,7 +30,7 @@ def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan |
         "",
         "Written by `magtip cad`. Lengths are mm.",
         "",
-        *(["![the sensor, cut open](assembly.png)", ""] if plan else []),
+        *([f"![the sensor, cut open]({picture})", ""] if picture else []),
         *_files(record, plan),
         *_printing(design, making, plan),
         *_casting(design, making),

@@ -63,18 +63,18 @@ def cad(
     base
         A choice about the base, KEY=VALUE, such as screw=0 or thickness=5; repeatable.
     axis
-        NAME=a,b,c with NAME one of D, L, f, E: one folder for each combination; repeatable.
+        NAME=a,b,c with NAME one of D, L, f, E: a folder for each combination, without picture; repeatable.
     tolerance
         Largest distance of the STL's facets from the surface, mm; D/2000 by default.
     """
-    from studies import workshop
+    from studies import variants, workshop
 
     given = inputs.read_design(source, sets or [])
     making = workshop.making_of(process, mold or [], base or [], tolerance)
-    axes = workshop.axes_of(axis or [])
+    axes = variants.axes_of(axis or [])
     with console.progress(as_json=as_json) as progress:
         if axes:
-            records = list(workshop.batch(given, axes, out, progress, making))
+            records = list(variants.batch(given, axes, out, progress, making))
         else:
             records = [workshop.build(given, out, progress, making)]
     workshop.show(records, as_json=as_json)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +27,8 @@ OTHER = "darkslategray"
 
 SHARE = 2000
 """The facets' tolerance is D over this unless it is given."""
+
+PICTURE = "assembly.png"
 
 ALONE = "README.md"
 """The file of a folder that is not replaced unless magtip wrote it."""
@@ -77,14 +78,6 @@ def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance:
     return Making(Mold(process=process, **chosen), Base(**inputs.parse_choices("--base", base, Base)), tolerance)
 
 
-def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
-    """The axes of a batch from texts NAME=a,b,c; none without."""
-    axes = inputs.parse_axes(texts) if texts else {}
-    if "depth" in axes:
-        raise BadInput("there is no axis 'depth' of what is made: choose from D, L, f, E")
-    return axes
-
-
 def things(design: Design, making: Making) -> Things:
     """Make all solids.
 
@@ -95,9 +88,12 @@ def things(design: Design, making: Making) -> Things:
     """
     from geometry import base, cad, hallbody, moldparts
 
-    sensor = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
+    beam = cad.beam(design)
+    sensor = {"beam": beam, "silicone": beam}
     if design.shape.has_magnet:
+        # cut from the same solids it has their faces, and these are given triangles once
         sensor["magnet"] = cad.magnet(design)
+        sensor["silicone"] = cad.cut(beam, sensor["magnet"])
     plan, missing, bodies = None, "", {}
     try:
         plan = base.plan(design, making.base, making.mold.process)
@@ -111,8 +107,14 @@ def things(design: Design, making: Making) -> Things:
     return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
 
 
-def build(design: Design, out: Path, progress: Progress, making: Making = Making()) -> dict[str, Any]:
+def build(
+    design: Design, out: Path, progress: Progress, making: Making = Making(), *, picture: bool = True
+) -> dict[str, Any]:
     """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
+
+    Parameters
+    ----------
+    picture : whether to draw one; it takes about as long as all the rest of a design.
 
     Raises
     ------
@@ -120,6 +122,7 @@ def build(design: Design, out: Path, progress: Progress, making: Making = Making
         A choice is impossible, or the folder cannot be used.
     """
     from geometry import mold
+    from studies import portrait
 
     mold.sizes(design, making.mold)
     with files.filled(out) as folder, files.staged(folder) as stage:
@@ -145,40 +148,27 @@ def build(design: Design, out: Path, progress: Progress, making: Making = Making
                     "no file is written: change the design or the mould"
                 )
             record["parts"] = _write(design, making, made, stood, stage, progress)
+            if picture and made.plan:
+                progress(0.8, "picture")
+                (stage / PICTURE).write_bytes(portrait.portrait(coloured(made)))
         except RuntimeError as error:
             record["status"], record["message"] = "failed", str(error)
             return record
-        (stage / ALONE).write_text(recipe.text(design, making, record, made.plan), encoding="utf-8", newline="\n")
+        text = recipe.text(design, making, record, made.plan, PICTURE if (stage / PICTURE).exists() else "")
+        files.write_text(stage / ALONE, text)
     return record
-
-
-def batch(
-    design: Design, axes: Mapping[str, Sequence[float]], out: Path, progress: Progress, making: Making = Making()
-) -> Iterator[dict[str, Any]]:
-    """`build` for every combination of values, each in a folder of its own named after them; records as made.
-
-    As in a sweep the Hall elements stay where they are in the base. A combination that is impossible gives a record
-    with status bad_input and the reason.
-    """
-    from studies.sweep import varied
-
-    combinations = list(itertools.product(*axes.values()))
-    for k, values in enumerate(combinations):
-        fields = dict(zip(axes, values, strict=True))
-        name = "_".join(f"{key}{value:g}" for key, value in fields.items())
-        progress(k / len(combinations), name)
-        try:
-            record = build(varied(design, fields), out / name, _silent, making)
-        except BadInput as error:
-            record = {"status": "bad_input", "message": str(error), "folder": out / name, "parts": [], "checks": []}
-            record["warnings"] = []
-        yield {**fields, **record}
 
 
 def refuse_foreign(readme: Path) -> None:
     """A README.md that magtip did not write is somebody else's: it must not be replaced."""
     if readme.exists() and not readme.read_bytes().startswith(recipe.MARK.encode()):
         raise BadInput(f"{str(readme)!r} was not written by magtip cad and would be replaced: choose another folder")
+
+
+def coloured(made: Things) -> dict[str, tuple[Solid, str]]:
+    """The parts of the assembled sensor, each with its colour."""
+    together = {name: part for name, part in made.sensor.items() if name != "beam"} | made.bodies
+    return {name: (part, COLOURS.get(name, OTHER)) for name, part in together.items()}
 
 
 def printed(made: Things) -> dict[str, Solid]:
@@ -199,7 +189,7 @@ def examined(design: Design, making: Making, made: Things, stood: Mapping[str, S
     if made.plan:
         found += base.checks(design, made.sensor["base"], made.bodies)
     for name, part in stood.items():
-        found += moldchecks.printable(name, part, making.mold.printing)
+        found += moldchecks.printable(name, part, making.mold.printing, fineness(design, making))
     return found
 
 
@@ -208,26 +198,26 @@ def _write(
 ) -> list[dict[str, Any]]:
     """All files but the recipe, into the stage; what was exported."""
     from geometry import cadfiles, mold
-    from studies import blueprint, portrait
+    from studies import blueprint
 
     progress(0.4, "STEP, STL and 3MF")
-    tolerance = making.tolerance or min(design.D / SHARE, cadfiles.TOLERANCES[1])
     plain = {name: part for name, part in made.sensor.items() if name != "base"}
-    exported = cadfiles.export({**plain, **stood}, stage, tolerance=tolerance)
+    exported = cadfiles.export({**plain, **stood}, stage, tolerance=fineness(design, making))
     closed = {name: (part, COLOURS.get(name, OTHER)) for name, part in made.mold.items()}
     (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
     progress(0.7, "drawings")
     s = mold.sizes(design, making.mold)
     files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, made.B))
     if made.plan:
-        together = {name: part for name, part in made.sensor.items() if name != "beam"} | made.bodies
-        shown = {name: (part, COLOURS.get(name, OTHER)) for name, part in together.items()}
-        (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", shown)))
-        files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, together, made.bodies))
+        (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", coloured(made))))
+        files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, made.sensor, made.bodies))
         files.write_text(stage / "base.svg", blueprint.base_sheet(made.plan, made.sensor["base"]))
-        progress(0.8, "picture")
-        (stage / "assembly.png").write_bytes(portrait.portrait(shown))
     return [dataclasses.asdict(part) for part in exported]
+
+
+def fineness(design: Design, making: Making) -> float:
+    """Tolerance of all triangles, mm."""
+    return design.D / SHARE if making.tolerance is None else making.tolerance
 
 
 def _fine(design: Design, making: Making) -> list[str]:
@@ -266,7 +256,3 @@ def _show_one(record: Mapping[str, Any]) -> None:
     console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
     if record["parts"]:
         print(f"Start with {Path(record['folder'], ALONE)}.")
-
-
-def _silent(fraction: float, text: str) -> None:
-    """No progress."""

@@ -118,8 +118,7 @@ def test_a_base_that_has_no_place_is_left_out_aloud(run, tmp_path):
     assert "l0 must be at least 9.2 mm" in err
 
 
-def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict, monkeypatch):
-    monkeypatch.setattr(portrait, "portrait", lambda *_: b"picture")
+def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
     status, out, _ = run("cad", "paper", "--out", "parts", "--axis", "D=3,8", "--axis", "L=9,10", "--json")
     records = strict(out)
     assert status == 3
@@ -131,6 +130,9 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict, monk
     ]
     assert "leaves a wall of" in records[0]["message"]
     assert files_of(tmp_path / "parts") == {"D8_L9", "D8_L10"}
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
+    assert "assembly.png" not in (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
     # the elements stay in the base: the same base for another length
     bases = [part for record in records[2:] for part in record["parts"] if part["name"] == "base"]
     assert bases[0]["volume_mm3"] == pytest.approx(bases[1]["volume_mm3"], rel=1e-12)
