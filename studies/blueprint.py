@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from geometry.base import Plan
@@ -41,8 +41,7 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
         side.dims.append(((a, H - b), (a, H + b), "right", 0, number(2 * b)))
         side.dims.append(((-a, H), (a, H), "above", 1, f"magnet Ø{number(2 * a)}"))
     side.dims.append(((0, H), (x1, z1), "right", 1, f"l0 = {number(design.l0)}"))
-    side.dims.append(((half, 0), (half, -plan.thickness), "left", 0, number(plan.thickness)))
-    side.labels.append(((-0.55 * R, 0.25 * H + 0.1 * R), "silicone", (-24.0, -10.0)))
+    side.dims.append(((-half, 0), (-half, -plan.thickness), "left", 2, number(plan.thickness)))
     above.seen(parts["base"])
     above.circle((0, 0), R, "soft")
     if "magnet" in parts:
@@ -71,7 +70,8 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
     notes = [
         f"{magnet}, north pole down" if "magnet" in parts else "no magnet",
         f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
-        f"Hall elements: {', '.join(where)}; l0, c and f go to their plates (drawn: the bodies)",
+        f"Hall elements: {', '.join(where)}; l0, c and f go to their plates, which lie inside the bodies",
+        "section: base hatched, silicone yellow, magnet grey, Hall elements dark",
     ]
     return sheet("Sensor", [[side], [above]], notes)
 
@@ -111,13 +111,16 @@ def base_sheet(plan: Plan, base: Solid) -> str:
     return sheet("Base", [[side, above], [below]], ["printed as it stands, underside down, without supports"])
 
 
-def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, B: Solid) -> str:
-    """The closed mould: section through a row of cavities, and B from above."""
+def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[Solid]) -> str:
+    """The closed mould: section through a row of cavities, and B, whole or in halves, from above."""
     y = s.centres[0][1]
     side, above = View(f"Section y = {number(y)}, closed"), View("B from above")
-    side.section(B, "rigid", y=y)
+    for piece in pieces:
+        # a split B is cut beside its joint
+        side.section(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
     side.section(A, "lid", y=y)
-    above.seen(B)
+    for piece in pieces:
+        above.seen(piece)
     x = max(centre[0] for centre in s.centres)
     left = -x
     side.dims += [
@@ -159,6 +162,8 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, B: Solid) -> str:
         f"printed by {mold.printing.name}: A with its lid down, B as it stands, without supports",
         f"{mold.vents} vents on Ø{number(2 * s.vent_ring)}; pin: draft {mold.draft:g}°, fillet {number(s.pin_edge)}",
     ]
+    if mold.split:
+        notes.append(f"B in two halves, with two dowels Ø{number(s.dowel)} upright in the foot")
     return sheet("Mould", [[side], [above]], notes)
 
 

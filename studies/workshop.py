@@ -206,8 +206,8 @@ def _write(
     closed = {name: (part, COLOURS.get(name, OTHER)) for name, part in made.mold.items()}
     (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
     progress(0.7, "drawings")
-    s = mold.sizes(design, making.mold)
-    files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, made.B))
+    s, pieces = mold.sizes(design, making.mold), [part for name, part in made.mold.items() if name != "mold_a"]
+    files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, pieces))
     if made.plan:
         (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", coloured(made))))
         files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, made.sensor, made.bodies))

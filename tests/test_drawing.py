@@ -86,7 +86,7 @@ def sheets(design, mold):
     return {
         "Sensor": blueprint.sensor_sheet(design, p, sensor, shown),
         "Base": blueprint.base_sheet(p, solid),
-        "Mould": blueprint.mold_sheet(design, mold, sizes(design, mold), A, B),
+        "Mould": blueprint.mold_sheet(design, mold, sizes(design, mold), A, [B]),
     }
 
 
