@@ -42,7 +42,7 @@ PROCESSES = {
 STEEPEST = math.cos(math.radians(45))
 """Downward part of a facet's unit normal from which on it overhangs."""
 
-TURNS = [math.radians(7.5 * k) for k in range(24)]
+TURNS = [math.radians(15 * k) for k in range(12)]
 """Directions in which a bridge is looked for."""
 
 FLAT = 1e-4
@@ -111,6 +111,8 @@ def _widest_bridge(mesh: Any, level: Any) -> float:
         near = np.abs(height - z) < FLAT * np.ptp(mesh.vertices[:, 2])
         spans = [_span(a[near] - (x, y), along[near], walled[near], turn) for turn in TURNS]
         widest = max(widest, min(spans))
+        if widest == math.inf:
+            break
     return widest
 
 

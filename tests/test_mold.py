@@ -43,9 +43,8 @@ def test_every_check_passes(design, mold):
     assert B.is_valid
     pieces = list(halves(design, mold, B).values()) if mold.split else []
     assert failed(design, mold, A, B, pieces) == []
-    assert names(printable("A", standing(A, upside_down=True), mold.printing)) == []
-    for piece in pieces or [B]:
-        assert names(printable("B", standing(piece), mold.printing)) == []
+    for part, over in ((A, True), *((piece, False) for piece in pieces or [B])):
+        assert names(printable("it", standing(part, upside_down=over), mold.printing, design.D / 500)) == []
 
 
 @pytest.mark.parametrize(("design", "mold"), CASES)
@@ -194,8 +193,11 @@ def test_a_half_that_hooks_the_cast_is_found():
 def test_a_mould_printed_the_wrong_way_up_is_found():
     mold = Mold()
     A, B = parts(Design(), mold)
-    assert names(printable("A", standing(A), mold.printing)) == ["overhang of A, as printed", "widest bridge of A"]
-    turned = {check.name: check.value for check in printable("B", standing(B, upside_down=True), mold.printing)}
+    assert names(printable("A", standing(A), mold.printing, 0.02)) == [
+        "overhang of A, as printed",
+        "widest bridge of A",
+    ]
+    turned = {check.name: check.value for check in printable("B", standing(B, upside_down=True), mold.printing, 0.02)}
     # the part of the dome that leans by more than 45 degrees
     assert turned["overhang of B, as printed"] == pytest.approx(2 * 3.141592653589793 * 16 * (1 - 0.5**0.5), rel=0.02)
 
