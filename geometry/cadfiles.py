@@ -105,7 +105,13 @@ def _read(text: bytes) -> Any:
     return trimesh.load_mesh(BytesIO(text), file_type="stl")
 
 
-def export(parts: Mapping[str, Solid], folder: str | Path, *, tolerance: float = TOLERANCE) -> list[Exported]:
+def export(
+    parts: Mapping[str, Solid],
+    folder: str | Path,
+    *,
+    tolerance: float = TOLERANCE,
+    colours: Mapping[str, str] | None = None,
+) -> list[Exported]:
     """Write NAME.step, NAME.stl and NAME.3mf into an existing folder for every part; units mm.
 
     All files are written to a temporary folder inside `folder` and moved only once all are complete, so a failure
@@ -114,6 +120,7 @@ def export(parts: Mapping[str, Solid], folder: str | Path, *, tolerance: float =
     Parameters
     ----------
     tolerance : largest distance of a facet from the surface, mm.
+    colours : of the parts in their STEP files, by name, as CSS knows them.
 
     Raises
     ------
@@ -126,7 +133,10 @@ def export(parts: Mapping[str, Solid], folder: str | Path, *, tolerance: float =
     """
     check_tolerance(tolerance)
     with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
-        written = [_write(name, solid, Path(temporary), tolerance) for name, solid in parts.items()]
+        written = []
+        for name, solid in parts.items():
+            Path(temporary, f"{name}.step").write_bytes(step(named(solid, name, (colours or {}).get(name, ""))))
+            written.append(_write(name, solid, Path(temporary), tolerance))
         for name in parts:
             for suffix in FORMATS:
                 os.replace(Path(temporary) / f"{name}.{suffix}", Path(folder) / f"{name}.{suffix}")
@@ -153,24 +163,28 @@ def step(shape: Any) -> bytes:
     return text.getvalue()
 
 
-def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
-    """Solids by name, each with its colour (a name that CSS knows), as one labelled compound."""
+def named(solid: Solid, label: str, colour: str) -> Solid:
+    """A copy of a solid with a name and a colour (one that CSS knows, or none) for a STEP file."""
     import copy
 
     import build123d as bd
 
-    children = []
-    for label, (solid, colour) in parts.items():
-        # the part may belong to another assembly too
-        child = copy.copy(solid)
-        child.label, child.color = label, bd.Color(colour)
-        children.append(child)
-    return bd.Compound(label=name, children=children)
+    # the part may belong to something of another name
+    found = copy.copy(solid)
+    found.label = label
+    found.color = bd.Color(colour) if colour else None
+    return found
+
+
+def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
+    """Solids by name, each with its colour, as one labelled compound."""
+    import build123d as bd
+
+    return bd.Compound(label=name, children=[named(solid, label, colour) for label, (solid, colour) in parts.items()])
 
 
 def _write(name: str, solid: Solid, folder: Path, tolerance: float) -> Exported:
     exact = float(solid.volume)
-    (folder / f"{name}.step").write_bytes(step(solid))
     path = folder / f"{name}.stl"
     finer, error = 1.0, 1.0
     for _ in range(TRIALS):

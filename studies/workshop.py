@@ -20,8 +20,17 @@ if TYPE_CHECKING:
 
     from geometry.printing import Check
 
-COLOURS = {"base": "lightsteelblue", "silicone": "wheat", "magnet": "silver", "mold_a": "goldenrod"}
-"""Of what is in a STEP assembly or in the picture; Hall elements and the other parts have `OTHER`."""
+COLOURS = {
+    "beam": "wheat",
+    "silicone": "wheat",
+    "magnet": "silver",
+    "base": "lightsteelblue",
+    "mold_a": "goldenrod",
+    "mold_b": "slategray",
+    "mold_b1": "slategray",
+    "mold_b2": "cadetblue",
+}
+"""Of the parts, in STEP files and in the picture; Hall elements have `OTHER`."""
 
 OTHER = "darkslategray"
 
@@ -202,8 +211,8 @@ def _write(
 
     progress(0.4, "STEP, STL and 3MF")
     plain = {name: part for name, part in made.sensor.items() if name != "base"}
-    exported = cadfiles.export({**plain, **stood}, stage, tolerance=fineness(design, making))
-    closed = {name: (part, COLOURS.get(name, OTHER)) for name, part in made.mold.items()}
+    exported = cadfiles.export({**plain, **stood}, stage, tolerance=fineness(design, making), colours=COLOURS)
+    closed = {name: (part, COLOURS[name]) for name, part in made.mold.items()}
     (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
     progress(0.7, "drawings")
     s, pieces = mold.sizes(design, making.mold), [part for name, part in made.mold.items() if name != "mold_a"]
