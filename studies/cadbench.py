@@ -36,7 +36,7 @@ EXTREMES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "paper": ({}, {}),
     "paper, resin, 1 % shrinkage, 1 degree of draft": ({}, {"process": "sla", "shrink": 0.01, "draft": 1.0}),
     "paper, 3 x 2 cavities": ({}, {"columns": 3, "rows": 2}),
-    "paper, 10 x 10 cavities": ({}, {"columns": 10, "rows": 10}),
+    "paper, 5 x 5 cavities": ({}, {"columns": 5, "rows": 5}),
     "paper, split B, vent at the tip": ({}, {"split": 1, "tip_vent": 1.0}),
     "magnet of 0.2 mm": (SMALL, {}),
     "magnet of 7.4 x 1 mm, wall of 0.15 mm": ({"magnet_diameter": 7.4, "magnet_height": 1.0}, {}),
