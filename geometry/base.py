@@ -29,6 +29,9 @@ WEB = 0.6
 LEAST_GAP = 0.1
 """Least gap between an element and the beam at rest, mm."""
 
+PRESS = 3 / 8
+"""Depth of the deepest press that is looked at, in units of D."""
+
 EDGE = 1.5
 """From a screw hole or the beam to the edge of the base, mm."""
 
@@ -242,6 +245,16 @@ def _chip(design: Design, where: dict[str, Vector], fit: float, thickness: float
         )
     x, y = chip.length / 2 + fit, chip.width / 2 + fit
     return Block((-x, -y, -thickness), (2 * x, 2 * y, roof + thickness))
+
+
+def warnings(design: Design) -> list[str]:
+    """What a wide flat plate would touch before the beam is pressed as deep as it is used, 3/8 D."""
+    if design.hall_layout != "three":
+        return []
+    room = design.L - places(design)["S2"][2] - SS495A.height / 2
+    if room >= PRESS * design.D:
+        return []
+    return [f"a wide flat plate meets S2 and S3 at a press of {max(room, 0.0):.3g} mm: lower c or use a small plate"]
 
 
 def checks(design: Design, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:

@@ -147,7 +147,7 @@ def build(
             "folder": folder,
             "parts": [],
             "checks": [dataclasses.asdict(check) for check in checks],
-            "warnings": [*design.warnings(), *([made.missing] if made.missing else []), *_fine(design, making)],
+            "warnings": [*design.warnings(), *warnings(design, making, made)],
         }
         bad = [check for check in checks if not check.passed]
         try:
@@ -229,17 +229,18 @@ def fineness(design: Design, making: Making) -> float:
     return design.D / SHARE if making.tolerance is None else making.tolerance
 
 
-def _fine(design: Design, making: Making) -> list[str]:
-    """What is finer than the process makes."""
-    from geometry import mold
+def warnings(design: Design, making: Making, made: Things) -> list[str]:
+    """What cannot be made, what a plate would meet, and what is finer than the process makes."""
+    from geometry import base, mold
 
     s, process = mold.sizes(design, making.mold), making.mold.printing
     details = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
-    return [
+    fine = [
         f"{name} is {size:.3g} mm across; {process.name} printing makes {process.detail:g} mm at least"
         for name, size in details.items()
         if 0 < size < process.detail
     ]
+    return [*(base.warnings(design) if made.plan else [made.missing]), *fine]
 
 
 def show(records: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from analytic.parts import of_design
 from geometry import cad
-from geometry.base import Base, base, checks, plan
+from geometry.base import Base, base, checks, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.hallbody import SS495A, bodies, places
 from geometry.moldchecks import printable
@@ -106,3 +106,11 @@ def test_an_element_that_does_not_fit_is_found():
     solid, parts = base(design, Base()), bodies(design)
     lifted = parts | {"S2": parts["S2"].moved(bd.Location((-0.7, 0, 0)))}
     assert [check.passed for check in checks(design, solid, lifted)] == [False, False]
+
+
+def test_a_plate_that_meets_the_elements_is_warned_of():
+    assert warnings(Design()) == []
+    assert warnings(Design(c=8.0, f=7.0)) == [
+        "a wide flat plate meets S2 and S3 at a press of 1.7 mm: lower c or use a small plate"
+    ]
+    assert warnings(Design(c=8.0, hall_layout="tmag5273a1")) == []
