@@ -66,7 +66,7 @@ def test_assembly_and_mould_are_named_and_coloured(made):
     assert min(vertex.Z for vertex in stood.vertices()) == pytest.approx(0, abs=1e-9)
     assert stood.volume == pytest.approx(mold.children[0].volume, rel=1e-12)
     assert stood.label == "mold_a"
-    red = tuple(bd.Color("goldenrod"))[0]
+    red = next(iter(bd.Color("goldenrod")))
     assert f"COLOUR_RGB('',{red:.5f}"[:-1] in (made / "mold_a.step").read_text()
 
 
