@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 WEB = 0.6
 """Least thickness of base between an element and the beam, and of the ledge under an element, mm."""
 
+LEAST = 3.0
+"""Thickness of the plate where the elements need no more, mm."""
+
 LEAST_GAP = 0.1
 """Least gap between an element and the beam at rest, mm."""
 
@@ -128,18 +131,13 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        needs = _depths(design, where, fit)
-    else:
-        z = next(iter(where.values()))[2]
-        needs = CHIPS[design.hall_layout].plate - z
-    thickness = max(3.0, needs) if base.thickness is None else base.thickness
-    if design.hall_layout != "three" and base.thickness is None:
-        thickness = needs
-    if not thickness >= needs - 1e-9:
-        raise BadInput(f"thickness must be at least {needs:.3g} mm for the elements' seats; got {thickness:g} mm")
-    if design.hall_layout == "three":
+        thickness = _thickness(base, max(LEAST, needs := _needs(where)), needs)
         seats, passages, posts = _three(design, where, fit, base.seat_wall, thickness)
     else:
+        # the board under the base carries the chip: the base is as thick as its plates lie deep
+        thickness = CHIPS[design.hall_layout].plate - where[design.hall_layout][2]
+        if base.thickness is not None and not abs(base.thickness - thickness) <= 1e-6:
+            raise BadInput(f"thickness is set by l0 for a chip, to {thickness:.4g} mm; got {base.thickness:g} mm")
         seats, passages, posts = {design.hall_layout: _chip(design, where, fit, thickness)}, {}, {}
     blocks = [*seats.values(), *posts.values()]
     reach = max(max(abs(b.corner[k]), b.corner[k] + b.sides[k]) for b in blocks for k in (0, 1))
@@ -176,12 +174,17 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     return cut(plate, *tools)
 
 
-def _depths(design: Design, where: dict[str, Vector], fit: float) -> float:
+def _thickness(base: Base, default: float, needs: float) -> float:
+    thickness = default if base.thickness is None else base.thickness
+    if not thickness >= needs - 1e-9:
+        raise BadInput(f"thickness must be at least {needs:.3g} mm for the elements' seats; got {thickness:g} mm")
+    return thickness
+
+
+def _needs(where: dict[str, Vector]) -> float:
     """Least thickness of the plate under three one-axis elements."""
     p = SS495A
-    back = p.thickness - p.depth - where["S1"][2]
-    below = p.height / 2 - where["S2"][2] + WEB
-    return max(back, below)
+    return max(p.thickness - p.depth - where["S1"][2], p.height / 2 - where["S2"][2] + WEB)
 
 
 def _three(

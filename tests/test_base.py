@@ -88,6 +88,7 @@ def test_screw_holes_go_through_and_can_be_left_out():
         ({"f": 3.0, "c": -6, "l0": 12.0}, {}, "f = 3 mm brings the seats of S2 and S3 within 0.6 mm: raise f"),
         ({"hall_layout": "tmag5273a1", "l0": 5.5}, {}, "l0 must be at least 6.55 mm"),
         ({}, {"thickness": 2.0}, "thickness must be at least 3.27 mm for the elements' seats; got 2 mm"),
+        ({"hall_layout": "tmag5273a1"}, {"thickness": 5.0}, "thickness is set by l0 for a chip, to 2.8 mm; got 5 mm"),
         ({}, {"screw": -1.0}, "screw must lie between 0 and 10 mm; got -1 mm"),
         ({}, {"seat_wall": math.nan}, "seat_wall must lie between 0.4 and 10 mm; got nan mm"),
         ({}, {"seat_fit": "1"}, "seat_fit must be a number; got '1'"),
