@@ -1,9 +1,12 @@
-"""A two-part casting mould for the sensor, after part A (plug) and part B (cavity) of the paper.
+"""What a maker chooses about the two-part casting mould, its lengths, and what is poured into it.
 
-Mould frame, mm: the base plane is z = 0 and the tip points down, to z = -L. B is a cup whose flat rim lies in the
-base plane, on a square foot. A is a lid with a skirt outside B, vents, and a pin from the base plane to the far
-side of the magnet, which leaves the pocket for it. First pour: the cavity of the closed mould. Then A comes off
-upwards, the magnet goes into the pocket, and the second pour fills the pocket up to the base plane.
+Mould frame, mm: the base plane is z = 0 and the tip points down, to z = -L. B (the paper's part B) is a cup whose
+flat rim lies in the base plane, on a square foot. A is a lid with a skirt outside B, vents, and a pin from the base
+plane to the far side of the magnet, which leaves the pocket for it. First pour: the cavity of the closed mould. Then
+A comes off upwards, the magnet goes into the pocket, and the second pour covers it, flush with B's rim. A plate holds
+columns x rows cavities in one B under one A.
+
+Shrinkage enlarges cavity and pin by 1/(1 - shrink), never what fits A onto B.
 """
 
 from __future__ import annotations
@@ -11,81 +14,110 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from geometry.cad import beam_volume, common, cut, magnet_volume, overlap, rounded_cylinder_volume, turned
-from geometry.design import LEAST_WALL, BadInput, Design
-
-if TYPE_CHECKING:
-    from build123d import Solid
+from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
+from geometry.design import LEAST_WALL, BadInput, Design, nearest
+from geometry.printing import PROCESSES, Process
 
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
 
-NOTHING = 1e-9
-"""Share of the cavity's volume below which an overlap or a difference counts as none."""
+LEAST_FREE = 5.0
+"""Least height of B above its foot, mm: room for the skirt of a small sensor's mould."""
 
-STEPS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Where demoulding is looked at, as fractions of the travel."""
+DOWEL_SHARE = 0.8
+"""Largest diameter of a dowel, as a fraction of the ledge of the foot that it stands in."""
 
 RANGES = {
     "shrink": (0.0, 0.2, ""),
     "pocket_gap": (-20.0, 20.0, " mm"),
     "pin_edge": (0.0, 100.0, " mm"),
+    "draft": (0.0, 5.0, " degrees"),
     "wall": (0.4, 100.0, " mm"),
     "floor": (0.4, 100.0, " mm"),
     "lid": (0.4, 100.0, " mm"),
     "skirt": (0.1, 4000.0, " mm"),
     "fit": (0.0, 2.0, " mm"),
+    "pry_gap": (0.0, 100.0, " mm"),
     "vents": (1, 24, ""),
     "vent_diameter": (0.01, 100.0, " mm"),
+    "tip_vent": (0.0, 10.0, " mm"),
+    "columns": (1, 10, ""),
+    "rows": (1, 10, ""),
+    "split": (0, 1, ""),
+    "dowel": (0.1, 100.0, " mm"),
 }
+
+WHOLE = ("vents", "columns", "rows", "split")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mold:
-    """What a maker chooses about the mould, mm; None means: taken from the design (see `sizes`).
+    """What a maker chooses about the mould, mm; None means: taken from process and design (see `sizes`).
 
     Attributes
     ----------
+    process : fdm (filament) or sla (resin): sets fit, wall, floor and lid where they are left open.
     shrink : linear shrinkage of the silicone, a fraction; cavity and pin grow by 1/(1 - shrink), the fit does not.
     pocket_gap : radial gap between magnet and pocket; negative for a pocket that grips the magnet.
     pin_edge : fillet at the end of the pin; at most the magnet's own, so that the magnet goes down to the bottom.
-    wall : thickness of B's wall and of A's skirt.
-    floor : silicone tip to the bench, and height of B's foot.
+    draft : taper of the pin, wider at the base plane, degrees; the cavity needs none, for it has no undercut.
+    wall : thickness of B's wall, of A's skirt, and between the cavities of a plate.
+    floor : thickness of B's foot, and least from silicone to bench.
     lid : thickness of A's lid.
     skirt : how far A reaches down outside B.
-    fit : radial gap between skirt and B (0.2 for filament printing, 0.1 for resin).
+    fit : radial gap between skirt and B.
+    pry_gap : least height of the slot between A's skirt and B's foot, for a blade that lifts A.
     vents, vent_diameter : holes through the lid, in the middle of the annulus between pin and cavity wall.
+    tip_vent : diameter of a hole through the floor at the tip; it leaves a nub to cut off; 0 for none.
+    columns, rows : cavities of a plate.
+    split : 1 for a B in two halves along a row (only with rows = 1).
+    dowel : diameter of the two dowels that line up the halves, upright in B's foot.
 
     Raises
     ------
     BadInput
-        A value lies outside its range.
+        A value lies outside its range, or the process is unknown.
     """
 
+    process: str = "fdm"
     shrink: float = 0.0
     pocket_gap: float = 0.0
     pin_edge: float | None = None
-    wall: float = 3.0
-    floor: float = 3.0
-    lid: float = 3.0
+    draft: float = 0.0
+    wall: float | None = None
+    floor: float | None = None
+    lid: float | None = None
     skirt: float | None = None
-    fit: float = 0.2
+    fit: float | None = None
+    pry_gap: float = 1.0
     vents: int = 4
     vent_diameter: float | None = None
+    tip_vent: float = 0.0
+    columns: int = 1
+    rows: int = 1
+    split: int = 0
+    dowel: float | None = None
 
     def __post_init__(self) -> None:
+        if self.process not in PROCESSES:
+            raise BadInput(f"there is no process {self.process!r}: {nearest(str(self.process), PROCESSES)}")
         for spec in dataclasses.fields(self):
             value: object = getattr(self, spec.name)
-            low, high, unit = RANGES[spec.name]
-            if value is None and spec.default is None:
+            if spec.name == "process" or (value is None and spec.default is None):
                 continue
-            if isinstance(value, bool) or not isinstance(value, int if spec.name == "vents" else (int, float)):
-                kind = "a whole number" if spec.name == "vents" else "a number"
+            low, high, unit = RANGES[spec.name]
+            if isinstance(value, bool) or not isinstance(value, int if spec.name in WHOLE else (int, float)):
+                kind = "a whole number" if spec.name in WHOLE else "a number"
                 raise BadInput(f"{spec.name} must be {kind}; got {value!r}")
             if not low <= value <= high:
                 raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {value:g}{unit}")
+        if self.split and self.rows > 1:
+            raise BadInput(f"rows must be 1 for a mould that is split along a row; got {self.rows}: or leave split 0")
+
+    @property
+    def printing(self) -> Process:
+        return PROCESSES[self.process]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +127,13 @@ class Sizes:
     Attributes
     ----------
     R, L : radius and length of the cavity.
-    pin_radius, pin_depth, pin_edge : the pin; zeros without a magnet.
-    outer, free : radius of B, and its height above the foot.
-    skirt : how far A reaches down outside B, `inner` its inner radius.
+    pin_radius, pin_depth, pin_edge : the pin at its end; zeros without a magnet. pin_top : its radius at z = 0.
+    outer, free : radius of B round a cavity, and its height above the foot.
+    floor : thickness of B's foot; bottom : height of the foot's underside, negative.
+    skirt : how far A reaches down outside B, `inner` its inner radius, `rim` its outer one; lid : thickness.
     vent_diameter, vent_ring : the vents, and the radius of the circle of their centres.
+    dowel : diameter of the dowels of a split B.
+    centres : (x, y) of each cavity's axis.
     """
 
     R: float
@@ -106,23 +141,32 @@ class Sizes:
     pin_radius: float
     pin_depth: float
     pin_edge: float
+    pin_top: float
     outer: float
     free: float
+    floor: float
+    bottom: float
     skirt: float
     inner: float
+    rim: float
+    lid: float
+    wall: float
+    fit: float
     vent_diameter: float
     vent_ring: float
+    dowel: float
+    centres: tuple[tuple[float, float], ...]
 
+    @property
+    def pin(self) -> list[Corner]:
+        """Profile of the pin, from its end up to the base plane."""
+        end = [(0.0, -self.pin_depth, 0.0), (self.pin_radius, -self.pin_depth, self.pin_edge)]
+        return [*end, (self.pin_top, 0.0, 0.0), (0.0, 0.0, 0.0)]
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A figure measured on the solids, and what it must keep to."""
-
-    name: str
-    value: float
-    bound: str
-    unit: str
-    passed: bool
+    @property
+    def cavity(self) -> list[Corner]:
+        """Profile of the cavity."""
+        return [(0, 0, 0), (self.R, 0, 0), (self.R, -self.L, self.R), (0, -self.L, 0)]
 
 
 def sizes(design: Design, mold: Mold) -> Sizes:
@@ -131,37 +175,83 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     Raises
     ------
     BadInput
-        A parameter does not go with the design: pin, vents or skirt do not fit.
+        A parameter does not go with the design: pin, vents, skirt or dowels do not fit.
     """
-    scale = 1 / (1 - mold.shrink)
+    process, scale = mold.printing, 1 / (1 - mold.shrink)
     R, L = scale * design.R, scale * design.L
-    pin_radius, pin_depth, pin_edge = (scale * length for length in _pin(design, mold))
-    annulus = R - pin_radius
-    skirt = min(5.0, 0.6 * L) if mold.skirt is None else mold.skirt
-    if not skirt < L:
+    pin_radius, pin_depth, pin_edge, pin_top = (scale * length for length in _pin(design, mold))
+    wall = process.wall if mold.wall is None else mold.wall
+    floor, lid = (wall if value is None else value for value in (mold.floor, mold.lid))
+    fit = process.fit if mold.fit is None else mold.fit
+    free = max(L, LEAST_FREE)
+    skirt = min(5.0, 0.6 * free, free - mold.pry_gap) if mold.skirt is None else mold.skirt
+    if not 0 < skirt <= free - mold.pry_gap:
+        name, value = ("pry_gap", mold.pry_gap) if mold.skirt is None else ("skirt", skirt)
         raise BadInput(
-            f"skirt must be shorter than B's free height = {L:g} mm, or it stands on the foot; got {skirt:g}"
+            f"{name} must leave skirt + pry_gap within B's free height = {free:g} mm, or A stands on the foot and "
+            f"cannot be lifted; got {name} = {value:g} mm"
         )
+    vent, ring = _vents(mold, R - pin_top, pin_top)
+    if not mold.tip_vent <= R:
+        raise BadInput(f"tip_vent must not exceed the tip's radius = {R:g} mm; got {mold.tip_vent:g} mm")
+    outer = R + wall
+    inner, pitch = outer + fit, 2 * R + wall
+    ledge = fit + wall
+    dowel = 0.5 * ledge if mold.dowel is None else mold.dowel
+    if mold.split and not dowel <= DOWEL_SHARE * ledge:
+        raise BadInput(
+            f"dowel must not exceed {DOWEL_SHARE:g} of the foot's ledge of {ledge:g} mm (fit + wall) = "
+            f"{DOWEL_SHARE * ledge:.3g} mm; got {dowel:g} mm"
+        )
+    places = [
+        (i - (mold.columns - 1) / 2, j - (mold.rows - 1) / 2) for i in range(mold.columns) for j in range(mold.rows)
+    ]
+    return Sizes(
+        R=R,
+        L=L,
+        pin_radius=pin_radius,
+        pin_depth=pin_depth,
+        pin_edge=pin_edge,
+        pin_top=pin_top,
+        outer=outer,
+        free=free,
+        floor=floor,
+        bottom=-free - floor,
+        skirt=skirt,
+        inner=inner,
+        rim=inner + wall,
+        lid=lid,
+        wall=wall,
+        fit=fit,
+        vent_diameter=vent,
+        vent_ring=ring,
+        dowel=dowel,
+        centres=tuple((pitch * i, pitch * j) for i, j in places),
+    )
+
+
+def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
+    """Diameter of the vents, and radius of the circle of their centres, mm."""
     vent = min(1.0, 0.5 * annulus) if mold.vent_diameter is None else mold.vent_diameter
     if not vent <= LARGEST_VENT * annulus:
         raise BadInput(
             f"vent_diameter must not exceed {LARGEST_VENT:g} of the annulus of {annulus:.3g} mm between pin and "
             f"cavity wall = {LARGEST_VENT * annulus:.3g} mm; got {vent:g} mm"
         )
-    ring = pin_radius + annulus / 2
+    ring = pin + annulus / 2
     most = mold.vents if mold.vents < 2 else int(math.pi / math.asin(min(1.0, 0.6 * vent / ring)))
     if not mold.vents <= most:
         raise BadInput(f"vents must not exceed {most} for vent_diameter = {vent:.3g} mm; got {mold.vents}")
-    outer = R + mold.wall
-    return Sizes(R, L, pin_radius, pin_depth, pin_edge, outer, L, skirt, outer + mold.fit, vent, ring)
+    return vent, ring
 
 
-def _pin(design: Design, mold: Mold) -> tuple[float, float, float]:
-    """Radius, depth and fillet of the pin at the design's own scale, mm; zeros without a magnet."""
+def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float]:
+    """End radius, depth, fillet and radius at the base plane of the pin at the design's own scale, mm."""
     if not design.magnet_diameter > 0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     half = design.magnet_height / 2
-    radius = design.magnet_diameter / 2 + mold.pocket_gap
+    radius, depth = design.magnet_diameter / 2 + mold.pocket_gap, design.H + half
+    top = radius + depth * math.tan(math.radians(mold.draft))
     if not radius >= design.magnet_diameter / 4:
         raise BadInput(
             f"pocket_gap must not be less than -{design.magnet_diameter / 4:g} mm, a quarter of the magnet's "
@@ -173,125 +263,30 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float]:
             f"pin_edge must not exceed the magnet's edge radius = {design.magnet_edge_radius:g} mm, "
             f"nor the pin's radius = {radius:g} mm, or the magnet stands on the fillet; got {edge:g} mm"
         )
-    wall = min(design.R - radius, design.R - math.hypot(radius - edge, half - edge) - edge)
-    if not wall >= LEAST_WALL - 1e-9:
+    # the fillet's centre: the side leans outwards by the draft
+    inset = edge / math.tan(math.radians(45 + mold.draft / 2))
+    at_end = design.R - math.hypot(radius - inset, half - edge) - edge
+    if not min(design.R - radius, at_end) >= LEAST_WALL - 1e-9:
         raise BadInput(
-            f"pocket_gap = {mold.pocket_gap:g} mm and pin_edge = {edge:g} mm make a pin that leaves {wall:.3g} mm of "
-            f"silicone and must leave {LEAST_WALL:g} mm: lower pocket_gap or leave pin_edge out"
+            f"pocket_gap = {mold.pocket_gap:g} mm and pin_edge = {edge:g} mm make a pin that leaves "
+            f"{min(design.R - radius, at_end):.3g} mm of silicone and must leave {LEAST_WALL:g} mm: lower pocket_gap "
+            "or leave pin_edge out"
         )
-    return radius, design.H + half, edge
-
-
-def parts(design: Design, mold: Mold) -> tuple[Solid, Solid]:
-    """Parts A (lid, skirt, pin, vents) and B (cup, foot), closed, in the mould frame, mm.
-
-    Raises
-    ------
-    BadInput
-        See `sizes`.
-    """
-    import build123d as bd
-
-    s = sizes(design, mold)
-    rim = s.inner + mold.wall
-    profile = [(0.0, mold.lid, 0.0), (rim, mold.lid, 0.0), (rim, -s.skirt, 0.0), (s.inner, -s.skirt, 0.0)]
-    profile.append((s.inner, 0.0, 0.0))
-    if s.pin_radius > 0:
-        profile += [(s.pin_radius, 0.0, 0.0), (s.pin_radius, -s.pin_depth, s.pin_edge)]
-    profile.append((0.0, -s.pin_depth, 0.0))
-    lid = cut(turned(profile), *_vents(s, mold))
-
-    bottom = -s.L - mold.floor
-    cup = turned([(0, bottom, 0), (s.outer, bottom, 0), (s.outer, 0, 0), (0, 0, 0)])
-    foot = bd.Solid.make_box(2 * rim, 2 * rim, mold.floor, bd.Plane((-rim, -rim, bottom)))
-    return lid, cut(cup.fuse(foot).solids()[0], _cavity(s))
-
-
-def _cavity(s: Sizes) -> Solid:
-    return turned([(0, 0, 0), (s.R, 0, 0), (s.R, -s.L, s.R), (0, -s.L, 0)])
-
-
-def _vents(s: Sizes, mold: Mold) -> list[Solid]:
-    import build123d as bd
-
-    turns = [2 * math.pi * k / mold.vents for k in range(mold.vents)]
-    centres = [(s.vent_ring * math.cos(turn), s.vent_ring * math.sin(turn), 0.0) for turn in turns]
-    return [bd.Solid.make_cylinder(s.vent_diameter / 2, mold.lid, bd.Plane(centre)) for centre in centres]
+    if not design.R - top >= LEAST_WALL - 1e-9:
+        most = math.degrees(math.atan((design.R - LEAST_WALL - radius) / depth))
+        raise BadInput(
+            f"draft must not exceed {most:.3g} degrees, or the pin leaves less than {LEAST_WALL:g} mm of silicone at "
+            f"the base plane; got {mold.draft:g} degrees"
+        )
+    return radius, depth, edge, top
 
 
 def pours(design: Design, mold: Mold) -> tuple[float, float]:
-    """Liquid silicone that stays in the part at the first and at the second pour, mm³; vents and waste not included.
+    """Liquid silicone that stays in one part at the first and at the second pour, mm³; vents and waste not included.
 
     First the closed mould's cavity; then, with the magnet in its pocket, the rest up to the base plane. After
     shrinkage both together are the design's silicone.
     """
-    scale = (1 - mold.shrink) ** -3
-    radius, depth, edge = _pin(design, mold)
-    pin = rounded_cylinder_volume(radius, depth, edge, edges=1)
-    return scale * (beam_volume(design.shape) - pin), scale * max(0.0, pin - magnet_volume(design.shape))
-
-
-def checks(design: Design, mold: Mold, A: Solid, B: Solid) -> list[Check]:
-    """Measure two parts, which need not come from `parts`, against what the design needs.
-
-    Demoulding is straight up, +z: A with its pin from B and from the cast, then the cast from B.
-    """
-    s = sizes(design, mold)
-    # the outline runs inside the walls, so that only a hole through a wall could add to the cavity
-    outline_radius, outline_low = s.R + mold.wall / 2, -s.L - mold.floor / 2
-    outline = turned([(0, outline_low, 0), (outline_radius, outline_low, 0), (outline_radius, 0, 0), (0, 0, 0)])
-    pieces = outline.cut(B, A).solids()
-    cast = max(pieces, key=lambda piece: float(piece.volume))
-    nominal = pours(design, mold)[0]
-    error = sum(float(piece.volume) for piece in pieces) / nominal - 1
-    travel = s.L + s.skirt + mold.lid
-    return [
-        _none("overlap of A and B, closed", overlap(A, B) / nominal),
-        Check("cavity against beam - pin", error, f"|.| <= {NOTHING:g}", "1", abs(error) <= NOTHING),
-        _none("overlap while A leaves B", _worst(A, B, travel) / nominal),
-        _none("overlap while A leaves the cast", _worst(A, cast, travel) / nominal),
-        _none("overlap while the cast leaves B", _worst(cast, B, travel) / nominal),
-        *_walls(mold, A, B, cast),
-        *_clearances(s, mold, A, B, outline),
-    ]
-
-
-def _none(name: str, share: float) -> Check:
-    return Check(name, share, f"<= {NOTHING:g}", "1", share <= NOTHING)
-
-
-def _worst(moving: Solid, still: Solid, travel: float) -> float:
-    """Largest overlap on the way up, mm³."""
-    import build123d as bd
-
-    return max(overlap(moving.moved(bd.Location((0, 0, travel * step))), still) for step in STEPS)
-
-
-def _least(name: str, value: float, bound: float) -> Check:
-    return Check(name, value, f">= {bound:g}", "mm", value >= bound * (1 - 1e-6))
-
-
-def _walls(mold: Mold, A: Solid, B: Solid, cast: Solid) -> list[Check]:
-    """Distance from the cast to the faces of a part that do not touch it, mm."""
-    found = []
-    for name, part, bound in (("A", A, mold.lid), ("B", B, min(mold.wall, mold.floor))):
-        far = [distance for face in part.faces() if (distance := cast.distance_to(face)) > 1e-6]
-        found.append(_least(f"least wall of {name} over the cavity", min(far, default=0.0), bound))
-    return found
-
-
-def _clearances(s: Sizes, mold: Mold, A: Solid, B: Solid, outline: Solid) -> list[Check]:
-    """Silicone round the pin, and the vents' distance to pin and cavity wall, mm."""
-    vents = _vents(s, mold)
-    closed = sum(overlap(vent, A) for vent in vents)
-    near = [vent.distance_to(B) for vent in vents]
-    found = []
-    if s.pin_radius > 0:
-        pin = common(A, outline)
-        near += [vent.distance_to(piece) for vent in vents for piece in pin]
-        wall = min((piece.distance_to(B) for piece in pin), default=0.0)
-        found.append(_least("silicone between pin and cavity", wall, LEAST_WALL))
-        found.append(_least("the same, A pushed aside by the fit", wall - mold.fit, 0.0))
-    clearance = 0.0 if closed > NOTHING else min(near)
-    found.append(_least("vents to pin and cavity wall", clearance, (1 - LARGEST_VENT) / 2 * (s.R - s.pin_radius)))
-    return found
+    s, scale = sizes(design, mold), (1 - mold.shrink) ** -3
+    pin = turned_volume(s.pin) if s.pin_radius > 0 else 0.0
+    return scale * beam_volume(design.shape) - pin, max(0.0, pin - scale * magnet_volume(design.shape))

@@ -12,13 +12,13 @@ from typing import Any
 from fem.levels import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
-from studies import compare, describe, files, report
+from studies import compare, describe, files, report, workshop
 from studies.compare import Comparison, Outcome, Progress, Row, part
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild", "build123d", "trimesh", "pyvista", "pandas", "matplotlib")
 
 FILES = {
-    "cad/": "beam, silicone, magnet and the mould's parts A and B, each as .step, .stl and .3mf; mm",
+    "cad/": "beam, silicone, magnet, base and the mould's parts A and B, drawings, and the recipe (README.md); mm",
     "mesh.vtu": "curved tetrahedra of silicone (region 0) and magnet (region 1), mm",
     "press.vtu, shear.vtu": "the deepest press and the farthest shear: displacement and pressure",
     "press.csv, shear.csv": "all states: finite elements and formulas side by side, errors in %",
@@ -69,7 +69,7 @@ def run(
     "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
     """
     design, show = paper(), progress or _silent
-    cad = describe.build_cad(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
+    cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
     mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
     found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
     show(0.93, "tables and plots")
@@ -206,7 +206,7 @@ def _made(cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> list[str]:
     """What became of parts, mould and mesh."""
     parts, checks = cad["parts"], cad["checks"]
     passed = sum(check["passed"] for check in checks)
-    lines = [f"Mould: {passed} of {len(checks)} checks passed."]
+    lines = [f"Mould and base: {passed} of {len(checks)} checks passed."]
     if cad["status"] != "ok":
         lines.append(f"CAD: {cad['message']}")
     if parts:

@@ -1,4 +1,4 @@
-"""A design in numbers, as solids with a mould, and as a mesh: the records of `magtip design`, `cad` and `mesh`."""
+"""A design in numbers and as a mesh: the records of `magtip design` and `mesh`."""
 
 from __future__ import annotations
 
@@ -83,50 +83,6 @@ def show(design: Design, *, as_json: bool) -> None:
     console.report([record["derived"]], as_json=False, title="Derived")
     for warning in record["warnings"]:
         print(f"Warning: {warning}.")
-
-
-def build_cad(design: Design, out: Path, progress: Progress) -> dict[str, Any]:
-    """Make the solids and the mould, check the mould, and write all parts if it passes."""
-    from geometry import cad, mold
-
-    choices = mold.Mold()
-    mold.sizes(design, choices)
-    with files.filled(out) as folder:
-        progress(0.0, "solids")
-        parts = {"beam": cad.beam(design), "silicone": cad.silicone(design)}
-        if design.shape.has_magnet:
-            parts["magnet"] = cad.magnet(design)
-        progress(0.2, "mould")
-        parts["mold_a"], parts["mold_b"] = mold.parts(design, choices)
-        checks = mold.checks(design, choices, parts["mold_a"], parts["mold_b"])
-        record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": []}
-        record["checks"] = [dataclasses.asdict(check) for check in checks]
-        bad = [check for check in checks if not check.passed]
-        try:
-            if bad:
-                raise RuntimeError(
-                    f"the mould fails its check '{bad[0].name}': {bad[0].value:.3g}, must be {bad[0].bound}; "
-                    "no file is written: change the design"
-                )
-            progress(0.5, "files")
-            record["parts"] = [dataclasses.asdict(part) for part in cad.export(parts, folder)]
-        except RuntimeError as error:
-            record["status"], record["message"] = "failed", str(error)
-    return record
-
-
-def show_cad(record: dict[str, Any], *, as_json: bool) -> None:
-    """Print what `build_cad` made."""
-    if as_json:
-        console.report([record], as_json=True)
-        return
-    if record["parts"]:
-        console.report(record["parts"], as_json=False, title=f"Parts in {record['folder']}, each .step .stl .3mf")
-    rows = [
-        [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
-        for check in record["checks"]
-    ]
-    console.table("Checks of the mould", ["check", "value", "bound", "unit", "passed"], rows)
 
 
 def build_mesh(

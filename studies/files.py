@@ -55,6 +55,15 @@ def filled(path: str | Path) -> Iterator[Path]:
                 folder.rmdir()
 
 
+@contextlib.contextmanager
+def staged(folder: Path) -> Iterator[Path]:
+    """A temporary folder inside `folder`; if all goes well its files move up, over those of the same name."""
+    with tempfile.TemporaryDirectory(prefix=".writing-", dir=folder) as temporary:
+        yield Path(temporary)
+        for file in sorted(Path(temporary).iterdir()):
+            os.replace(file, folder / file.name)
+
+
 def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
     """`filled`, or None where nothing is to be written."""
     return contextlib.nullcontext() if path is None else filled(path)

@@ -101,6 +101,20 @@ def parse_numbers(name: str, text: str) -> list[float]:
     return [_number(name, part) for part in parts]
 
 
+def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
+    """Fields of a dataclass of numbers from texts KEY=VALUE; a number without a point is a whole one."""
+    names = [spec.name for spec in dataclasses.fields(kind)]
+    found: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        key, value = key.strip(), value.strip()
+        if not equals or not key:
+            raise BadInput(f"{option} takes KEY=VALUE, such as {names[1]}=1; got {text!r}")
+        _known(option, [key], names)
+        found[key] = int(value) if value.isdecimal() else _number(key, value)
+    return found
+
+
 def is_study(source: str) -> bool:
     """Whether a sweep's positional argument names a study: a file with axes in it."""
     return source not in PRESETS and "axes" in _table(source, "preset or file")

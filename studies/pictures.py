@@ -53,7 +53,7 @@ def section_picture(
     """
     import pyvista as pv
 
-    _quiet()
+    quiet()
     cut = cut_of(solution, quantity)
     slope = _slope(solution)
     solution = _seen(solution)
@@ -107,7 +107,7 @@ def _slope(solution: Solution) -> float:
     return math.cos(bearing(solution)) * math.tan(solution.load.plate_tilt)
 
 
-def _quiet() -> None:
+def quiet() -> None:
     """Keep VTK from warning that there is no display before it draws without one."""
     from vtkmodules.vtkCommonCore import vtkLogger
 

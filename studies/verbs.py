@@ -35,19 +35,50 @@ def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> 
     return GOOD
 
 
-def cad(source: Source, /, *, out: Path, sets: Sets = None, as_json: AsJson = False) -> int:
-    """Write beam, silicone, magnet, mold_a and mold_b as .step, .stl and .3mf, and check the mould.
+def cad(
+    source: Source,
+    /,
+    *,
+    out: Path,
+    process: Literal["fdm", "sla"] = "fdm",
+    mold: list[str] | None = None,
+    base: list[str] | None = None,
+    axis: list[str] | None = None,
+    tolerance: float | None = None,
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Solids, printable two-part mould and base, assembly, drawings and a casting recipe; everything is checked.
+
+    Parts are written as .step, .stl and .3mf; start with README.md in the folder.
 
     Parameters
     ----------
     out
         Folder of the files.
+    process
+        Filament or resin printing: defaults of fit and walls.
+    mold
+        A choice about the mould, KEY=VALUE, such as shrink=0.01, columns=3 or split=1; repeatable.
+    base
+        A choice about the base, KEY=VALUE, such as screw=0 or thickness=5; repeatable.
+    axis
+        NAME=a,b,c with NAME one of D, L, f, E: a folder for each combination, without picture; repeatable.
+    tolerance
+        Largest distance of the STL's facets from the surface, mm; D/2000 by default.
     """
+    from studies import variants, workshop
+
     given = inputs.read_design(source, sets or [])
+    making = workshop.making_of(process, mold or [], base or [], tolerance)
+    axes = variants.axes_of(axis or [])
     with console.progress(as_json=as_json) as progress:
-        record = describe.build_cad(given, out, progress)
-    describe.show_cad(record, as_json=as_json)
-    return judged([record])
+        if axes:
+            records = list(variants.batch(given, axes, out, progress, making))
+        else:
+            records = [workshop.build(given, out, progress, making)]
+    workshop.show(records, as_json=as_json)
+    return judged(records)
 
 
 def mesh(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry import cad
+from geometry import cad, cadfiles
 from geometry.design import BadInput, Design, Shape
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
@@ -36,19 +36,22 @@ def read_3mf(path):
 
 
 def test_import_is_instant():
-    code = "import sys, geometry.cad, geometry.mold; sys.exit('build123d' in sys.modules or 'trimesh' in sys.modules)"
+    code = (
+        "import sys, geometry.cad, geometry.cadfiles, geometry.moldchecks, geometry.base, geometry.drawing;"
+        "sys.exit('build123d' in sys.modules or 'trimesh' in sys.modules)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
 def test_volumes_are_exact(design):
     shape = design.shape
-    assert cad.beam(design).volume == pytest.approx(cad.beam_volume(shape), rel=1e-9)
+    assert cad.beam(design).volume == pytest.approx(cad.beam_volume(shape), rel=1e-12)
     if shape.has_magnet:
-        assert cad.magnet(design).volume == pytest.approx(cad.magnet_volume(shape), rel=1e-9)
+        assert cad.magnet(design).volume == pytest.approx(cad.magnet_volume(shape), rel=1e-12)
     exact = cad.beam_volume(shape) - cad.magnet_volume(shape)
     silicone = cad.silicone(design)
-    assert silicone.volume == pytest.approx(exact, rel=1e-9)
+    assert silicone.volume == pytest.approx(exact, rel=1e-12)
     assert silicone.is_valid
 
 
@@ -59,6 +62,19 @@ def test_closed_forms_know_the_sphere_and_the_plain_cylinder():
     assert cad.magnet_volume(Shape(8, 9, 4, 2, 0)) == pytest.approx(8 * math.pi, rel=1e-14)
     assert cad.magnet_volume(ball.scaled(3)) == pytest.approx(27 * cad.magnet_volume(ball), rel=1e-14)
     assert cad.magnet_volume(ball.without_magnet()) == 0
+
+
+def test_a_fillet_is_tangent_to_sides_that_lean():
+    lean = [(0, 0, 0), (2, 0, 0.5), (3, 4, 0), (0, 4, 0)]
+    (_, start, _), (_, end, centre) = cad.rounded(lean)[:2]
+    assert math.dist(start, centre) == pytest.approx(0.5, rel=1e-14)
+    assert math.dist(end, centre) == pytest.approx(0.5, rel=1e-14)
+    assert start[1] == 0.0
+    # the radius at the end of the fillet is normal to the side (1, 4)
+    assert (end[0] - centre[0]) + 4 * (end[1] - centre[1]) == pytest.approx(0, abs=1e-14)
+    assert cad.turned(lean).volume == pytest.approx(cad.turned_volume(lean), rel=1e-12)
+    frustum = [(0, 0, 0), (2, 0, 0), (3, 4, 0), (0, 4, 0)]
+    assert cad.turned_volume(frustum) == pytest.approx(math.pi * 4 / 3 * (4 + 6 + 9), rel=1e-15)
 
 
 def test_parts_lie_in_the_sensors_frame():
@@ -90,15 +106,16 @@ def test_overlap_and_cut():
         Design(),
         Design(D=1, L=0.8, magnet_diameter=0.5, magnet_height=0.25, magnet_edge_radius=0.02),
         Design(D=50, L=30, magnet_diameter=42, magnet_height=9, magnet_edge_radius=3, l0=50),
+        Design(magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02),
     ],
-    ids=["paper", "small", "thin walls"],
+    ids=["paper", "small", "thin walls", "small magnet"],
 )
 def test_export_reads_back(design, tmp_path):
     import build123d as bd
 
     solids = {"silicone": cad.silicone(design), "magnet": cad.magnet(design)}
-    records = cad.export(solids, tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{n}.{s}" for n in solids for s in cad.FORMATS)
+    records = cadfiles.export(solids, tmp_path, tolerance=design.D / 2000)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{n}.{s}" for n in solids for s in cadfiles.FORMATS)
     for record in records:
         stl = trimesh.load_mesh(tmp_path / record.file)
         assert stl.is_volume
@@ -108,47 +125,80 @@ def test_export_reads_back(design, tmp_path):
         assert stl.volume == pytest.approx(solids[record.name].volume, rel=1e-3)
         assert record.relative_error == pytest.approx(stl.volume / record.volume_mm3 - 1, abs=1e-12)
         step = bd.import_step(tmp_path / f"{record.name}.step")
-        assert step.volume == pytest.approx(record.volume_mm3, rel=1e-9)
+        assert step.volume == pytest.approx(record.volume_mm3, rel=1e-12)
         printed = read_3mf(tmp_path / f"{record.name}.3mf")
         assert printed.is_volume
-        assert printed.volume == pytest.approx(stl.volume, rel=1e-6)
-        assert np.allclose(printed.bounds, stl.bounds, rtol=1e-6)
+        # the library rounds coordinates, about as single precision does
+        assert np.allclose(printed.vertices, stl.vertices, rtol=1e-7, atol=1e-6)
+        assert np.array_equal(printed.faces, stl.faces)
 
 
-def test_coarse_facets_are_refined_or_refused(tmp_path):
-    beam = {"beam": cad.beam(Design())}
-    (record,) = cad.export(beam, tmp_path, tolerance=0.1, angular=0.3)
+@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
+def test_facets_keep_the_tolerance(tolerance):
+    design = Design()
+    # angles do not bind: the tolerance alone decides
+    corners = cadfiles.triangulated(cad.beam(design), tolerance, 3.0).triangles
+    share = np.array([(1, 1, 1), (3, 3, 0), (3, 0, 3), (0, 3, 3), (4, 1, 1), (1, 4, 1), (1, 1, 4)], dtype=float)
+    points = np.einsum("pk,tkx->tpx", share / share.sum(axis=1, keepdims=True), corners).reshape(-1, 3)
+    above = points[points[:, 2] > 1e-6]
+    dome = np.hypot(np.hypot(above[:, 0], above[:, 1]), np.maximum(above[:, 2] - design.H, 0))
+    deviation = np.abs(dome - design.R).max()
+    assert tolerance / 20 < deviation <= 1.01 * tolerance
+
+
+def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
+    (record,) = cadfiles.export({"beam": cad.beam(Design())}, tmp_path, tolerance=1.0)
     assert abs(record.relative_error) <= 1e-3
     before = (tmp_path / "beam.stl").read_bytes()
-    fresh = {"beam": cad.beam(Design())}
-    with pytest.raises(RuntimeError, match="make angular finer"):
-        cad.export(fresh, tmp_path, tolerance=1.0, angular=3.0)
+    monkeypatch.setattr(cadfiles, "TRIALS", 1)
+    with pytest.raises(RuntimeError, match="make tolerance finer"):
+        cadfiles.export({"beam": cad.beam(Design())}, tmp_path, tolerance=1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, 2.0, math.nan])
+def test_impossible_tolerances(tolerance, tmp_path):
+    with pytest.raises(BadInput, match="tolerance must lie between 1e-05 and 1 mm"):
+        cadfiles.export({"magnet": cad.magnet(Design())}, tmp_path, tolerance=tolerance)
+
+
 def test_failures_leave_nothing_behind(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError):
-        cad.export({"magnet": cad.magnet(Design())}, tmp_path / "absent")
+        cadfiles.export({"magnet": cad.magnet(Design())}, tmp_path / "absent")
 
     def full(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr(cad, "_write_3mf", full)
+    monkeypatch.setattr(cadfiles, "_write_3mf", full)
     with pytest.raises(OSError, match="no space"):
-        cad.export({"magnet": cad.magnet(Design())}, tmp_path)
+        cadfiles.export({"magnet": cad.magnet(Design())}, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_open_surface_is_refused(tmp_path, monkeypatch):
-    closed = cad.triangulated
+    closed = cadfiles.stl
 
     def holed(*arguments):
-        mesh = closed(*arguments)
-        mesh.update_faces(np.arange(len(mesh.faces)) > 0)
-        return mesh
+        text = closed(*arguments)
+        count = int.from_bytes(text[80:84], "little") - 1
+        return text[:80] + count.to_bytes(4, "little") + text[134:]
 
-    monkeypatch.setattr(cad, "triangulated", holed)
+    monkeypatch.setattr(cadfiles, "stl", holed)
     with pytest.raises(RuntimeError, match="not watertight"):
-        cad.export({"magnet": cad.magnet(Design())}, tmp_path)
+        cadfiles.export({"magnet": cad.magnet(Design())}, tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_assembly_keeps_names_colours_and_volumes(tmp_path):
+    import build123d as bd
+
+    design = Design()
+    parts = {"silicone": (cad.silicone(design), "wheat"), "magnet": (cad.magnet(design), "silver")}
+    (tmp_path / "a.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", parts)))
+    read = bd.import_step(tmp_path / "a.step")
+    assert read.label == "sensor"
+    assert [child.label for child in read.children] == list(parts)
+    for child, (solid, colour) in zip(read.children, parts.values(), strict=True):
+        assert child.volume == pytest.approx(solid.volume, rel=1e-12)
+        assert tuple(child.color) == pytest.approx(tuple(bd.Color(colour)), abs=1e-3)

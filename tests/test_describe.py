@@ -1,4 +1,4 @@
-"""What `magtip design`, `cad` and `mesh` say of a design, and the files that they write."""
+"""What `magtip design` and `mesh` say of a design, and the file that is written."""
 
 import pytest
 
@@ -34,29 +34,6 @@ def test_design_without_magnet_has_nulls(run, strict):
     assert record["derived"]["wall_mm"] is None
     assert record["derived"]["magnet_volume_mm3"] == 0.0
     assert record["derived"]["rest_readings_T"] is None
-
-
-def test_cad(run, tmp_path, strict):
-    status, out, err = run("cad", "paper", "--out", "parts", "--json")
-    assert (status, err) == (0, "")
-    (record,) = strict(out)
-    names = ["beam", "silicone", "magnet", "mold_a", "mold_b"]
-    assert [part["name"] for part in record["parts"]] == names
-    assert all(check["passed"] for check in record["checks"])
-    written = {path.name for path in (tmp_path / "parts").iterdir()}
-    assert written == {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
-
-
-def test_cad_that_fails_a_check_writes_nothing(run, tmp_path, monkeypatch, strict):
-    from geometry import mold
-
-    failed = [mold.Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
-    monkeypatch.setattr(mold, "checks", lambda *_: failed)
-    status, out, err = run("cad", "paper", "--out", "parts", "--json")
-    assert status == 3
-    assert strict(out)[0]["status"] == "failed"
-    assert "overlap of A and B, closed" in err
-    assert not (tmp_path / "parts").exists()
 
 
 def test_mesh(run, tmp_path, strict):

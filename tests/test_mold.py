@@ -2,9 +2,12 @@
 
 import pytest
 
-from geometry import cad
+from geometry import cad, cadfiles
 from geometry.design import BadInput, Design
-from geometry.mold import Mold, checks, parts, pours, sizes
+from geometry.mold import Mold, pours, sizes
+from geometry.moldchecks import checks, printable
+from geometry.moldparts import halves, parts
+from geometry.printing import standing
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
 CASES = [
@@ -17,11 +20,20 @@ CASES = [
     (Design(D=50, L=1000, magnet_diameter=20, magnet_height=10, l0=50), Mold(floor=1)),
     (Design(D=8, L=4.001, **BARE), Mold()),
     (Design(**BARE), Mold(vents=3, vent_diameter=2)),
+    (Design(magnet_edge_radius=0.5), Mold(process="sla", shrink=0.02, draft=2, tip_vent=1, pocket_gap=0.05)),
+    (Design(), Mold(columns=3, rows=2, shrink=0.01, draft=1)),
+    (Design(), Mold(columns=2, split=1, tip_vent=0.8)),
+    (Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02), Mold(process="sla")),
+    (Design(magnet_diameter=7.3, magnet_height=1.2, magnet_edge_radius=0.2, L=12), Mold()),
 ]
 
 
-def failed(design, mold, A, B):
-    return [check.name for check in checks(design, mold, A, B) if not check.passed]
+def failed(design, mold, A, B, pieces=()):
+    return [check.name for check in checks(design, mold, A, B, pieces) if not check.passed]
+
+
+def names(found):
+    return [check.name for check in found if not check.passed]
 
 
 @pytest.mark.parametrize(("design", "mold"), CASES)
@@ -29,7 +41,10 @@ def test_every_check_passes(design, mold):
     A, B = parts(design, mold)
     assert A.is_valid
     assert B.is_valid
-    assert failed(design, mold, A, B) == []
+    pieces = list(halves(design, mold, B).values()) if mold.split else []
+    assert failed(design, mold, A, B, pieces) == []
+    for part, over in ((A, True), *((piece, False) for piece in pieces or [B])):
+        assert names(printable("it", standing(part, upside_down=over), mold.printing, design.D / 500)) == []
 
 
 @pytest.mark.parametrize(("design", "mold"), CASES)
@@ -38,6 +53,10 @@ def test_pours_add_up_to_the_silicone(design, mold):
     silicone = cad.beam_volume(design.shape) - cad.magnet_volume(design.shape)
     assert (first + second) * (1 - mold.shrink) ** 3 == pytest.approx(silicone, rel=1e-12)
     assert second >= 0
+    # the pin is what the first pour leaves out
+    s = sizes(design, mold)
+    pin = cad.turned(s.pin).volume if s.pin_radius > 0 else 0.0
+    assert cad.turned(s.cavity).volume - pin == pytest.approx(first, rel=1e-12)
 
 
 def test_pocket_and_pin_fillet():
@@ -71,7 +90,7 @@ def test_rim_lies_in_the_base_plane():
 
 def test_parts_export_watertight(tmp_path):
     A, B = parts(Design(), Mold())
-    for record in cad.export({"A": A, "B": B}, tmp_path):
+    for record in cadfiles.export({"A": A, "B": B}, tmp_path):
         assert record.watertight
         assert abs(record.relative_error) <= 1e-3
 
@@ -90,9 +109,9 @@ def test_an_undercut_is_found():
 
 
 def test_a_long_skirt_is_found():
-    design, mold = Design(), Mold(skirt=8.9)
-    with pytest.raises(BadInput, match="skirt must be shorter than B's free height = 9 mm"):
-        parts(design, Mold(skirt=9.1))
+    design, mold = Design(), Mold(skirt=8.9, pry_gap=0)
+    with pytest.raises(BadInput, match=r"skirt \+ pry_gap within B's free height = 9 mm"):
+        parts(design, Mold(skirt=9.1, pry_gap=0))
     A, B = parts(design, mold)
     assert failed(design, mold, A, B) == []
     s = sizes(design, mold)
@@ -111,8 +130,84 @@ def test_a_tight_skirt_thin_wall_and_missing_vents_are_found():
     assert {"overlap of A and B, closed", "overlap while A leaves B"} <= set(found)
     hollow = bd.Solid.make_box(4, 4, 2, bd.Plane((-2, -2, -13)))
     assert "least wall of B over the cavity" in failed(design, mold, A, cad.cut(B, hollow))
-    plug = bd.Solid.make_cylinder(s.vent_diameter / 2, mold.lid, bd.Plane((s.vent_ring, 0, 0)))
+    plug = bd.Solid.make_cylinder(s.vent_diameter / 2, s.lid, bd.Plane((s.vent_ring, 0, 0)))
     assert failed(design, mold, A.fuse(plug).solids()[0], B) == ["vents to pin and cavity wall"]
+
+
+def test_draft_is_bounded_by_the_wall_at_the_base_plane():
+    long = Design(L=60, l0=60)
+    with pytest.raises(BadInput, match=r"draft must not exceed 1\.91 degrees"):
+        sizes(long, Mold(draft=2))
+    s = sizes(long, Mold(draft=1.9))
+    assert s.R - s.pin_top == pytest.approx(0.1, abs=0.02)
+
+
+def test_processes_set_the_fit_and_the_walls():
+    fdm, sla, own = (sizes(Design(), Mold(**choice)) for choice in ({}, {"process": "sla"}, {"wall": 4, "fit": 0.3}))
+    assert (fdm.fit, fdm.wall, fdm.lid, fdm.floor) == (0.2, 3, 3, 3)
+    assert (sla.fit, sla.wall, sla.lid, sla.floor) == (0.1, 2, 2, 2)
+    assert (own.fit, own.wall, own.lid) == (0.3, 4, 4)
+
+
+def test_a_plate_repeats_one_cavity():
+    design = Design()
+    single, plate = (sizes(design, Mold(columns=n, rows=m)) for n, m in ((1, 1), (3, 2)))
+    pitch = 2 * plate.R + plate.wall
+    assert len(plate.centres) == 6
+    assert {x for x, _ in plate.centres} == {-pitch, 0, pitch}
+    assert {y for _, y in plate.centres} == {-pitch / 2, pitch / 2}
+    for A, B, s in ((*parts(design, Mold()), single), (*parts(design, Mold(columns=3, rows=2)), plate)):
+        pins = sum(cad.overlap(A, cad.turned(s.pin).moved(location(centre))) for centre in s.centres)
+        assert pins == pytest.approx(len(s.centres) * cad.turned_volume(s.pin), rel=1e-12)
+        assert cad.overlap(A, B) == 0
+
+
+def location(centre):
+    import build123d as bd
+
+    return bd.Location((*centre, 0))
+
+
+def test_halves_make_up_b_but_for_the_dowels():
+    design, mold = Design(), Mold(split=1)
+    s = sizes(design, mold)
+    _, B = parts(design, mold)
+    pieces = halves(design, mold, B)
+    holes = 2 * 3.141592653589793 * s.dowel**2 / 4 * s.floor
+    assert sum(piece.volume for piece in pieces.values()) == pytest.approx(B.volume - holes, rel=1e-12)
+    assert pieces["mold_b1"].volume == pytest.approx(pieces["mold_b2"].volume, rel=1e-12)
+    assert min(vertex.Y for vertex in pieces["mold_b1"].vertices()) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_half_that_hooks_the_cast_is_found():
+    import build123d as bd
+
+    design, mold = Design(), Mold(split=1)
+    A, B = parts(design, mold)
+    one, other = halves(design, mold, B).values()
+    hook = bd.Solid.make_box(2, 4, 1, bd.Plane((3, -4, -4)))
+    found = failed(design, mold, A, B, [one.fuse(hook).solids()[0], other])
+    assert found == ["overlap while B1 leaves the cast"]
+
+
+def test_a_mould_printed_the_wrong_way_up_is_found():
+    mold = Mold()
+    A, B = parts(Design(), mold)
+    assert names(printable("A", standing(A), mold.printing, 0.02)) == [
+        "overhang of A, as printed",
+        "widest bridge of A",
+    ]
+    turned = {check.name: check.value for check in printable("B", standing(B, upside_down=True), mold.printing, 0.02)}
+    # the part of the dome that leans by more than 45 degrees
+    assert turned["overhang of B, as printed"] == pytest.approx(2 * 3.141592653589793 * 16 * (1 - 0.5**0.5), rel=0.02)
+
+
+def test_a_pocket_that_does_not_fit_is_found():
+    loose = Mold(pocket_gap=0.5)
+    assert failed(Design(), loose, *parts(Design(), loose)) == ["gap round the magnet in its pocket"]
+    other = Design(magnet_height=2.2, magnet_diameter=4.2)
+    found = failed(other, Mold(), *parts(Design(), Mold()))
+    assert {"magnet's end over the pocket's", "magnet beside its pocket"} <= set(found)
 
 
 def test_a_loose_lid_is_reported_for_a_thin_wall():
@@ -127,7 +222,7 @@ def test_a_loose_lid_is_reported_for_a_thin_wall():
         ({"shrink": 0.5}, "shrink must lie between 0 and 0.2; got 0.5"),
         ({"wall": float("nan")}, "wall must lie between 0.4 and 100 mm; got nan mm"),
         ({"lid": "3"}, "lid must be a number; got '3'"),
-        ({"fit": None}, "fit must be a number; got None"),
+        ({"shrink": None}, "shrink must be a number; got None"),
         ({"vents": 2.5}, "vents must be a whole number; got 2.5"),
         ({"vents": True}, "vents must be a whole number; got True"),
         ({"vent_diameter": 1.7}, "vent_diameter must not exceed 0.8 of the annulus of 2 mm"),
@@ -135,7 +230,14 @@ def test_a_loose_lid_is_reported_for_a_thin_wall():
         ({"pocket_gap": 2.0}, "pocket_gap = 2 mm and pin_edge = 0.1 mm make a pin that leaves -0.102 mm"),
         ({"pocket_gap": -1.5}, "pocket_gap must not be less than -1 mm"),
         ({"pin_edge": 0.3}, "pin_edge must not exceed the magnet's edge radius = 0.1 mm"),
-        ({"skirt": 9.0}, "skirt must be shorter than B's free height = 9 mm"),
+        ({"skirt": 8.5}, "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
+        ({"pry_gap": 9.0}, "pry_gap must leave skirt + pry_gap within B's free height = 9 mm"),
+        ({"draft": 30}, "draft must lie between 0 and 5 degrees"),
+        ({"tip_vent": 9.0}, "tip_vent must not exceed the tip's radius = 4 mm"),
+        ({"split": 1, "rows": 2}, "rows must be 1 for a mould that is split along a row; got 2"),
+        ({"split": 1, "dowel": 3.0}, "dowel must not exceed 0.8 of the foot's ledge of 3.2 mm"),
+        ({"process": "cnc"}, "there is no process 'cnc'"),
+        ({"columns": 0}, "columns must lie between 1 and 10; got 0"),
     ],
 )
 def test_bad_parameters(choice, text):

@@ -1,0 +1,294 @@
+"""Drawings of solids: exact sections and views as lines and arcs, with dimension lines, on an A4 sheet in SVG.
+
+A view has its own plane, mm, x to the right and y upwards. A sheet puts its views side by side at one standard scale.
+Lengths on paper are mm too: the SVG's unit is the millimetre.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+Point = tuple[float, float]
+Side = Literal["below", "above", "left", "right"]
+Dimension = tuple[Point, Point, Side, int, str]
+
+WIDTH, HEIGHT, MARGIN, BLOCK = 297.0, 210.0, 10.0, 18.0
+"""The sheet, its margin, and the height of its title block, mm."""
+
+SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2, 1)]
+"""Standard scales, the largest first."""
+
+TEXT, TITLE, NEAR, NEXT, ARROW = 3.2, 5.0, 8.0, 6.5, 2.4
+"""Height of text; room of a view's title; distance of the first dimension line, of the next ones; arrow; mm."""
+
+STYLE = """
+.outline{fill:none;stroke:#111;stroke-width:.45;stroke-linejoin:round}
+.thin,.dim{fill:none;stroke:#111;stroke-width:.18}
+.axis{fill:none;stroke:#555;stroke-width:.18;stroke-dasharray:6 1.2 1 1.2}
+.rigid{fill:url(#rigid);stroke:#111;stroke-width:.45;stroke-linejoin:round}
+.lid{fill:url(#lid);stroke:#111;stroke-width:.45;stroke-linejoin:round}
+.soft{fill:#f5eccb;stroke:#111;stroke-width:.45;stroke-linejoin:round}
+.magnet{fill:#b9bec4;stroke:#111;stroke-width:.45}
+.part{fill:#4b5563;stroke:#111;stroke-width:.3}
+.arrow{fill:#111;stroke:none}
+text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111}
+.title{font-size:5px;font-weight:bold}.small{font-size:2.7px}
+"""
+
+PATTERNS = """<defs>
+<pattern id="rigid" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
+<rect width="2" height="2" fill="#fff"/><path d="M0 0V2" stroke="#777" stroke-width=".25"/></pattern>
+<pattern id="lid" width="2" height="2" patternUnits="userSpaceOnUse" patternTransform="rotate(-45)">
+<rect width="2" height="2" fill="#fff"/><path d="M0 0V2" stroke="#777" stroke-width=".25"/></pattern></defs>
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One piece of a path: a line, or an arc through a middle point."""
+
+    start: Point
+    end: Point
+    middle: Point | None = None
+    radius: float = 0.0
+
+
+@dataclass(slots=True)
+class View:
+    """Paths, dimensions and labels in one plane, mm.
+
+    Attributes
+    ----------
+    paths : loops or open paths, each with the class of its style.
+    dims : from, to, side of the view on which the dimension line lies, its number from the view outwards, text.
+    labels : point that is named, text, and offset of the text from it on paper, mm.
+    """
+
+    title: str
+    paths: list[tuple[list[list[Piece]], str]] = field(default_factory=list)
+    dims: list[Dimension] = field(default_factory=list)
+    labels: list[tuple[Point, str, Point]] = field(default_factory=list)
+
+    def section(self, solid: Solid, style: str, *, y: float = 0.0) -> None:
+        """Add the section of a solid with a plane of constant y, seen along +y: x to the right, z upwards."""
+        import build123d as bd
+
+        reach = 4 * max(solid.bounding_box(optimal=False).size) + 4 * abs(y)
+        found = solid.intersect(
+            bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
+        )
+        shapes = [] if found is None else found if isinstance(found, list) else [found]
+        for face in (face for shape in shapes for face in shape.faces()):
+            loops = [face.outer_wire(), *face.inner_wires()]
+            self.paths.append(([_pieces(loop.edges(), 0, 2) for loop in loops], style))
+
+    def seen(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
+        """Add the visible edges of a solid, seen from above (x to the right, y upwards) or from below."""
+        side = -1.0 if below else 1.0
+        far = 10 * max(solid.bounding_box(optimal=False).size)
+        edges, _ = solid.project_to_viewport((0, 0, side * far), (0, 1, 0), (0, 0, 0))
+        self.paths.append(([_pieces([edge], 0, 1) for edge in edges], style))
+
+    def circle(self, centre: Point, radius: float, style: str) -> None:
+        (x, y), r = centre, radius
+        left, right, top, low = (x - r, y), (x + r, y), (x, y + r), (x, y - r)
+        self.paths.append(([[Piece(left, right, top, r), Piece(right, left, low, r)]], style))
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest x and y."""
+        points = [p for loops, _ in self.paths for loop in loops for piece in loop for p in _ends(piece)]
+        x, y = zip(*points, strict=True)
+        return min(x), max(x), min(y), max(y)
+
+    def room(self, side: Side) -> float:
+        """Paper that the dimensions on a side take, mm."""
+        levels = [level for _, _, where, level, _ in self.dims if where == side]
+        return NEAR + NEXT * (max(levels) + 0.6) if levels else NEAR / 2
+
+
+def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -> str:
+    """The SVG text of a sheet at the largest standard scale at which everything fits.
+
+    Columns stand side by side; the views of a column stand above each other, their origins in line.
+    """
+    space_x, space_y = WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN - BLOCK
+
+    def fits(scale: float) -> bool:
+        wide = sum(sum(_sides(column, scale)) for column in columns)
+        return wide <= space_x and all(_height(column, scale) <= space_y for column in columns)
+
+    scale = next((s for s in SCALES if fits(s)), SCALES[-1])
+    gap = (space_x - sum(sum(_sides(column, scale)) for column in columns)) / (len(columns) + 1)
+    out, x = [], MARGIN + gap
+    for column in columns:
+        left, right = _sides(column, scale)
+        y = MARGIN + (space_y - _height(column, scale)) / 2
+        for view in column:
+            y += view.room("above") + TITLE
+            out.append(_drawn(view, scale, x + left, y + scale * view.box[3]))
+            y += scale * (view.box[3] - view.box[2]) + view.room("below")
+        x += left + right + gap
+    ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
+    y = HEIGHT - MARGIN - BLOCK
+    out.append(f'<path class="thin" d="M{MARGIN} {y}H{WIDTH - MARGIN}"/>')
+    out.append(_text(MARGIN + 2, y + 7, title, "title"))
+    out.append(_text(MARGIN + 2, y + 13, f"scale {ratio} on A4; all lengths in mm"))
+    for k, note in enumerate(notes):
+        out.append(_text(MARGIN + 92, y + 4.2 + 4 * k, note, "small"))
+    frame = (
+        f'<rect class="thin" x="{MARGIN}" y="{MARGIN}" width="{WIDTH - 2 * MARGIN}" height="{HEIGHT - 2 * MARGIN}"/>'
+    )
+    size = f'width="{WIDTH:g}mm" height="{HEIGHT:g}mm" viewBox="0 0 {WIDTH:g} {HEIGHT:g}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
+    paper = f'<rect width="{WIDTH:g}" height="{HEIGHT:g}" fill="#fff"/>'
+    name = f"<title>{escape(title)}</title>"
+    return "\n".join([head, name, f"<style>{STYLE}</style>", PATTERNS + paper, frame, *out, "</svg>\n"])
+
+
+def _sides(column: Sequence[View], scale: float) -> tuple[float, float]:
+    """Paper that a column takes to the left and to the right of its origin, mm."""
+    left = max(view.room("left") - scale * view.box[0] for view in column)
+    return left, max(view.room("right") + scale * view.box[1] for view in column)
+
+
+def _height(column: Sequence[View], scale: float) -> float:
+    """Paper that a column takes, mm."""
+    rooms = (view.room("above") + view.room("below") + TITLE for view in column)
+    return sum(rooms) + scale * sum(view.box[3] - view.box[2] for view in column)
+
+
+def number(value: float) -> str:
+    """A length as a drawing shows it.
+
+    >>> number(8.0), number(1.23456), number(0.0125)
+    ('8', '1.235', '0.0125')
+    """
+    return f"{value:.4g}" if abs(value) >= 1 or not value else f"{value:.3g}"
+
+
+def _pieces(edges: Iterable[Any], first: int, second: int) -> list[Piece]:
+    """Edges of the CAD kernel in the plane of two of their coordinates, as lines and arcs."""
+    found = []
+    for edge in edges:
+        circle = edge.geom_type.name == "CIRCLE"
+        steps = 2 if circle else 1 if edge.geom_type.name == "LINE" else 32
+        places = [tuple(edge.position_at(k / steps)) for k in range(steps + 1)]
+        points = [(place[first], place[second]) for place in places]
+        if not circle:
+            found += [Piece(a, b) for a, b in itertools.pairwise(points)]
+        elif math.dist(points[0], points[2]) < 1e-9:
+            quarter, three = (tuple(edge.position_at(k)) for k in (0.25, 0.75))
+            found.append(Piece(points[0], points[1], (quarter[first], quarter[second]), edge.radius))
+            found.append(Piece(points[1], points[0], (three[first], three[second]), edge.radius))
+        else:
+            found.append(Piece(points[0], points[2], points[1], edge.radius))
+    return found
+
+
+def _ends(piece: Piece) -> list[Point]:
+    return [piece.start, piece.end, *([piece.middle] if piece.middle else [])]
+
+
+def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
+    """A view's elements, its origin at (x0, y0) on paper."""
+
+    def on(point: Point) -> Point:
+        return x0 + scale * point[0], y0 - scale * point[1]
+
+    out = [
+        f'<path class="{style}" fill-rule="evenodd" d="{_path(loops, on, scale)}"/>' for loops, style in view.paths
+    ]
+    left, right, low, top = view.box
+    (x1, y1), (x2, y2) = on((left, top)), on((right, low))
+    for a, b, side, level, text in view.dims:
+        away = NEAR + NEXT * level
+        at = {"below": y2 + away, "above": y1 - away, "left": x1 - away, "right": x2 + away}[side]
+        out.append(_dimension(on(a), on(b), side, at, text))
+    for point, text, (dx, dy) in view.labels:
+        (x, y), end = on(point), "end" if dx < 0 else "start"
+        out.append(f'<path class="thin" d="M{x:.3f} {y:.3f}L{x + dx:.3f} {y + dy:.3f}"/>')
+        out.append(f'<circle class="arrow" cx="{x:.3f}" cy="{y:.3f}" r=".5"/>')
+        out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
+    out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 0.5, view.title, anchor="middle"))
+    return "\n".join(out)
+
+
+def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
+    words = []
+    for loop in loops:
+        last: Point | None = None
+        for piece in _chained(loop):
+            (x, y), (u, v) = on(piece.start), on(piece.end)
+            if last is None or math.dist(last, (x, y)) > 1e-6:
+                words.append(f"M{x:.4f} {y:.4f}")
+            if piece.middle is None:
+                words.append(f"L{u:.4f} {v:.4f}")
+            else:
+                p, q = on(piece.middle)
+                turn = (p - x) * (v - y) - (q - y) * (u - x)
+                r = scale * piece.radius
+                # an arc that bulges beyond half a circle: its middle is farther from the chord than the centre
+                deep = math.dist((p, q), ((x + u) / 2, (y + v) / 2)) > r * (1 + 1e-9)
+                words.append(f"A{r:.4f} {r:.4f} 0 {int(deep)} {int(turn > 0)} {u:.4f} {v:.4f}")
+            last = (u, v)
+    return "".join(words)
+
+
+def _chained(loop: Iterable[Piece]) -> list[Piece]:
+    """The pieces as they hang together, each turned so that it starts where the one before ended."""
+    left = list(loop)
+    found = [left.pop(0)]
+    while left:
+        last = found[-1].end
+        piece = min(left, key=lambda piece: min(math.dist(last, piece.start), math.dist(last, piece.end)))
+        left.remove(piece)
+        if math.dist(last, piece.end) < math.dist(last, piece.start):
+            piece = Piece(piece.end, piece.start, piece.middle, piece.radius)
+        found.append(piece)
+    return found
+
+
+def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
+    """Extension lines, dimension line, arrows and text; on paper."""
+    upright = side in ("left", "right")
+    k = 1 if upright else 0
+    (p, q), (e, f) = sorted((a[k], b[k])), (a[1 - k], b[1 - k])
+    if a[k] > b[k]:
+        e, f = f, e
+    beyond = 1.2 if side in ("below", "right") else -1.2
+    span, wide = q - p, 0.56 * TEXT * len(text)
+    inside = span > wide + 2 * ARROW + 1
+    room = (p, q) if inside else (p - 4, q + 5 + wide)
+    lines = [((p, e), (p, at + beyond)), ((q, f), (q, at + beyond)), ((room[0], at), (room[1], at))]
+    way = 1 if inside else -1
+    heads = [((p, at), way), ((q, at), -way)]
+    middle = (p + q) / 2 if inside else q + 3.2 + wide / 2
+
+    def xy(s: float, t: float) -> Point:
+        return (t, s) if upright else (s, t)
+
+    out = []
+    for start, end in lines:
+        (x, y), (u, v) = xy(*start), xy(*end)
+        out.append(f'<path class="dim" d="M{x:.3f} {y:.3f}L{u:.3f} {v:.3f}"/>')
+    for (s, t), towards in heads:
+        corners = [xy(s, t), xy(s + towards * ARROW, t - 0.4), xy(s + towards * ARROW, t + 0.4)]
+        out.append('<path class="arrow" d="M' + "L".join(f"{x:.3f} {y:.3f}" for x, y in corners) + 'Z"/>')
+    x, y = xy(middle, at - 0.9)
+    turn = f' transform="rotate(-90 {x:.3f} {y:.3f})"' if upright else ""
+    out.append(_text(x, y, text, anchor="middle", more=turn))
+    return "\n".join(out)
+
+
+def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", more: str = "") -> str:
+    style = f' class="{kind}"' if kind else ""
+    return f'<text{style} x="{x:.3f}" y="{y:.3f}" text-anchor="{anchor}"{more}>{escape(text)}</text>'

@@ -1,0 +1,108 @@
+"""The mould's parts A and B as solids, in the mould frame of `geometry.mold`; lengths mm."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from geometry.cad import cut, turned
+from geometry.design import Design
+from geometry.mold import Mold, Sizes, sizes
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+
+def parts(design: Design, mold: Mold) -> tuple[Solid, Solid]:
+    """Parts A (lid, skirt, pins, vents) and B (cup and foot), closed, in the mould frame, mm; B not yet split.
+
+    Raises
+    ------
+    BadInput
+        See `sizes`.
+    """
+    import build123d as bd
+
+    s = sizes(design, mold)
+    lid = cut(slab(s, s.rim, -s.skirt, s.lid), slab(s, s.inner, -s.skirt, 0.0))
+    if s.pin_radius > 0:
+        pin = turned(s.pin)
+        lid = lid.fuse(*(_moved(pin, centre) for centre in s.centres)).solids()[0]
+    A = cut(lid, *vents(s, mold))
+
+    half_x, half_y = (max(centre[k] for centre in s.centres) + s.rim for k in (0, 1))
+    foot = bd.Solid.make_box(2 * half_x, 2 * half_y, s.floor, bd.Plane((-half_x, -half_y, s.bottom)))
+    block = slab(s, s.outer, s.bottom, 0.0).fuse(foot).solids()[0]
+    cavity, through = turned(s.cavity), tip_vents(s, mold)
+    return A, cut(block, *(_moved(cavity, centre) for centre in s.centres), *through)
+
+
+def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
+    """A split B by name: the half at y > 0 and the one at y < 0, with holes for dowels in the foot at either end.
+
+    The dowels stand upright in the plane of the split: they keep the halves from sliding along it. The bench keeps
+    them level, and A's skirt, with a rubber band round the foot, together.
+    """
+    import build123d as bd
+
+    s = sizes(design, mold)
+    end = max(x for x, _ in s.centres) + s.outer + (s.rim - s.outer) / 2
+    holes = [bd.Solid.make_cylinder(s.dowel / 2, s.floor, bd.Plane((x, 0, s.bottom))) for x in (end, -end)]
+    drilled, far = cut(B, *holes), 4 * (end + s.rim)
+    sides = {"mold_b1": 0.0, "mold_b2": -far}
+    return {
+        name: cut(drilled, bd.Solid.make_box(2 * far, far, 2 * far, bd.Plane((-far, -far - y, -far))))
+        for name, y in sides.items()
+    }
+
+
+def vents(s: Sizes, mold: Mold) -> list[Solid]:
+    """The holes through the lid of all cavities."""
+    import build123d as bd
+
+    turns = [2 * math.pi * k / mold.vents for k in range(mold.vents)]
+    places = [
+        (x + s.vent_ring * math.cos(turn), y + s.vent_ring * math.sin(turn), 0.0)
+        for x, y in s.centres
+        for turn in turns
+    ]
+    return [bd.Solid.make_cylinder(s.vent_diameter / 2, s.lid, bd.Plane(place)) for place in places]
+
+
+def tip_vents(s: Sizes, mold: Mold) -> list[Solid]:
+    """The holes through the floor, from inside the cavity."""
+    import build123d as bd
+
+    if not mold.tip_vent > 0:
+        return []
+    length = -s.L + s.R - s.bottom
+    return [bd.Solid.make_cylinder(mold.tip_vent / 2, length, bd.Plane((x, y, s.bottom))) for x, y in s.centres]
+
+
+def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
+    """All points within `radius` of the rectangle of the cavities' axes, between two heights."""
+    import build123d as bd
+
+    x, y = (max(centre[k] for centre in s.centres) for k in (0, 1))
+    if x == y == 0:
+        return turned([(0, low, 0), (radius, low, 0), (radius, high, 0), (0, high, 0)])
+    points: list[tuple[float, float, float]] = []
+    edges: list[Any] = []
+    for k, (cx, cy) in enumerate(((x, y), (-x, y), (-x, -y), (x, -y))):
+        first, middle, last = (
+            (cx + radius * math.cos(turn), cy + radius * math.sin(turn), low)
+            for turn in (math.pi / 2 * (k + part) for part in (0.0, 0.5, 1.0))
+        )
+        if points and math.dist(points[-1], first) > 1e-9:
+            edges.append(bd.Edge.make_line(points[-1], first))
+        edges.append(bd.Edge.make_three_point_arc(first, middle, last))
+        points += [first, last]
+    if math.dist(points[-1], points[0]) > 1e-9:
+        edges.append(bd.Edge.make_line(points[-1], points[0]))
+    return bd.Solid.extrude(bd.Face(bd.Wire(edges)), bd.Vector(0, 0, high - low))
+
+
+def _moved(solid: Solid, centre: tuple[float, float]) -> Solid:
+    import build123d as bd
+
+    return solid.moved(bd.Location((*centre, 0.0)))

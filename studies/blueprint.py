@@ -1,0 +1,179 @@
+"""The dimensioned drawings of a sensor: the assembly, its base, and its mould, each a sheet in SVG."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from geometry.base import Plan
+from geometry.design import Design
+from geometry.drawing import Dimension, Piece, View, number, sheet
+from geometry.hallbody import places
+from geometry.mold import Mold, Sizes
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+
+def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> str:
+    """Section and view from above of the assembled sensor.
+
+    Parameters
+    ----------
+    parts : base, silicone and, if there is one, magnet, in the sensor's frame.
+    bodies : the Hall elements by name.
+    """
+    side, above = View("Section y = 0"), View("From above")
+    side.section(parts["base"], "rigid")
+    side.section(parts["silicone"], "soft")
+    if "magnet" in parts:
+        side.section(parts["magnet"], "magnet")
+    for body in bodies.values():
+        side.section(body, "part")
+    R, L, H, half = design.R, design.L, design.H, plan.half
+    where = places(design)
+    x1, _, z1 = next(iter(where.values()))
+    side.dims += [((-R, 0), (R, 0), "above", 0, f"Ø{number(design.D)}")]
+    side.dims += [((-R, 0), (0, L), "left", 1, f"L = {number(L)}"), ((-R, 0), (0, H), "left", 0, number(H))]
+    if "magnet" in parts:
+        a, b = design.magnet_diameter / 2, design.magnet_height / 2
+        side.dims.append(((a, H - b), (a, H + b), "right", 0, number(2 * b)))
+        side.dims.append(((-a, H), (a, H), "above", 1, f"magnet Ø{number(2 * a)}"))
+    side.dims.append(((0, H), (x1, z1), "right", 1, f"l0 = {number(design.l0)}"))
+    side.dims.append(((-half, 0), (-half, -plan.thickness), "left", 2, number(plan.thickness)))
+    above.seen(parts["base"])
+    above.circle((0, 0), R, "soft")
+    if "magnet" in parts:
+        above.circle((0, 0), design.magnet_diameter / 2, "thin")
+    for name, body in bodies.items():
+        x, y, _ = where[name]
+        if x or y:
+            above.seen(body)
+            above.labels.append(((x, y), name, (9.0, -7.0)))
+    if "S2" in where:
+        f = design.f
+        z23 = where["S2"][2]
+        side.dims.append(((0, z1), (f, z23), "below", 0, f"f = {number(f)}"))
+        if abs(design.c) > 1e-9:
+            side.dims.append(((0, z1), (f, z23), "right", 2, f"c = {number(design.c)}"))
+        above.dims += [
+            ((0, 0), (f, 0), "below", 0, f"f = {number(f)}"),
+            ((0, 0), (0, f), "left", 0, f"f = {number(f)}"),
+        ]
+    above.dims += _square(plan, 1)
+    for view in (side, above):
+        _axis(view)
+    magnet = (
+        f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)} mm, J = {design.remanence:g} T"
+    )
+    notes = [
+        f"{magnet}, north pole down" if "magnet" in parts else "no magnet",
+        f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
+        f"Hall elements: {', '.join(where)}; l0, c and f go to their plates, which lie inside the bodies",
+        "section: base hatched, silicone yellow, magnet grey, Hall elements dark",
+    ]
+    return sheet("Sensor", [[side], [above]], notes)
+
+
+def base_sheet(plan: Plan, base: Solid) -> str:
+    """The base: section, from above, from below."""
+    side, above, below = View("Section y = 0"), View("From above"), View("From below")
+    side.section(base, "rigid")
+    above.seen(base)
+    below.seen(base, below=True)
+    p = plan
+    side.dims.append(((-p.half, -p.thickness), (-p.half, 0), "left", 0, number(p.thickness)))
+    top = max((post.corner[2] + post.sides[2] for post in p.posts.values()), default=0.0)
+    if top > 0:
+        side.dims.append(((p.half, 0), (p.half, top), "right", 0, number(top)))
+    for name, block in p.seats.items():
+        (x, y, z), (a, b, c) = block.corner, block.sides
+        if name == "S3":
+            continue
+        if z <= -p.thickness + 1e-9:
+            side.dims.append(((x, -p.thickness), (x + a, -p.thickness), "below", 0, number(a)))
+            side.dims.append(((p.half, -p.thickness), (x + a, z + c), "right", 1, number(c)))
+            # seen from below, x runs to the left
+            below.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
+        else:
+            side.dims.append(((x, max(0.0, top)), (x + a, max(0.0, top)), "above", 0, number(a)))
+            side.dims.append(((p.half, 0), (x + a, z), "right", 2, number(abs(z))))
+            above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
+            above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
+    above.dims += _square(plan, 1)
+    if p.screw > 0:
+        at = p.screw_at
+        above.dims.append(((-at, at), (at, at), "above", 0, number(2 * at)))
+        above.labels.append(((-at, -at), f"4 x Ø{number(p.screw)}", (-8.0, 9.0)))
+    for view in (side, above, below):
+        _axis(view)
+    return sheet("Base", [[side, above], [below]], ["printed as it stands, underside down, without supports"])
+
+
+def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[Solid]) -> str:
+    """The closed mould: section through a row of cavities, and B, whole or in halves, from above."""
+    y = s.centres[0][1]
+    side, above = View(f"Section y = {number(y)}, closed"), View("B from above")
+    for piece in pieces:
+        # a split B is cut beside its joint
+        side.section(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
+    side.section(A, "lid", y=y)
+    for piece in pieces:
+        above.seen(piece)
+    x = max(centre[0] for centre in s.centres)
+    left = -x
+    side.dims += [
+        ((left - s.R, -0.2 * s.L), (left + s.R, -0.2 * s.L), "below", 0, f"Ø{number(2 * s.R)}"),
+        ((left - s.outer, s.bottom), (left + s.outer, s.bottom), "below", 1, f"Ø{number(2 * s.outer)}")
+        if x == 0
+        else ((left, 0), (left + 2 * s.R + s.wall, 0), "below", 1, number(2 * s.R + s.wall)),
+        ((-x - s.rim, s.bottom), (x + s.rim, s.bottom), "below", 2, number(2 * (x + s.rim))),
+        ((left, -s.L), (left - s.R, 0), "left", 0, number(s.L)),
+        ((-x - s.rim, s.lid), (-x - s.rim, s.bottom), "left", 1, number(s.lid - s.bottom)),
+        ((x + s.rim, 0), (x + s.rim, s.lid), "right", 0, number(s.lid)),
+        ((x + s.rim, 0), (x + s.rim, -s.skirt), "right", 1, number(s.skirt)),
+        ((x + s.rim, s.bottom), (x + s.rim, s.bottom + s.floor), "right", 0, number(s.floor)),
+    ]
+    if s.pin_radius > 0:
+        r = s.pin_radius
+        side.dims.append(((left - r, -s.pin_depth), (left + r, -s.pin_depth), "above", 0, f"pin Ø{number(2 * r)}"))
+        side.dims.append(((x, -s.pin_depth), (x + r, 0), "right", 2, number(s.pin_depth)))
+    side.dims.append(
+        (
+            (x + s.vent_ring - s.vent_diameter / 2, s.lid),
+            (x + s.vent_ring + s.vent_diameter / 2, s.lid),
+            "above",
+            1,
+            f"vent Ø{number(s.vent_diameter)}",
+        )
+    )
+    side.labels += [((-x - s.inner - s.wall / 2, s.lid / 2), "A", (-9.0, -9.0))]
+    side.labels += [((-x - s.R - s.wall / 2, s.bottom + 0.5 * s.floor), "B", (-12.0, 9.0))]
+    _axis(side)
+    foot_y = max(centre[1] for centre in s.centres) + s.rim
+    above.dims += [((-x - s.rim, -foot_y), (x + s.rim, -foot_y), "below", 0, number(2 * (x + s.rim)))]
+    above.dims += [((x + s.rim, -foot_y), (x + s.rim, foot_y), "right", 0, number(2 * foot_y))]
+    count = len(s.centres)
+    cavities = f"{count} {'cavity' if count == 1 else 'cavities'} for D = {design.D:g}, L = {design.L:g}"
+    shrink = f"shrinkage of {100 * mold.shrink:g} % is in cavity and pin"
+    notes = [
+        f"{cavities}; {shrink}; fit between A and B {number(s.fit)}",
+        f"printed by {mold.printing.name}: A with its lid down, B as it stands, without supports",
+        f"{mold.vents} vents on Ø{number(2 * s.vent_ring)}; pin: draft {mold.draft:g}°, fillet {number(s.pin_edge)}",
+    ]
+    if mold.split:
+        notes.append(f"B in two halves, with two dowels Ø{number(s.dowel)} upright in the foot")
+    return sheet("Mould", [[side], [above]], notes)
+
+
+def _square(plan: Plan, level: int) -> list[Dimension]:
+    h = plan.half
+    return [((-h, -h), (h, -h), "below", level, number(2 * h)), ((-h, -h), (-h, h), "left", level, number(2 * h))]
+
+
+def _axis(view: View) -> None:
+    """The axis x = 0, a little beyond the view."""
+    left, right, low, top = view.box
+    over = 0.04 * math.hypot(right - left, top - low)
+    view.paths.append(([[Piece((0.0, low - over), (0.0, top + over))]], "axis"))

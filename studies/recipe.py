@@ -1,0 +1,166 @@
+"""The README.md of an exported folder: what to print, how to cast, and how much silicone each pour takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from geometry.base import Plan
+from geometry.design import Design
+from geometry.mold import pours, sizes
+
+if TYPE_CHECKING:
+    from studies.workshop import Making
+
+MARK = "# Magnetic force sensor, D = "
+"""How the file begins; a README.md that begins otherwise is not ours."""
+
+WASTE = 0.5
+"""Share that is mixed over what fills the mould: vents, rim, and what stays in the cup."""
+
+CUP = 2000.0
+"""And what every mixing cup keeps, mm³."""
+
+
+def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str) -> str:
+    """The recipe for one design."""
+    d = design
+    lines = [
+        f"{MARK}{d.D:g} mm, L = {d.L:g} mm",
+        "",
+        "Written by `magtip cad`. Lengths are mm.",
+        "",
+        *([f"![the sensor, cut open]({picture})", ""] if picture else []),
+        *_files(record, plan),
+        *_printing(design, making, plan),
+        *_casting(design, making),
+        *_assembly(design, plan),
+        *_checks(record),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _files(record: Mapping[str, Any], plan: Plan | None) -> list[str]:
+    frames = {"beam": "outer form", "silicone": "beam less magnet", "magnet": "", "base": "print", "mold_a": "print"}
+    lines = [
+        "## Files",
+        "",
+        "| part (.step, .stl, .3mf) | for | volume (mm³) | error of the triangles' volume |",
+        "|---|---|---:|---:|",
+    ]
+    for part in record["parts"]:
+        use = frames.get(part["name"], "print") or "buy"
+        lines.append(f"| {part['name']} | {use} | {part['volume_mm3']:.6g} | {part['relative_error']:.1e} |")
+    lines += ["", "Parts to print lie as they are printed, on z = 0; the others are in the sensor's frame."]
+    lines.append("`mold.step` shows the closed mould, `mold.svg` its drawing.")
+    if plan:
+        lines.append("`assembly.step` shows the whole sensor with named, coloured parts; `sensor.svg` and `base.svg`")
+        lines.append("are dimensioned drawings on A4.")
+    return [*lines, ""]
+
+
+def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
+    m = making.mold
+    b = "both halves of B" if m.split else "B (mold_b)"
+    lines = [
+        "## Print",
+        "",
+        f"- Process: {m.printing.name}. No supports: A (mold_a) with its lid down, {b} on the foot"
+        + (", the base with its underside down." if plan else "."),
+        "- Layers of 0.1 mm or finer in the cavity: every step of it shows on the sensor's skin.",
+    ]
+    if m.process == "sla":
+        lines.append(
+            "- Platinum silicone does not cure on most fresh resins: wash, cure under UV, bake (60 °C, some hours) "
+            "and varnish the mould; try a drop first."
+        )
+    else:
+        lines.append("- The oven decides the filament: PLA gives way from 55 °C on, ABS and ASA stand 80 °C.")
+    if m.split:
+        dowel = sizes(design, m).dowel
+        lines.append(f"- Two dowels of Ø{dowel:.3g} mm stand in the foot, in the plane of the split; a rubber band")
+        lines.append("  round the foot holds the halves.")
+    return [*lines, ""]
+
+
+def _casting(design: Design, making: Making) -> list[str]:
+    m = making.mold
+    count = m.columns * m.rows
+    volumes = [count * volume for volume in pours(design, m)]
+    lines = [
+        "## Cast",
+        "",
+        f"{count} {'cavity' if count == 1 else 'cavities'}. What to mix holds {100 * WASTE:g} % for vents and",
+        f"spills, and {CUP / 1000:g} mL that the cup keeps.",
+        "",
+        "| pour | stays in the parts (mL) | mix (mL) | mix (g) |",
+        "|---|---:|---:|---:|",
+    ]
+    for name, volume in zip(("first: the beam round the pin", "second: over the magnet"), volumes, strict=True):
+        if volume > 0:
+            mix = (1 + WASTE) * volume + CUP
+            lines.append(f"| {name} | {volume / 1e3:.3f} | {mix / 1e3:.2f} | {mix * design.density / 1e6:.2f} |")
+    mixing = (
+        "Mix the silicone's parts by its data sheet (Dragon Skin 30: 1 to 1), degas until it has risen and fallen."
+    )
+    release = "Spray release agent into B and onto A's underside and pin; let it dry."
+    steps = [release, mixing]
+    steps.append(
+        "Fill B to its rim, then press A on slowly, until the lid lies on the rim: air and surplus leave by the "
+        f"{m.vents} vents of each cavity."
+    )
+    steps.append("Degas again in the vacuum chamber; top up through the vents.")
+    steps.append("Cure: 1 h at 80 °C (the paper), or 16 h at room temperature.")
+    opening = "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B."
+    if design.shape.has_magnet:
+        steps.append(opening)
+        steps.append(
+            f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
+            "pocket, its north pole up, out of the mould: it points to the base later."
+        )
+        steps.append(
+            "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "
+            "which is the base plane. Cure as before."
+        )
+    else:
+        steps.append(opening)
+    out = "take the halves of B apart sideways" if m.split else "pull the cast straight up out of B"
+    steps.append(
+        f"Cut the nubs of the vents, and {out}" + (" (first cut the nub of the tip)." if m.tip_vent else ".")
+    )
+    lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
+    shrink = (
+        f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
+    )
+    lines += [f"{shrink} of linear shrinkage; the fit of A on B is not scaled.", ""]
+    return lines
+
+
+def _assembly(design: Design, plan: Plan | None) -> list[str]:
+    if plan is None:
+        return []
+    lines = ["## Assemble", ""]
+    if design.hall_layout == "three":
+        lines.append("1. S1 goes into the pocket under the base, marked face up, its leads in the channel.")
+        lines.append("2. S2 (on x) and S3 (on y) go into their slots, marked face to the beam, down to the ledge.")
+        lines.append(
+            "   Their output may fall where the model's rises: the sign of the part's gain decides; check it."
+        )
+    else:
+        lines.append("1. The chip's board is glued under the base, the chip in its pocket.")
+        lines.append("2. Its z axis must point down as in the model, or change the sign.")
+    lines.append("3. Glue the beam onto the base, centred over S1, with silicone glue; it must hold the whole disc.")
+    lines.append("")
+    lines.append("Bodies of the elements and the depth of their plates are partly unchecked figures")
+    return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]
+
+
+def _checks(record: Mapping[str, Any]) -> list[str]:
+    lines = ["## Checks", "", "| check | value | bound | unit |", "|---|---:|---:|---|"]
+    for check in record["checks"]:
+        unit = {"1": "-", "mm2": "mm²"}.get(check["unit"], check["unit"])
+        lines.append(
+            f"| {check['name']} | {check['value']:.3g} | {check['bound'].replace('|', chr(92) + '|')} | {unit} |"
+        )
+    lines += ["", *(f"Warning: {warning}." for warning in record["warnings"])]
+    return lines

@@ -1,0 +1,87 @@
+"""Many variants of a design as things to make, each in a folder of its own; several at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput, Design
+from studies import files, inputs
+from studies.console import Progress
+from studies.workshop import Making, build
+
+
+def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
+    """The axes of a batch from texts NAME=a,b,c; none without."""
+    axes = inputs.parse_axes(texts) if texts else {}
+    if "depth" in axes:
+        raise BadInput("there is no axis 'depth' of what is made: choose from D, L, f, E")
+    return axes
+
+
+def batch(
+    design: Design,
+    axes: Mapping[str, Sequence[float]],
+    out: Path,
+    progress: Progress,
+    making: Making = Making(),
+    workers: int | None = None,
+) -> Iterator[dict[str, Any]]:
+    """`build` for every combination of values, each in a folder of its own named after them; records in order.
+
+    As in a sweep the Hall elements stay where they are in the base. A combination that is impossible gives a record
+    with status bad_input and the reason. Folders of a batch have drawings, but no picture.
+
+    Parameters
+    ----------
+    workers : processes that share the work; as many as there are processors by default.
+    """
+    points = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
+    jobs = [
+        (design, point, out / "_".join(f"{key}{value:g}" for key, value in point.items()), making) for point in points
+    ]
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    with files.filled(out), contextlib.ExitStack() as stack:
+        work: Iterator[dict[str, Any]] = map(made, jobs)
+        if count > 1:
+            work = stack.enter_context(_pool(count)).map(made, jobs)
+        for k, (point, record) in enumerate(zip(points, work, strict=True)):
+            progress((k + 1) / len(jobs), record["folder"].name)
+            yield {**point, **record}
+
+
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that import the CAD kernel once, in the server that they are forked from."""
+    known = multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if "forkserver" in known else "spawn")
+    if "forkserver" in known:
+        context.set_forkserver_preload(["build123d", "trimesh", "lib3mf"])
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def made(job: tuple[Design, dict[str, float], Path, Making]) -> dict[str, Any]:
+    """One design of a batch."""
+    from studies.sweep import varied
+
+    design, fields, folder, making = job
+    try:
+        return build(varied(design, fields), folder, silent, making, picture=False)
+    except BadInput as error:
+        failed = {"status": "bad_input", "message": str(error), "folder": folder}
+        return {**failed, "parts": [], "checks": [], "warnings": []}
+
+
+def silent(fraction: float, text: str) -> None:
+    """No progress."""

@@ -1,0 +1,268 @@
+"""A design as things to make: solids, mould, checks, drawings, picture and recipe in one folder."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geometry.base import Base, Plan
+from geometry.cadfiles import check_tolerance
+from geometry.design import BadInput, Design
+from geometry.mold import Mold
+from studies import console, files, inputs, recipe
+from studies.console import Progress
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+    from geometry.printing import Check
+
+COLOURS = {
+    "beam": "wheat",
+    "silicone": "wheat",
+    "magnet": "silver",
+    "base": "lightsteelblue",
+    "mold_a": "goldenrod",
+    "mold_b": "slategray",
+    "mold_b1": "slategray",
+    "mold_b2": "cadetblue",
+}
+"""Of the parts, in STEP files and in the picture; Hall elements have `OTHER`."""
+
+OTHER = "darkslategray"
+
+SHARE = 2000
+"""The facets' tolerance is D over this unless it is given."""
+
+PICTURE = "assembly.png"
+
+ALONE = "README.md"
+"""The file of a folder that is not replaced unless magtip wrote it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Making:
+    """What a maker chooses: mould, base, and the facets' tolerance, mm (None: D/2000)."""
+
+    mold: Mold = field(default_factory=Mold)
+    base: Base = field(default_factory=Base)
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Things:
+    """All solids of a sensor.
+
+    Attributes
+    ----------
+    sensor : silicone, magnet and base where they are in the sensor's frame; beam, the outer form.
+    bodies : the Hall elements, in the sensor's frame.
+    plan : of the base; None where it has no place for the elements, and `missing` says why.
+    mold : mold_a, and mold_b or its halves, closed, in the mould frame; A and B, the parts not split.
+    """
+
+    sensor: dict[str, Solid]
+    bodies: dict[str, Solid]
+    plan: Plan | None
+    missing: str
+    mold: dict[str, Solid]
+    A: Solid
+    B: Solid
+
+
+def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None) -> Making:
+    """A maker's choices from texts KEY=VALUE.
+
+    >>> making_of("sla", ["columns=3", "shrink=0.01"], [], None).mold.columns
+    3
+    """
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    if any(text.partition("=")[0].strip() == "process" for text in mold):
+        raise BadInput("--mold takes no process: give --process fdm or --process sla")
+    chosen = inputs.parse_choices("--mold", mold, Mold)
+    return Making(Mold(process=process, **chosen), Base(**inputs.parse_choices("--base", base, Base)), tolerance)
+
+
+def things(design: Design, making: Making) -> Things:
+    """Make all solids.
+
+    Raises
+    ------
+    BadInput
+        Something about the mould does not go with the design.
+    """
+    from geometry import base, cad, hallbody, moldparts
+
+    beam = cad.beam(design)
+    sensor = {"beam": beam, "silicone": beam}
+    if design.shape.has_magnet:
+        # cut from the same solids it has their faces, and these are given triangles once
+        sensor["magnet"] = cad.magnet(design)
+        sensor["silicone"] = cad.cut(beam, sensor["magnet"])
+    plan, missing, bodies = None, "", {}
+    try:
+        plan = base.plan(design, making.base, making.mold.process)
+        sensor["base"], bodies = base.base(design, making.base, making.mold.process), hallbody.bodies(design)
+    except BadInput as error:
+        if making.base != Base():
+            raise
+        missing = f"no base and no assembly: {error}"
+    A, B = moldparts.parts(design, making.mold)
+    halves = moldparts.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
+    return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
+
+
+def build(
+    design: Design, out: Path, progress: Progress, making: Making = Making(), *, picture: bool = True
+) -> dict[str, Any]:
+    """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
+
+    Parameters
+    ----------
+    picture : whether to draw one; it takes about as long as all the rest of a design.
+
+    Raises
+    ------
+    BadInput
+        A choice is impossible, or the folder cannot be used.
+    """
+    from geometry import mold
+    from studies import portrait
+
+    mold.sizes(design, making.mold)
+    with files.filled(out) as folder, files.staged(folder) as stage:
+        refuse_foreign(folder / ALONE)
+        progress(0.0, "solids and mould")
+        made = things(design, making)
+        progress(0.2, "checks")
+        stood = printed(made)
+        checks = examined(design, making, made, stood)
+        record: dict[str, Any] = {
+            "status": "ok",
+            "message": "",
+            "folder": folder,
+            "parts": [],
+            "checks": [dataclasses.asdict(check) for check in checks],
+            "warnings": [*design.warnings(), *warnings(design, making, made)],
+        }
+        bad = [check for check in checks if not check.passed]
+        try:
+            if bad:
+                raise RuntimeError(
+                    f"check '{bad[0].name}' fails: {bad[0].value:.3g} {bad[0].unit}, must be {bad[0].bound}; "
+                    "no file is written: change the design or the mould"
+                )
+            record["parts"] = _write(design, making, made, stood, stage, progress)
+            if picture and made.plan:
+                progress(0.8, "picture")
+                (stage / PICTURE).write_bytes(portrait.portrait(coloured(made)))
+        except RuntimeError as error:
+            record["status"], record["message"] = "failed", str(error)
+            return record
+        text = recipe.text(design, making, record, made.plan, PICTURE if (stage / PICTURE).exists() else "")
+        files.write_text(stage / ALONE, text)
+    return record
+
+
+def refuse_foreign(readme: Path) -> None:
+    """A README.md that magtip did not write is somebody else's: it must not be replaced."""
+    if readme.exists() and not readme.read_bytes().startswith(recipe.MARK.encode()):
+        raise BadInput(f"{str(readme)!r} was not written by magtip cad and would be replaced: choose another folder")
+
+
+def coloured(made: Things) -> dict[str, tuple[Solid, str]]:
+    """The parts of the assembled sensor, each with its colour."""
+    together = {name: part for name, part in made.sensor.items() if name != "beam"} | made.bodies
+    return {name: (part, COLOURS.get(name, OTHER)) for name, part in together.items()}
+
+
+def printed(made: Things) -> dict[str, Solid]:
+    """What is printed, each as it stands on the printer's bed."""
+    from geometry.printing import standing
+
+    stood = {"base": standing(made.sensor["base"])} if made.plan else {}
+    stood |= {name: standing(part, upside_down=name == "mold_a") for name, part in made.mold.items()}
+    return stood
+
+
+def examined(design: Design, making: Making, made: Things, stood: Mapping[str, Solid]) -> list[Check]:
+    """All checks of mould, base and printing."""
+    from geometry import base, moldchecks
+
+    halves = [part for name, part in made.mold.items() if name not in ("mold_a", "mold_b")]
+    found = moldchecks.checks(design, making.mold, made.A, made.B, halves)
+    if made.plan:
+        found += base.checks(design, made.sensor["base"], made.bodies)
+    for name, part in stood.items():
+        found += moldchecks.printable(name, part, making.mold.printing, fineness(design, making))
+    return found
+
+
+def _write(
+    design: Design, making: Making, made: Things, stood: Mapping[str, Solid], stage: Path, progress: Progress
+) -> list[dict[str, Any]]:
+    """All files but the recipe, into the stage; what was exported."""
+    from geometry import cadfiles, mold
+    from studies import blueprint
+
+    progress(0.4, "STEP, STL and 3MF")
+    plain = {name: part for name, part in made.sensor.items() if name != "base"}
+    exported = cadfiles.export({**plain, **stood}, stage, tolerance=fineness(design, making), colours=COLOURS)
+    closed = {name: (part, COLOURS[name]) for name, part in made.mold.items()}
+    (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
+    progress(0.7, "drawings")
+    s, pieces = mold.sizes(design, making.mold), [part for name, part in made.mold.items() if name != "mold_a"]
+    files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, pieces))
+    if made.plan:
+        (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", coloured(made))))
+        files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, made.sensor, made.bodies))
+        files.write_text(stage / "base.svg", blueprint.base_sheet(made.plan, made.sensor["base"]))
+    return [dataclasses.asdict(part) for part in exported]
+
+
+def fineness(design: Design, making: Making) -> float:
+    """Tolerance of all triangles, mm."""
+    return design.D / SHARE if making.tolerance is None else making.tolerance
+
+
+def warnings(design: Design, making: Making, made: Things) -> list[str]:
+    """What cannot be made, what a plate would meet, and what is finer than the process makes."""
+    from geometry import base, mold
+
+    s, process = mold.sizes(design, making.mold), making.mold.printing
+    details = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
+    fine = [
+        f"{name} is {size:.3g} mm across; {process.name} printing makes {process.detail:g} mm at least"
+        for name, size in details.items()
+        if 0 < size < process.detail
+    ]
+    return [*(base.warnings(design) if made.plan else [made.missing]), *fine]
+
+
+def show(records: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
+    """Print what was made: the parts and checks of one sensor, or a line for each of several."""
+    if as_json:
+        console.report(records, as_json=True)
+    elif len(records) == 1:
+        _show_one(records[0])
+    else:
+        rows = [{**record, "parts": len(record["parts"]), "checks": len(record["checks"])} for record in records]
+        console.report(rows, as_json=False, title="Folders", brief=("warnings",))
+    for warning in dict.fromkeys(warning for record in records for warning in record["warnings"]):
+        console.say(f"magtip: warning: {warning}")
+
+
+def _show_one(record: Mapping[str, Any]) -> None:
+    if record["parts"]:
+        console.report(record["parts"], as_json=False, title=f"Parts in {record['folder']}, each .step .stl .3mf")
+    rows = [
+        [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
+        for check in record["checks"]
+    ]
+    console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
+    if record["parts"]:
+        print(f"Start with {Path(record['folder'], ALONE)}.")

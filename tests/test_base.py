@@ -1,0 +1,117 @@
+"""The base holds its elements where the design puts them, and says why where it cannot."""
+
+import math
+
+import pytest
+
+from analytic.parts import of_design
+from geometry import cad
+from geometry.base import Base, base, checks, plan, warnings
+from geometry.design import BadInput, Design
+from geometry.hallbody import SS495A, bodies, places
+from geometry.moldchecks import printable
+from geometry.printing import PROCESSES, standing
+
+BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
+DESIGNS = [
+    Design(),
+    Design(c=4.0, f=7.0),
+    Design(c=6.0, l0=6.9, f=8.0),
+    Design(f=3.7, c=-4.0, l0=12.0),
+    Design(hall_layout="tmag5273a1"),
+    Design(hall_layout="tle493d-p2b6", l0=9.0),
+    Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3),
+    Design(D=50, L=25.05, f=40, **BARE),
+]
+
+
+@pytest.mark.parametrize("design", DESIGNS, ids=lambda d: f"{d.hall_layout} D{d.D:g} f{d.f:g} c{d.c:g}")
+def test_elements_sit_in_their_seats_and_the_base_prints(design):
+    solid, parts = base(design, Base()), bodies(design)
+    assert solid.is_valid
+    assert [check.name for check in checks(design, solid, parts) if not check.passed] == []
+    assert [check.name for check in printable("base", standing(solid), PROCESSES["fdm"]) if not check.passed] == []
+    # the top of the plate is the base plane, and the beam stands on it
+    disc = cad.turned([(0, -0.05, 0), (design.R, -0.05, 0), (design.R, 0, 0), (0, 0, 0)])
+    assert cad.overlap(solid, disc) == pytest.approx(disc.volume, rel=1e-9)
+
+
+@pytest.mark.parametrize("layout", ["three", "tmag5273a1", "tle493d-p2b6"])
+def test_places_are_those_that_the_readings_are_taken_at(layout):
+    design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0)
+    elements = [element.position for element in of_design(design)]
+    assert sorted(set(elements)) == sorted(places(design).values())
+
+
+def test_bodies_lie_round_their_plates():
+    design, p = Design(), SS495A
+    for name, body in bodies(design).items():
+        x, y, z = places(design)[name]
+        box = body.bounding_box()
+        low, high = tuple(box.min), tuple(box.max)
+        # seen from the plate: the marked face towards the beam, half the width to either side
+        across = {"S1": 1, "S2": 1, "S3": 0}[name]
+        assert (low[across], high[across]) == pytest.approx(
+            ((x, y)[across] - p.width / 2, (x, y)[across] + p.width / 2), abs=1e-6
+        )
+        front = {"S1": high[2] - z, "S2": x - low[0], "S3": y - low[1]}[name]
+        assert front == pytest.approx(p.depth, abs=1e-6)
+
+
+def test_a_post_rises_to_the_plate_and_is_open_to_the_beam():
+    design = Design(c=4.0, f=7.0)
+    p = plan(design, Base())
+    z = places(design)["S2"][2]
+    post = p.posts["S2"]
+    assert post.corner[2] + post.sides[2] == pytest.approx(z)
+    assert post.corner[0] == pytest.approx(design.f - SS495A.depth)
+    assert plan(Design(), Base()).posts == {}
+
+
+def test_screw_holes_go_through_and_can_be_left_out():
+    drilled, plain = (base(Design(), Base(screw=screw)) for screw in (2.2, 0.0))
+    p = plan(Design(), Base())
+    q = plan(Design(), Base(screw=0.0))
+    holes = 4 * math.pi * 1.1**2 * p.thickness
+    channel = (
+        4 * (p.half**2 - q.half**2) * p.thickness
+        - (p.half - q.half) * p.passages["S1"].sides[1] * (p.passages["S1"].sides[2])
+    )
+    assert drilled.volume == pytest.approx(plain.volume + channel - holes, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fields", "choices", "text"),
+    [
+        ({"l0": 5.5}, {}, "l0 must be at least 6.2 mm to leave 0.6 mm of base between S1 and the beam; got 5.5 mm"),
+        ({"D": 10, "L": 10}, {}, "f must be at least 5.6 mm for the seats of S2 and S3 beside the beam"),
+        ({"f": 3.0, "c": -6, "l0": 12.0}, {}, "f = 3 mm brings the seats of S2 and S3 within 0.6 mm: raise f"),
+        ({"hall_layout": "tmag5273a1", "l0": 5.5}, {}, "l0 must be at least 6.55 mm"),
+        ({}, {"thickness": 2.0}, "thickness must be at least 3.27 mm for the elements' seats; got 2 mm"),
+        ({"hall_layout": "tmag5273a1"}, {"thickness": 5.0}, "thickness is set by l0 for a chip, to 2.8 mm; got 5 mm"),
+        ({}, {"screw": -1.0}, "screw must lie between 0 and 10 mm; got -1 mm"),
+        ({}, {"seat_wall": math.nan}, "seat_wall must lie between 0.4 and 10 mm; got nan mm"),
+        ({}, {"seat_fit": "1"}, "seat_fit must be a number; got '1'"),
+    ],
+)
+def test_bad_input(fields, choices, text):
+    with pytest.raises(BadInput) as caught:
+        plan(Design(**fields), Base(**choices))
+    assert str(caught.value).startswith(text)
+
+
+def test_an_element_that_does_not_fit_is_found():
+    import build123d as bd
+
+    design = Design()
+    solid, parts = base(design, Base()), bodies(design)
+    lifted = parts | {"S2": parts["S2"].moved(bd.Location((-0.7, 0, 0)))}
+    assert [check.passed for check in checks(design, solid, lifted)] == [False, False]
+
+
+def test_a_plate_that_meets_the_elements_is_warned_of():
+    assert warnings(Design()) == []
+    assert warnings(Design(c=8.0, f=7.0)) == [
+        "a wide flat plate meets S2 and S3 at a press of 1.7 mm: lower c or use a small plate"
+    ]
+    assert warnings(Design(c=8.0, hall_layout="tmag5273a1")) == []

@@ -1,0 +1,132 @@
+"""Drawings: sections are those of the solids, sheets are valid SVG with what they must say inside the frame."""
+
+import math
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+from geometry import cad
+from geometry.base import Base, base, plan
+from geometry.design import Design
+from geometry.drawing import HEIGHT, WIDTH, Piece, View, sheet
+from geometry.hallbody import bodies
+from geometry.mold import Mold, sizes
+from geometry.moldparts import parts
+from studies import blueprint
+
+NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
+
+
+def area(view):
+    """Of all loops of a view by Green's theorem, arcs included; holes are negative only by their turn."""
+    total = 0.0
+    for loops, _ in view.paths:
+        areas = []
+        for loop in loops:
+            points = []
+            pieces = list(loop)
+            at = pieces.pop(0)
+            points += _points(at.start, at)
+            while pieces:
+                last = points[-1]
+                at = min(pieces, key=lambda p: min(math.dist(last, p.start), math.dist(last, p.end)))
+                pieces.remove(at)
+                points += _points(last, at)
+            x, y = zip(*points, strict=True)
+            areas.append(abs(sum(x[k - 1] * y[k] - x[k] * y[k - 1] for k in range(len(x)))) / 2)
+        total += areas[0] - sum(areas[1:])
+    return total
+
+
+def _points(start, piece):
+    first = math.dist(start, piece.start) <= math.dist(start, piece.end)
+    ends = (piece.start, piece.end) if first else (piece.end, piece.start)
+    if piece.middle is None:
+        return list(ends)
+    (x, y), (u, v), (p, q) = *ends, piece.middle
+    # centre of the circle through three points
+    d = 2 * (x * (q - v) + p * (v - y) + u * (y - q))
+    cx = ((x * x + y * y) * (q - v) + (p * p + q * q) * (v - y) + (u * u + v * v) * (y - q)) / d
+    cy = ((x * x + y * y) * (u - p) + (p * p + q * q) * (x - u) + (u * u + v * v) * (p - x)) / d
+    t0, tm, t1 = (math.atan2(b - cy, a - cx) for a, b in ((x, y), (p, q), (u, v)))
+    turn = (t1 - t0) % (2 * math.pi)
+    if (tm - t0) % (2 * math.pi) > turn:
+        turn -= 2 * math.pi
+    return [(cx + piece.radius * math.cos(t0 + turn * k / 200), cy + piece.radius * math.sin(t0 + turn * k / 200))
+            for k in range(201)]  # fmt: skip
+
+
+def test_a_section_has_the_area_of_the_profile():
+    design = Design()
+    view = View("")
+    view.section(cad.beam(design), "soft")
+    assert area(view) == pytest.approx(design.D * design.H + math.pi * design.R**2 / 2, rel=1e-4)
+    assert view.box == pytest.approx((-4, 4, 0, 9), abs=1e-9)
+    hollow = View("")
+    hollow.section(cad.silicone(design), "soft")
+    edge = (4 - math.pi) * design.magnet_edge_radius**2
+    assert area(view) - area(hollow) == pytest.approx(4 * 2 - edge, rel=1e-3)
+
+
+def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
+    import build123d as bd
+
+    view = View("")
+    view.seen(bd.Solid.make_box(1, 2, 3, bd.Plane((4, 5, 0))))
+    assert view.box == pytest.approx((4, 5, 5, 7), abs=1e-9)
+
+
+def sheets(design, mold):
+    p, solid, shown = plan(design, Base()), base(design, Base()), bodies(design)
+    sensor = {"base": solid, "silicone": cad.silicone(design)}
+    if design.shape.has_magnet:
+        sensor["magnet"] = cad.magnet(design)
+    A, B = parts(design, mold)
+    return {
+        "Sensor": blueprint.sensor_sheet(design, p, sensor, shown),
+        "Base": blueprint.base_sheet(p, solid),
+        "Mould": blueprint.mold_sheet(design, mold, sizes(design, mold), A, [B]),
+    }
+
+
+@pytest.mark.parametrize(
+    ("design", "mold"),
+    [
+        (Design(), Mold()),
+        (Design(c=4, f=7), Mold(columns=4, rows=3, shrink=0.01)),
+        (Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3), Mold()),
+        (Design(D=50, L=400, l0=380, f=40, hall_layout="tmag5273a1"), Mold()),
+    ],
+    ids=["paper", "plate", "small", "large"],
+)
+def test_sheets_are_svg_inside_their_frame(design, mold):
+    for title, text in sheets(design, mold).items():
+        root = ElementTree.fromstring(text)
+        assert (root.attrib["width"], root.attrib["height"]) == ("297mm", "210mm")
+        words = [node.text for node in root.iter() if node.tag.endswith("}text")]
+        assert title in words
+        assert re.search(r"scale \d+:\d+ on A4; all lengths in mm", " ".join(words))
+        assert "nan" not in text
+        for node in root.iter():
+            if node.tag.endswith("}path") and "pattern" not in node.attrib.get("d", "") and "class" in node.attrib:
+                steps = re.findall(rf"[ML]({NUMBER}) ({NUMBER})", node.attrib["d"])
+                assert all(0 < float(x) < WIDTH and 0 < float(y) < HEIGHT for x, y in steps), title
+
+
+def test_the_main_dimensions_are_on_the_sheets():
+    text = sheets(Design(), Mold())
+    for label in ("Ø8", "L = 9", "magnet Ø4", "l0 = 7.2", "f = 5", "c = 2", "S2", "S3"):
+        assert f">{label}<" in text["Sensor"]
+    for label in ("3.27", "4 x Ø2.2", "4.26"):
+        assert f">{label}<" in text["Base"]
+    for label in ("Ø8", "pin Ø4", "vent Ø1", "6", "A", "B"):
+        assert f">{label}<" in text["Mould"]
+
+
+def test_arrows_of_a_short_dimension_point_inwards_from_outside():
+    view = View("v", [([[Piece((0, 0), (100, 0)), Piece((100, 0), (100, 50)), Piece((100, 50), (0, 0))]], "outline")])
+    view.dims = [((0, 0), (100, 0), "below", 0, "100"), ((0, 0), (1, 0), "above", 0, "1.000")]
+    text = sheet("t", [[view]], [])
+    assert 'text-anchor="middle">100<' in text
+    assert text.count('class="arrow"') == 4

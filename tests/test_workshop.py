@@ -1,0 +1,182 @@
+"""What `magtip cad` makes, says and leaves alone."""
+
+import dataclasses
+import os
+import resource
+import shutil
+import signal
+
+import pytest
+
+from geometry.base import Base, plan
+from geometry.design import paper
+from geometry.printing import Check
+from studies import portrait, recipe, workshop
+from studies.sweep import varied
+
+PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
+SHEETS = {"sensor.svg", "base.svg", "mold.svg", "assembly.step", "mold.step", "assembly.png", "README.md"}
+
+
+def files_of(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The paper's sensor in a folder whose name has spaces and letters beyond ASCII, and which holds a file."""
+    from studies import cli
+
+    folder = tmp_path_factory.mktemp("cad") / "Ördner mit Leerzeichen 磁石"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    assert cli.main(["cad", "paper", "--out", str(folder), "--json"]) == 0
+    return folder
+
+
+def test_every_file_is_there_and_others_stay(made):
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(made) == written | SHEETS | {"notes.txt"}
+    assert (made / "notes.txt").read_text() == "mine"
+    assert all((made / name).stat().st_size > 1000 for name in written | SHEETS)
+
+
+def test_the_recipe_names_files_volumes_and_checks(made):
+    text = (made / "README.md").read_text(encoding="utf-8")
+    assert text.startswith(recipe.MARK)
+    for name in (*PARTS, "assembly.png", "assembly.step", "mold.step", "sensor.svg", "base.svg", "mold.svg"):
+        assert name in text
+    # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet
+    assert "| first: the beam round the pin | 0.310 | 2.46 | 2.66 |" in text
+    assert "| second: over the magnet | 0.050 | 2.08 | 2.24 |" in text
+    assert "north pole up" in text
+    assert "nan" not in text
+
+
+def test_assembly_and_mould_are_named_and_coloured(made):
+    import build123d as bd
+
+    sensor, mold = (bd.import_step(made / f"{name}.step") for name in ("assembly", "mold"))
+    assert [child.label for child in sensor.children] == ["silicone", "magnet", "base", "S1", "S2", "S3"]
+    assert [child.label for child in mold.children] == ["mold_a", "mold_b"]
+    for child in (*sensor.children, *mold.children):
+        assert child.color is not None
+    # printed parts stand on the bed, A turned over
+    stood = bd.import_step(made / "mold_a.step")
+    assert min(vertex.Z for vertex in stood.vertices()) == pytest.approx(0, abs=1e-9)
+    assert stood.volume == pytest.approx(mold.children[0].volume, rel=1e-12)
+    assert stood.label == "mold_a"
+    red = next(iter(bd.Color("goldenrod")))
+    assert f"COLOUR_RGB('',{red:.5f}"[:-1] in (made / "mold_a.step").read_text()
+
+
+def test_the_picture_shows_the_sensor_in_colour(made):
+    from matplotlib.image import imread
+
+    image = imread(made / "assembly.png")[..., :3]
+    assert image.shape == (portrait.SIZE[1], portrait.SIZE[0], 3)
+    assert (image[[0, -1]] == 1).all()
+    assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
+
+
+def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp_path):
+    (tmp_path / "README.md").write_text("# My project\n")
+    status, out, err = run("cad", "paper", "--out", tmp_path)
+    assert (status, out) == (2, "")
+    assert "was not written by magtip cad and would be replaced" in err
+    assert files_of(tmp_path) == {"README.md"}
+    shutil.copy(made / "README.md", tmp_path)
+    workshop.refuse_foreign(tmp_path / "README.md")
+
+
+def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
+    options = ("--mold", "split=1", "--process", "sla", "--set", "L=12")
+    status, out, err = run("cad", "paper", "--out", "parts", "--json", *options)
+    assert status == 0
+    assert "warning: no base and no assembly: l0 must be at least 9.1" in err
+    (record,) = strict(out)
+    assert {"status", "message", "folder", "parts", "checks", "warnings"} <= set(record)
+    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
+    assert [part["name"] for part in record["parts"]] == names
+    assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
+    assert all(check["passed"] for check in record["checks"])
+    written = {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts") == written | {"README.md", "mold.step", "mold.svg"}
+    # who asks for a certain base gets it or a reason
+    status, _, err = run("cad", "paper", "--out", "other", "--base", "screw=3", *options)
+    assert status == 2
+    assert "l0 must be at least 9.1" in err
+
+
+def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
+    from geometry import moldchecks
+
+    failed = [Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
+    monkeypatch.setattr(moldchecks, "checks", lambda *_: failed)
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 3
+    assert strict(out)[0]["status"] == "failed"
+    assert "overlap of A and B, closed" in err
+    assert not (tmp_path / "parts").exists()
+
+
+def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
+    status, out, _ = run("cad", "paper", "--out", "parts", "--axis", "D=3,8", "--axis", "L=10", "--json")
+    records = strict(out)
+    assert status == 3
+    assert [(record["D"], record["L"], record["status"]) for record in records] == [
+        (3, 10, "bad_input"),
+        (8, 10, "ok"),
+    ]
+    assert "leaves a wall of" in records[0]["message"]
+    assert files_of(tmp_path / "parts") == {"D8_L10"}
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
+    assert "assembly.png" not in (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_elements_of_a_batch_stay_in_the_base():
+    one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
+    assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
+    assert one.seats["S2"].corner == pytest.approx(other.seats["S2"].corner, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tokens", "text"),
+    [
+        (("--mold", "vent_diameter=2"), "vent_diameter must not exceed 0.8 of the annulus"),
+        (("--mold", "pocket_gap=2"), "pocket_gap = 2 mm"),
+        (("--mold", "skirt=9"), "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
+        (("--mold", "wal=3"), "did you mean wall?"),
+        (("--mold", "wall"), "--mold takes KEY=VALUE"),
+        (("--mold", "vents=2.5"), "vents must be a whole number"),
+        (("--mold", "process=sla"), "give --process"),
+        (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),
+        (("--process", "cnc"), '"fdm"'),
+        (("--tolerance", "0"), "tolerance must lie between"),
+        (("--axis", "depth=1"), "there is no axis 'depth'"),
+        (("--axis", "D=nan"), "must be a finite number"),
+    ],
+)
+def test_impossible_requests_name_parameter_and_bound(run, tmp_path, tokens, text):
+    status, out, err = run("cad", "paper", "--out", "parts", "--json", *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert text in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("limit", [1_000, 300_000])
+def test_a_full_disk_is_a_sentence_and_leaves_nothing(run, tmp_path, limit):
+    """The system refuses files longer than a limit, as a full disk would: in STEP, 3MF, STL or drawings."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    (tmp_path / "mine.txt").write_text("mine")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        status, out, err = run("cad", "paper", "--out", ".", "--json")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "choose another folder" in err
+    assert os.listdir(tmp_path) == ["mine.txt"]
