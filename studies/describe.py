@@ -90,7 +90,8 @@ def build_mesh(design: Design, out: Path, size: float | None, progress: Progress
     length = design.D / 8 if size is None else size
     if not 0.02 * design.D <= length <= design.D:
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
-    from geometry.mesh import quality, tetrahedra
+    from geometry.mesh import tetrahedra
+    from geometry.quality import quality
 
     progress(0.0, "tetrahedra")
     try:
@@ -109,6 +110,7 @@ def build_mesh(design: Design, out: Path, size: float | None, progress: Progress
         **{f"{name}_volume_mm3": value for name, value in found.volumes.items()},
         **{f"{name}_volume_error": value for name, value in found.volume_errors.items()},
         "base_error": found.base_error,
+        "gap_mm": found.gap,
         "least_shape": found.least_shape,
         "mean_shape": found.mean_shape,
         "least_jacobian": found.least_jacobian,

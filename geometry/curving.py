@@ -1,0 +1,242 @@
+"""From a straight mesh to one of second order on the exact surfaces.
+
+Vertices are put on the surfaces, nodes in the middle of edges too, and then these are moved off again by as much as
+the quadratic facets around them stray from the surface in the mean: the volume between facets and surface vanishes to
+first order, where facets through points of the surface alone would leave out some 1e-4 of a coarsely meshed body.
+A sharp edge that stands for a small fillet is drawn in until the magnet has its volume.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import ElementTetP2, ElementTriP2, MeshTet1, MeshTet2
+from skfem.quadrature import get_quadrature
+
+from geometry import exact, surface
+from geometry.design import Shape
+from geometry.exact import Masks
+from geometry.sizing import Floats, Ints, Sizes
+
+About = Callable[[Floats, Shape], exact.Near]
+
+LEAST_JACOBIAN = 0.05
+"""Least ratio in a cell of the least to the greatest Jacobian at the quadrature points of order 4."""
+LEAST_SHAPE = 0.02
+"""Least shape of a straight cell: three times its inscribed over its circumscribed radius."""
+
+
+def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
+    """The straight mesh with its boundaries, found from where the facets lie and how they face."""
+    first, second = mesh.f2t
+    outer = np.flatnonzero(second < 0)
+    corners = mesh.p[:, mesh.facets[:, outer]]
+    normal = normals(mesh, outer)
+    flat = [(np.abs(corners[k]).max(axis=0) < tolerance) & (np.abs(normal[k]) > 0.7) for k in range(3)]
+    base = flat[2]
+    mirror = flat[1] & ~base & half
+    found = {"base": outer[base], "skin": outer[~base & ~mirror]}
+    if half:
+        found["symmetry"] = outer[mirror]
+    if "magnet" in mesh.subdomains:
+        inside = np.zeros(mesh.nelements, dtype=bool)
+        inside[mesh.subdomains["magnet"]] = True
+        found["magnet"] = np.flatnonzero((second >= 0) & (inside[first] != inside[second]))
+    return replace(mesh, _boundaries=found)
+
+
+def normals(mesh: MeshTet1, facets: Ints) -> Floats:
+    """Unit normals of facets, shape (3, n), of either sign."""
+    a, b, c = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 1, 0)
+    normal = np.cross(b - a, c - a, axis=0)
+    return np.asarray(normal / np.linalg.norm(normal, axis=0))
+
+
+def _nodes_on(mesh: MeshTet1, facets: Ints) -> NDArray[np.bool_]:
+    """Which vertices and edges, in this order, belong to the facets."""
+    count = mesh.nvertices
+    corners = np.sort(mesh.facets[:, facets], axis=0).astype(np.int64)
+    on = np.zeros(count + mesh.nedges, dtype=bool)
+    on[corners] = True
+    pairs = np.concatenate(
+        [corners[0] * count + corners[1], corners[0] * count + corners[2], corners[1] * count + corners[2]]
+    )
+    low, high = np.sort(mesh.edges, axis=0).astype(np.int64)
+    on[count:] = np.isin(low * count + high, pairs)
+    return on
+
+
+def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
+    """Which vertices and edges, in this order, are on the ring; None if a facet lies on both its sides."""
+    skin = mesh.boundaries["skin"]
+    out = np.hypot(mesh.p[0], mesh.p[1])
+    near = np.hypot(out - sizes.ring_radius, mesh.p[2] - sizes.ring_height) < 2 * surface.envelope(sizes)
+    inside = ~near & (out < sizes.ring_radius) & (mesh.p[2] > sizes.shape.H)
+    inner = inside[mesh.facets[:, skin]].any(axis=0)
+    outer = (~inside & ~near)[mesh.facets[:, skin]].any(axis=0)
+    if not inner.any() or (inner == outer).any():
+        return None
+    return _nodes_on(mesh, skin[inner]) & _nodes_on(mesh, skin[outer])
+
+
+def curved(mesh: MeshTet1, sizes: Sizes) -> MeshTet2 | None:
+    """The mesh with quadratic cells on the exact surfaces; None if it folds or flattens a cell or misses the ring."""
+    on = {name: _nodes_on(mesh, facets) for name, facets in mesh.boundaries.items()}
+    if sizes.ring:
+        ring = _ring(mesh, sizes)
+        if ring is None:
+            return None
+        on["ring"] = ring
+    shape = sizes.shape
+    if "magnet" in on and not sizes.rounded:
+        shape = replace(shape, magnet_edge_radius=0.0)
+        facets = mesh.boundaries["magnet"]
+        lid = np.abs(normals(mesh, facets)[2]) > 0.7
+        on["edge"] = _nodes_on(mesh, facets[lid]) & _nodes_on(mesh, facets[~lid])
+    n, at_ring = mesh.nvertices, (sizes.ring_radius, sizes.ring_height)
+    p = exact.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape, at_ring)
+    top = p[2].argmax()
+    if math.hypot(p[0, top], p[1, top]) < 0.01 * shape.R:
+        p[:, top] = 0, 0, shape.L  # what a plate touches first
+    if radius_ratios(p[:, mesh.t]).min() < LEAST_SHAPE:
+        return None
+    x = exact.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
+    x[:, :n] = p
+    kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
+    parts = [(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin)]
+    if "magnet" in on:
+        magnet = facet_nodes(mesh, mesh.boundaries["magnet"])
+        parts.append((magnet[:, ~lid], exact.side) if "edge" in on else (magnet, exact.magnet))
+    for _ in range(6):
+        for nodes, about in parts:
+            x = _fitted(x, nodes, about, shape, kept)
+        if "edge" in on:
+            x = _drawn_in(x, magnet, on["edge"], sizes.shape)
+            parts = parts[:1]
+        found = _relaxed(mesh, x, on)
+        if found is None or not found[1].any():
+            break
+        x, kept = found[0].doflocs.copy(), kept | found[1]
+    return found and found[0]
+
+
+def facet_nodes(mesh: MeshTet1, facets: Ints) -> Ints:
+    """Nodes of quadratic facets, shape (6, n): corners, then the middles of the edges 01, 12 and 02."""
+    corners = mesh.facets[:, facets].astype(np.int64)
+    ends = np.sort(corners[[[0, 1], [1, 2], [0, 2]]], axis=1)
+    low, high = np.sort(mesh.edges, axis=0).astype(np.int64)
+    keys = low * mesh.nvertices + high
+    order = np.argsort(keys)
+    edge = order[np.searchsorted(keys, ends[:, 0] * mesh.nvertices + ends[:, 1], sorter=order)]
+    return np.vstack([corners, mesh.nvertices + edge])
+
+
+def patches(x: Floats, nodes: Ints) -> tuple[Floats, Floats]:
+    """Points of quadratic facets and their shares of area as normal vectors, both of shape (3, points, facets)."""
+    element = ElementTriP2()
+    at, weights = get_quadrature(element.refdom, 6)
+    values, slopes = zip(*(element.lbasis(at, k) for k in range(6)), strict=True)
+    points = np.einsum("ikf,kq->iqf", x[:, nodes], np.stack(values), optimize=True)
+    along = np.einsum("ikf,kjq->jiqf", x[:, nodes], np.stack(slopes), optimize=True)
+    return points, np.cross(along[0], along[1], axis=0) * weights[:, None]
+
+
+def _fitted(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
+    """Middle nodes of facets moved along the normal until the volume between facets and surface vanishes.
+
+    First around each node by itself, as far as it is not `kept`, then altogether.
+    """
+    x = x.copy()
+    middles = np.unique(nodes[3:])
+    middles = middles[~kept[middles]]
+    for step in range(5):
+        points, areas = patches(x, nodes)
+        near = about(points, shape)
+        area = np.abs((areas * near.normal).sum(axis=0))
+        volume = area * near.distance * (1 - near.curvature * near.distance / 2)
+        out, whole = (
+            np.bincount(nodes[3:].ravel(), np.tile(share.sum(axis=0), 3))[middles] for share in (volume, area)
+        )
+        away = out / whole if step < 3 else 3 * volume.sum() / whole.sum()
+        x[:, middles] -= away * about(x[:, middles], shape).normal
+    return x
+
+
+def _drawn_in(x: Floats, nodes: Ints, edge: NDArray[np.bool_], shape: Shape) -> Floats:
+    """A magnet with sharp edges, shape (3, n), its edges moved inwards until its volume is that with the fillets."""
+    half = 0.5 if x[1].min() > -1e-6 * shape.R else 1.0
+    wanted = half * exact.magnet_volume(shape)
+    inwards = np.zeros_like(x)
+    inwards[:2, edge] = -x[:2, edge] / np.hypot(*x[:2, edge])
+    inwards[2, edge] = np.sign(shape.H - x[2, edge])
+    slope = -np.linalg.norm(patches(x, nodes)[1].sum(axis=1), axis=0)[edge[nodes[3:]].any(axis=0)].sum() / 3
+    depth = 0.0
+    for _ in range(3):
+        depth += (wanted - _enclosed(x + depth * inwards, nodes, shape)) / slope
+    return x + depth * inwards
+
+
+def _enclosed(x: Floats, nodes: Ints, shape: Shape) -> float:
+    """Volume of the magnet by the divergence theorem; the plane y = 0 that closes a half magnet adds nothing."""
+    points, areas = patches(x, nodes)
+    points[2] -= shape.H
+    outwards = exact.magnet(points + np.array([0, 0, shape.H])[:, None, None], shape).normal
+    return float((np.abs((points * areas).sum(axis=0)) * np.sign((outwards * points).sum(axis=0))).sum() / 3)
+
+
+def _relaxed(mesh: MeshTet1, x: Floats, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
+    """The mesh with the nodes x, and which of its middle nodes had to move back because a cell was too distorted."""
+    n = mesh.nvertices
+    straight = MeshTet2.from_mesh(replace(mesh, doflocs=x[:, :n]))
+    nodes = straight.dofs.element_dofs
+    bend = _spread(x - straight.doflocs, nodes[4:], on)
+    share = np.ones(x.shape[1])
+    for _ in range(20):
+        now = straight.doflocs + share * bend
+        det = determinants(now, nodes)
+        bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < LEAST_JACOBIAN * det[4:].max(axis=0))
+        if not bad.any():
+            made = MeshTet2(now, straight.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+            return made, (share < 1) & bend.any(axis=0)
+        share[nodes[4:, bad]] *= 0.75
+    return None
+
+
+def _spread(bend: Floats, middles: Ints, on: Masks) -> Floats:
+    """Shifts of nodes, shape (3, n), of which those inside follow those on the surfaces.
+
+    middles : nodes in the middle of the edges of each cell, shape (6, cells).
+    """
+    held = on["base"] | on["skin"] | on.get("magnet", False)
+    held[: middles.min()] = True
+    count = np.maximum(np.bincount(middles.ravel(), minlength=len(held)), 1)
+    for _ in range(8):
+        cells = np.tile(bend[:, middles].mean(axis=1), 6)
+        mean = np.stack([np.bincount(middles.ravel(), cell, len(held)) for cell in cells]) / count
+        if "symmetry" in on:
+            mean[1, on["symmetry"]] = 0
+        bend = np.where(held, bend, mean)
+    return bend
+
+
+def determinants(x: Floats, nodes: Ints) -> Floats:
+    """Jacobian determinants at the corners and quadrature points of order 4, shape (points, cells)."""
+    element = ElementTetP2()
+    points = np.hstack([element.refdom.p, get_quadrature(element.refdom, 4)[0]])
+    slopes = np.stack([element.lbasis(points, k)[1] for k in range(10)])
+    jacobian = np.einsum("ikc,kjq->qcij", x[:, nodes], slopes, optimize=True)
+    return np.asarray(np.linalg.det(jacobian))
+
+
+def radius_ratios(corners: Floats) -> Floats:
+    """Three times the inscribed over the circumscribed radius; corners of shape (3, 4, cells)."""
+    a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    ab, bc, ca = (np.cross(u, v, axis=0) for u, v in ((a, b), (b, c), (c, a)))
+    six = np.abs((a * bc).sum(axis=0))
+    area = sum(np.linalg.norm(side, axis=0) for side in (ab, bc, ca, ab + bc + ca))
+    centre = (a**2).sum(axis=0) * bc + (b**2).sum(axis=0) * ca + (c**2).sum(axis=0) * ab
+    return np.asarray(6 * six**2 / (area * np.linalg.norm(centre, axis=0)))

@@ -1,0 +1,150 @@
+"""The wanted edge length at every place in the beam, and the grid that tells it to fTetWild.
+
+Small at the tip where a plate touches, at the clamped outer edge, at the magnet's two edges and in thin layers; it
+grows in proportion to the distance from them. All lengths are in the unit of the `Shape` that is passed in.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from geometry.design import Shape
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+GROWTH = 0.7
+"""Growth of the edge length per length away from a refined place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Target edge length as a function of the place in the half-plane (r, z).
+
+    Attributes
+    ----------
+    bulk, tip, rim, edge : far from everything, at the tip, at the clamped outer edge, at the magnet's two edges.
+    ring, ring_radius : on a ring around the axis on the dome, and its radius; 0 without a ring.
+    """
+
+    shape: Shape
+    bulk: float
+    tip: float
+    rim: float
+    edge: float
+    ring: float = 0.0
+    ring_radius: float = 0.0
+
+    @classmethod
+    def of(cls, shape: Shape, size: float, tip_size: float | None, ring: tuple[float, float] | None = None) -> Sizes:
+        """The sizes that follow from the size in the bulk, which is at most half the radius."""
+        bulk = min(size, shape.R / 2)
+        edge = bulk / 2
+        if shape.has_magnet:
+            edge = min(edge, max(bulk / 4, shape.magnet_edge_radius / 2), 0.2 * shape.magnet_diameter)
+        radius, at_ring = ring or (0.0, 0.0)
+        clamp = bulk / 5 if ring else bulk / 2
+        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), clamp, edge, min(at_ring, bulk), radius)
+
+    def finer(self, factor: float) -> Sizes:
+        """All sizes multiplied by a factor."""
+        names = ("bulk", "tip", "rim", "edge", "ring")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
+
+    @property
+    def rounded(self) -> bool:
+        """Whether the fillet of the magnet is large enough to be seen by the facets."""
+        return self.shape.has_magnet and self.shape.magnet_edge_radius >= 0.25 * self.edge
+
+    @property
+    def ring_height(self) -> float:
+        """z of the ring."""
+        return self.shape.H + math.sqrt(self.shape.R**2 - self.ring_radius**2)
+
+    def at(self, r: Floats, z: Floats) -> Floats:
+        """Target edge length at points (r, z), arrays of one shape."""
+        s = self.shape
+        contact = 1.5 * 0.35 * s.R
+        tip = self.tip + GROWTH * np.maximum(np.hypot(r, z - s.L) - contact, 0)
+        rim = self.rim + GROWTH * np.hypot(r - s.R, z)
+        size = np.minimum(np.minimum(tip, rim), self.bulk)
+        if self.ring:
+            away = np.hypot(r - self.ring_radius, z - self.ring_height)
+            size = np.minimum(size, self.ring + GROWTH * np.maximum(away - self.ring, 0))
+        if not s.has_magnet:
+            return size
+        a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius
+        across = np.abs(z - s.H)
+        edge = self.edge + GROWTH * np.maximum(np.hypot(r - (a - rho), across - (b - rho)) - rho, 0)
+        return np.asarray(np.minimum(np.minimum(size, edge), self._layer(r, z, a, b)))
+
+    def steps(self, r: float, z: float, half: bool) -> int:
+        """Number of steps of that length around the axis."""
+        turn = math.pi if half else 2 * math.pi
+        return max(math.ceil(turn * r / float(self.at(np.array(r), np.array(z)))), 6 if half else 12)
+
+    def _layer(self, r: Floats, z: Floats, a: float, b: float) -> Floats:
+        """1.5 times the thickness of the silicone around the magnet, at least an eighth of the bulk size."""
+        s = self.shape
+        skin = np.where(z > s.H, np.abs(s.R - np.hypot(r, z - s.H)), np.abs(s.R - r))
+        dr, dz = r - a, np.abs(z - s.H) - b
+        magnet = np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.abs(np.minimum(np.maximum(dr, dz), 0))
+        return np.asarray(np.maximum(1.5 * (np.minimum(skin, np.abs(z)) + magnet), self.bulk / 8))
+
+
+def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
+    """Sizing field on a grid around the beam: points (n, 3), tetrahedra (m, 4) and edge lengths (n,)."""
+    s = sizes.shape
+    margin = 0.02 * s.D
+    low = np.array([-s.R, 0.0 if half else -s.R, 0.0]) - margin
+    high = np.array([s.R, s.R, s.L]) + margin
+    axes = [np.linspace(a, b, math.ceil((b - a) / (0.04 * s.D)) + 1) for a, b in zip(low, high, strict=True)]
+    places = np.array([0.0, s.H - s.magnet_height / 2, s.H + s.magnet_height / 2, s.L])
+    near = np.abs(axes[2][:, None] - places).min(axis=1) < s.D
+    near[::8] = near[-1] = True
+    axes[2] = axes[2][near]
+    n = [len(axis) for axis in axes]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    if sizes.ring:
+        grid, cells = _denser(grid, sizes, half)
+        return grid, cells, sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
+    strides = np.array([n[1] * n[2], n[2], 1])
+    corner = np.arange(len(grid)).reshape(n)[:-1, :-1, :-1].ravel()
+    tets = []
+    for order in permutations(range(3)):
+        path = np.concatenate([[0], np.cumsum(strides[list(order)])])
+        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
+        tets.append(corner[:, None] + (path[[0, 2, 1, 3]] if odd else path))
+    return grid, np.vstack(tets), sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
+
+
+def _denser(grid: Floats, sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+    """The points (n, 3) of a grid with those of tubes around the ring, and the tetrahedra (m, 4) between them.
+
+    The points are moved at random by little, or Delaunay's tetrahedra of a regular grid would not be unique.
+    """
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    r, z, h = sizes.ring_radius, sizes.ring_height, sizes.ring
+    turn = np.arange(8) * math.pi / 4
+    radii = h * 2.0 ** np.arange(max(math.ceil(math.log2(0.05 * sizes.shape.D / h)), 0) + 1)
+    out = np.concatenate([[0.0], *(radius * np.cos(turn) for radius in radii)])
+    up = np.concatenate([[0.0], *(radius * np.sin(turn) for radius in radii)])
+    count = sizes.steps(r, z, half)
+    margin = 2 / count if half else 0.0
+    angle = np.linspace(-margin, (math.pi if half else 2 * math.pi) + margin, count + 3)[:, None]
+    tubes = np.stack([(r + out) * np.cos(angle), (r + out) * np.sin(angle), z + up + 0 * angle], axis=-1)
+    points = np.vstack([grid, tubes.reshape(-1, 3)])
+    points = points[((points >= low) & (points <= high)).all(axis=1)]
+    moved = points + np.random.default_rng(0).uniform(-0.1, 0.1, points.shape) * h
+    points = np.where((points == low) | (points == high), points, np.clip(moved, low, high))
+    tets = Delaunay(points).simplices.astype(np.int64)
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    six = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a))
+    tets[six < 0] = tets[six < 0][:, [0, 2, 1, 3]]
+    return points, tets[np.abs(six) > 1e-6 * h**3]
