@@ -191,7 +191,7 @@ def _enclosed(x: Floats, nodes: Ints, shape: Shape) -> float:
 def _relaxed(mesh: MeshTet1, x: Floats, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
     """The mesh with the nodes x, and which of its middle nodes had to move back because a cell was too distorted."""
     n = mesh.nvertices
-    straight = MeshTet2.from_mesh(replace(mesh, doflocs=x[:, :n]))
+    straight = MeshTet2.from_mesh(replace(mesh, doflocs=np.ascontiguousarray(x[:, :n])))
     nodes = straight.dofs.element_dofs
     bend = _spread(x - straight.doflocs, nodes[4:], on)
     share = np.ones(x.shape[1])

@@ -3,23 +3,28 @@
 fTetWild meshes the inside of faceted surfaces with an envelope; the mesh is then made exact: its outer and interface
 nodes are put on the base, the symmetry plane, the side, the dome and the magnet, those in the middle of edges too.
 fTetWild crashes or hangs on bad input, so the input is checked and the work is done in a child process; it is not
-deterministic, so two meshes of one shape differ by some percent in their counts.
+deterministic, so two meshes of one shape differ by some percent in their counts. Meshes are kept in `geometry.cache`,
+in units of D: similar shapes share one.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import astuple, replace
+from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import curving, sizing, surface
+from geometry import cache, curving, exact, sizing, surface
 from geometry.design import BadInput, Shape
 from geometry.sizing import Floats, Ints, Sizes
 
@@ -27,6 +32,9 @@ Parts = Literal["regions", "hole", "none"]
 
 WORK_DIAMETER = 8.0
 """Diameter of the beam while it is meshed: fTetWild does not return at very small scales."""
+
+TRIES = (1.0, 0.9, 0.8)
+"""What the sizes are multiplied by, one after the other, until a mesh can be curved."""
 
 _CHILD = """
 import sys, numpy, pytetwild
@@ -89,11 +97,27 @@ def tetrahedra(
         raise BadInput('this shape has no magnet (its diameter is 0): choose magnet="none"')
     if not shape.wall > 0:
         raise BadInput(f"the magnet must lie inside the beam; got a wall of {shape.wall:.3g}: take a smaller magnet")
-    factor = WORK_DIAMETER / shape.D
-    work = shape.scaled(factor)
-    ring = None if rim is None else (factor * rim[0], factor * rim[1])
-    sizes = Sizes.of(work, factor * size, None if tip_size is None else factor * tip_size, ring)
-    for finer in (1.0, 0.9, 0.8):
+    unit = Shape(*(_rounded(value / shape.D) for value in astuple(shape)))
+    least = None if tip_size is None else _rounded(tip_size / shape.D)
+    ring = None if rim is None else (_rounded(rim[0] / shape.D), _rounded(rim[1] / shape.D))
+    sizes = Sizes.of(unit, _rounded(size / shape.D), least, ring)
+    name = cache.key(sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
+    arrays = cache.load(name)
+    mesh = _built(sizes, half, magnet, timeout) if arrays is None else _unpacked(arrays)
+    if arrays is None:
+        cache.store(name, _packed(mesh))
+    return replace(mesh, doflocs=mesh.doflocs * shape.D)
+
+
+def _rounded(value: float) -> float:
+    """Twelve digits, so that similar shapes are told to be so."""
+    return float(f"{value:.11e}")
+
+
+def _built(unit: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
+    """A new mesh for D = 1."""
+    sizes = unit.scaled(WORK_DIAMETER)
+    for finer in TRIES:
         tried = sizes.finer(finer)
         straight = _raw(tried, half, timeout)
         if magnet == "hole":
@@ -101,10 +125,42 @@ def tetrahedra(
             del straight.subdomains["magnet"]
         mesh = curving.curved(straight, tried)
         if mesh is not None:
-            return replace(mesh, doflocs=mesh.doflocs / factor)
+            return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
-        f"the mesh of size {size:g} folds over or flattens when it is curved to the exact surfaces"
-        + (": try a smaller size" if rim is None else " or has no edges along its rim: try a smaller size there")
+        f"the mesh of size {unit.bulk:g} D folds over or flattens when it is curved to the exact surfaces"
+        + (" or has no edges along its rim: try a smaller size there" if unit.ring else ": try a smaller size")
+    )
+
+
+# What is kept
+
+
+@functools.cache
+def _makers() -> list[str]:
+    """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
+    code = hashlib.sha256()
+    for module in (__file__, *(str(used.__file__) for used in (curving, exact, sizing, surface))):
+        code.update(Path(module).read_bytes())
+    versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
+    return [*versions, code.hexdigest()]
+
+
+def _packed(mesh: MeshTet2) -> dict[str, NDArray[Any]]:
+    """The mesh as named arrays."""
+    named = {f"boundary {name}": facets for name, facets in mesh.boundaries.items()}
+    named |= {f"subdomain {name}": cells for name, cells in mesh.subdomains.items()}
+    return {"doflocs": mesh.doflocs, "t": mesh.t, **named}
+
+
+def _unpacked(arrays: dict[str, NDArray[Any]]) -> MeshTet2:
+    """The mesh from its named arrays."""
+    parts: dict[str, dict[str, NDArray[Any]]] = {"boundary": {}, "subdomain": {}}
+    for name, array in arrays.items():
+        kind, _, own = name.partition(" ")
+        if own:
+            parts[kind][own] = array
+    return MeshTet2(
+        arrays["doflocs"], arrays["t"], _boundaries=parts["boundary"], _subdomains=parts["subdomain"], sort_t=False
     )
 
 

@@ -52,6 +52,10 @@ class Sizes:
         clamp = bulk / 5 if ring else bulk / 2
         return cls(shape, bulk, min(tip_size or bulk / 2, bulk), clamp, edge, min(at_ring, bulk), radius)
 
+    def scaled(self, factor: float) -> Sizes:
+        """The same in another unit of length."""
+        return replace(self.finer(factor), shape=self.shape.scaled(factor), ring_radius=factor * self.ring_radius)
+
     def finer(self, factor: float) -> Sizes:
         """All sizes multiplied by a factor."""
         names = ("bulk", "tip", "rim", "edge", "ring")

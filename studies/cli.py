@@ -13,7 +13,7 @@ import sys
 from cyclopts import App, CycloptsError, Parameter
 
 from geometry.design import BadInput
-from studies import console, evidence, inverse, jobs, verbs
+from studies import console, evidence, inverse, jobs, meshing, verbs
 from studies.options import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 
 
@@ -55,6 +55,7 @@ for verb in (
     evidence.crosscheck,
     evidence.ladder,
     evidence.bench,
+    meshing.cache,
 ):
     app.command(verb)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from pathlib import Path
 from typing import Any
 
@@ -84,27 +85,34 @@ def show(design: Design, *, as_json: bool) -> None:
         print(f"Warning: {warning}.")
 
 
-def build_mesh(design: Design, out: Path, size: float | None, progress: Progress) -> dict[str, Any]:
-    """Mesh the whole sensor, write the mesh, and measure it."""
+def build_mesh(
+    design: Design, out: Path, size: float | None, progress: Progress, *, half: bool = False
+) -> dict[str, Any]:
+    """Mesh the sensor, or the half of it at y >= 0, write the mesh, and measure it."""
     file = files.check_output_file(out, ".vtu")
     length = design.D / 8 if size is None else size
     if not 0.02 * design.D <= length <= design.D:
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
     from geometry.mesh import tetrahedra
-    from geometry.quality import quality
 
     progress(0.0, "tetrahedra")
+    begin = time.perf_counter()
     try:
-        made = tetrahedra(design.shape, length, half=False, magnet="regions" if design.shape.has_magnet else "none")
+        made = tetrahedra(design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none")
     except RuntimeError as error:
         return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
+    seconds = time.perf_counter() - begin
     files.write_mesh(file, made)
-    found = quality(made, design.shape)
+    record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
+    return record | mesh_quality(made, design)
+
+
+def mesh_quality(mesh: Any, design: Design) -> dict[str, Any]:
+    """What a mesh of the design in mm is worth, under the names of the command line."""
+    from geometry.quality import quality
+
+    found = quality(mesh, design.shape)
     return {
-        "status": "ok",
-        "message": "",
-        "file": str(file),
-        "size_mm": length,
         "cells": found.cells,
         "nodes": found.nodes,
         **{f"{name}_volume_mm3": value for name, value in found.volumes.items()},

@@ -82,7 +82,14 @@ def cad(
 
 
 def mesh(
-    source: Source, /, *, out: Path, size: float | None = None, sets: Sets = None, as_json: AsJson = False
+    source: Source,
+    /,
+    *,
+    out: Path,
+    size: float | None = None,
+    half: bool = False,
+    sets: Sets = None,
+    as_json: AsJson = False,
 ) -> int:
     """Write the tetrahedral mesh of silicone and magnet as .vtu, and print its quality.
 
@@ -92,10 +99,12 @@ def mesh(
         A .vtu file.
     size
         Edge length away from features, mm; D/8 by default.
+    half
+        Only the half at y >= 0.
     """
     given = inputs.read_design(source, sets or [])
     with console.progress(as_json=as_json) as progress:
-        record = describe.build_mesh(given, out, size, progress)
+        record = describe.build_mesh(given, out, size, progress, half=half)
     console.report([record], as_json=as_json, title="Mesh")
     return judged([record])
 

@@ -7,6 +7,15 @@ import pytest
 from studies import cli
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """The user's cache of meshes is neither read nor filled by tests; children inherit this."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAGTIP_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.delenv("MAGTIP_CACHE_MB", raising=False)
+        yield
+
+
 @pytest.fixture
 def run(capsys, tmp_path, monkeypatch):
     """Run a command line in an empty folder; returns its exit status, standard output and standard error."""

@@ -41,5 +41,8 @@ def test_mesh(run, tmp_path, strict):
     assert (status, err) == (0, "")
     (record,) = strict(out)
     assert (record["status"], record["size_mm"]) == ("ok", 2.5)
-    assert abs(record["silicone_volume_error"]) < 1e-3
+    assert max(abs(record[f"{name}_volume_error"]) for name in ("silicone", "magnet")) < 1e-5
+    assert abs(record["base_error"]) < 1e-4
+    assert record["least_jacobian"] > 0
+    assert 0 < record["gap_mm"] < 0.1
     assert [path.name for path in tmp_path.iterdir()] == ["mesh.vtu"]
