@@ -104,10 +104,11 @@ def key(**parts: Any) -> str:
 
 
 def load(name: str) -> Arrays | None:
-    """The arrays stored under a name, or None."""
+    """The arrays stored under a name, or None. Also refuses a bad limit, which `store` would find too late."""
     place = folder()
     if place is None:
         return None
+    limit()
     file = place / f"{name}{SUFFIX}"
     try:
         content = file.read_bytes()
