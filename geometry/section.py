@@ -54,8 +54,10 @@ class _Sizing:
     growth: Floats
 
     def __call__(self, x: Points) -> Floats:
-        near: Floats = (cdist(_pairs(x), _pairs(self.source)) * self.growth + self.least).min(axis=1)
-        return np.minimum(self.size, near)
+        near: Floats = cdist(_pairs(x), _pairs(self.source))
+        near *= self.growth
+        near += self.least
+        return np.minimum(self.size, near.min(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,10 +207,10 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
 
 def _thinned(x: Points, sizing: _Sizing) -> Points:
     """The points, first come first served, that keep their distance from those before."""
-    taken = np.zeros(len(x), dtype=bool)
+    taken = bytearray(len(x))
     for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
-        taken[i] = not taken[others].any()
-    return x[taken]
+        taken[i] = not any(map(taken.__getitem__, others))
+    return x[np.frombuffer(taken, dtype=bool)]
 
 
 def _delaunay(x: Points, sizing: _Sizing) -> Ints:
@@ -257,7 +259,7 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> t
     fixed = len(border.node)
     for _ in range(STEPS):
         x = np.concatenate([border.node, inner])
-        bars = np.unique(_edges(_delaunay(x, sizing)), axis=0)
+        bars = np.column_stack(np.divmod(np.unique(_keys(_edges(_delaunay(x, sizing)))), 2**31))
         free = bars[bars[:, 1] >= fixed]
         along = x[free[:, 1]] - x[free[:, 0]]
         length, want = np.abs(along), sizing(x[free].mean(axis=1))
