@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
     return _nodes_on(mesh, skin[inner]) & _nodes_on(mesh, skin[outer])
 
 
-def curved(mesh: MeshTet1, sizes: Sizes) -> MeshTet2 | None:
+def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     """The mesh with quadratic cells on the exact surfaces; None if it folds or flattens a cell or misses the ring."""
     on = {name: _nodes_on(mesh, facets) for name, facets in mesh.boundaries.items()}
     if sizes.ring:
@@ -91,7 +91,7 @@ def curved(mesh: MeshTet1, sizes: Sizes) -> MeshTet2 | None:
         if ring is None:
             return None
         on["ring"] = ring
-    shape = sizes.shape
+    shape = true
     if "magnet" in on and not sizes.rounded:
         shape = replace(shape, magnet_edge_radius=0.0)
         facets = mesh.boundaries["magnet"]
@@ -107,21 +107,47 @@ def curved(mesh: MeshTet1, sizes: Sizes) -> MeshTet2 | None:
     x = exact.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
     x[:, :n] = p
     kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
-    parts = [(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin)]
+    half = 0.5 if "symmetry" in on else 1.0
+    fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin, 0.0, half * exact.beam_volume(true))]
     if "magnet" in on:
         magnet = facet_nodes(mesh, mesh.boundaries["magnet"])
-        parts.append((magnet[:, ~lid], exact.side) if "edge" in on else (magnet, exact.magnet))
-    for _ in range(6):
-        for nodes, about in parts:
-            x = _fitted(x, nodes, about, shape, kept)
-        if "edge" in on:
-            x = _drawn_in(x, magnet, on["edge"], sizes.shape)
-            parts = parts[:1]
+        fits.append(_Fit(magnet, exact.magnet, true.H, half * exact.magnet_volume(true)))
+    for k in range(6):
+        for fit in fits:
+            if fit.about is exact.magnet and "edge" in on:
+                x = x if k else _around(x, magnet[:, ~lid], exact.side, shape, kept)
+                x = _drawn_in(x, fit, on["edge"])
+            else:
+                x = _leveled(_around(x, fit.nodes, fit.about, shape, kept), fit, shape, kept)
         found = _relaxed(mesh, x, on)
         if found is None or not found[1].any():
             break
         x, kept = found[0].doflocs.copy(), kept | found[1]
     return found and found[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A surface's facets and what they have to enclose, with planes through a pole on the axis.
+
+    Attributes
+    ----------
+    nodes : of the facets, shape (6, n).
+    about : the surface.
+    pole : its height; the body is star-shaped about it.
+    volume : wanted.
+    """
+
+    nodes: Ints
+    about: About
+    pole: float
+    volume: float
+
+    def missing(self, x: Floats) -> float:
+        """Volume that the facets leave out, by the divergence theorem; planes through the pole add nothing."""
+        points, areas = patches(x, self.nodes)
+        points[2] -= self.pole
+        return self.volume - float(np.abs((points * areas).sum(axis=0)).sum()) / 3
 
 
 def facet_nodes(mesh: MeshTet1, facets: Ints) -> Ints:
@@ -145,15 +171,12 @@ def patches(x: Floats, nodes: Ints) -> tuple[Floats, Floats]:
     return points, np.cross(along[0], along[1], axis=0) * weights[:, None]
 
 
-def _fitted(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
-    """Middle nodes of facets moved along the normal until the volume between facets and surface vanishes.
-
-    First around each node by itself, as far as it is not `kept`, then altogether.
-    """
+def _around(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
+    """Middle nodes that are not `kept`, moved until the volume between the facets around and the surface vanishes."""
     x = x.copy()
     middles = np.unique(nodes[3:])
     middles = middles[~kept[middles]]
-    for step in range(5):
+    for _ in range(3):
         points, areas = patches(x, nodes)
         near = about(points, shape)
         area = np.abs((areas * near.normal).sum(axis=0))
@@ -161,31 +184,33 @@ def _fitted(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np
         out, whole = (
             np.bincount(nodes[3:].ravel(), np.tile(share.sum(axis=0), 3))[middles] for share in (volume, area)
         )
-        away = out / whole if step < 3 else 3 * volume.sum() / whole.sum()
-        x[:, middles] -= away * about(x[:, middles], shape).normal
+        x[:, middles] -= out / whole * about(x[:, middles], shape).normal
     return x
 
 
-def _drawn_in(x: Floats, nodes: Ints, edge: NDArray[np.bool_], shape: Shape) -> Floats:
-    """A magnet with sharp edges, shape (3, n), its edges moved inwards until its volume is that with the fillets."""
-    half = 0.5 if x[1].min() > -1e-6 * shape.R else 1.0
-    wanted = half * exact.magnet_volume(shape)
+def _leveled(x: Floats, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
+    """Middle nodes that are not `kept`, all moved by the same, until the volume is right."""
+    x = x.copy()
+    middles = np.unique(fit.nodes[3:])
+    middles = middles[~kept[middles]]
+    for _ in range(2):
+        area = np.linalg.norm(patches(x, fit.nodes)[1].sum(axis=1), axis=0)
+        share = np.bincount(fit.nodes[3:].ravel(), np.tile(area, 3))[middles].sum() / 3
+        x[:, middles] += fit.missing(x) / share * fit.about(x[:, middles], shape).normal
+    return x
+
+
+def _drawn_in(x: Floats, fit: _Fit, edge: NDArray[np.bool_]) -> Floats:
+    """A magnet with sharp edges, those moved inwards until its volume is that with the fillets."""
     inwards = np.zeros_like(x)
     inwards[:2, edge] = -x[:2, edge] / np.hypot(*x[:2, edge])
-    inwards[2, edge] = np.sign(shape.H - x[2, edge])
-    slope = -np.linalg.norm(patches(x, nodes)[1].sum(axis=1), axis=0)[edge[nodes[3:]].any(axis=0)].sum() / 3
+    inwards[2, edge] = np.sign(fit.pole - x[2, edge])
+    areas = np.linalg.norm(patches(x, fit.nodes)[1].sum(axis=1), axis=0)
+    slope = areas[edge[fit.nodes[3:]].any(axis=0)].sum() / 3
     depth = 0.0
     for _ in range(3):
-        depth += (wanted - _enclosed(x + depth * inwards, nodes, shape)) / slope
+        depth -= fit.missing(x + depth * inwards) / slope
     return x + depth * inwards
-
-
-def _enclosed(x: Floats, nodes: Ints, shape: Shape) -> float:
-    """Volume of the magnet by the divergence theorem; the plane y = 0 that closes a half magnet adds nothing."""
-    points, areas = patches(x, nodes)
-    points[2] -= shape.H
-    outwards = exact.magnet(points + np.array([0, 0, shape.H])[:, None, None], shape).normal
-    return float((np.abs((points * areas).sum(axis=0)) * np.sign((outwards * points).sum(axis=0))).sum() / 3)
 
 
 def _relaxed(mesh: MeshTet1, x: Floats, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:

@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
 from geometry import cache, curving, exact, sizing, surface
+from geometry import zoom as zooming
 from geometry.design import BadInput, Shape
 from geometry.sizing import Floats, Ints, Sizes
+from geometry.zoom import Zoom
 
 Parts = Literal["regions", "hole", "none"]
 
@@ -100,10 +102,11 @@ def tetrahedra(
     unit = Shape(*(_rounded(value / shape.D) for value in astuple(shape)))
     least = None if tip_size is None else _rounded(tip_size / shape.D)
     ring = None if rim is None else (_rounded(rim[0] / shape.D), _rounded(rim[1] / shape.D))
-    sizes = Sizes.of(unit, _rounded(size / shape.D), least, ring)
-    name = cache.key(sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
+    zoom = Zoom.of(unit)
+    sizes = Sizes.of(zoom.shape, _rounded(size / shape.D), least, ring, zoom.centre)
+    name = cache.key(shape=astuple(unit), sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
     arrays = cache.load(name)
-    mesh = _built(sizes, half, magnet, timeout) if arrays is None else _unpacked(arrays)
+    mesh = _built(unit, sizes, half, magnet, timeout) if arrays is None else _unpacked(arrays)
     if arrays is None:
         cache.store(name, _packed(mesh))
     return replace(mesh, doflocs=mesh.doflocs * shape.D)
@@ -114,21 +117,23 @@ def _rounded(value: float) -> float:
     return float(f"{value:.11e}")
 
 
-def _built(unit: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
+def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
     """A new mesh for D = 1."""
-    sizes = unit.scaled(WORK_DIAMETER)
+    sizes, shape = wanted.scaled(WORK_DIAMETER), unit.scaled(WORK_DIAMETER)
+    zoom = Zoom.of(shape)
     for finer in TRIES:
         tried = sizes.finer(finer)
         straight = _raw(tried, half, timeout)
         if magnet == "hole":
             straight = straight.restrict(straight.subdomains["silicone"])
             del straight.subdomains["magnet"]
-        mesh = curving.curved(straight, tried)
+        straight = replace(straight, doflocs=zoom.back(straight.p))
+        mesh = curving.curved(straight, tried, shape)
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
-        f"the mesh of size {unit.bulk:g} D folds over or flattens when it is curved to the exact surfaces"
-        + (" or has no edges along its rim: try a smaller size there" if unit.ring else ": try a smaller size")
+        f"the mesh of size {wanted.bulk:g} D folds over or flattens when it is curved to the exact surfaces"
+        + (" or has no edges along its rim: try a smaller size there" if wanted.ring else ": try a smaller size")
     )
 
 
@@ -139,7 +144,7 @@ def _built(unit: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
 def _makers() -> list[str]:
     """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
     code = hashlib.sha256()
-    for module in (__file__, *(str(used.__file__) for used in (curving, exact, sizing, surface))):
+    for module in (__file__, *(str(used.__file__) for used in (curving, exact, sizing, surface, zooming))):
         code.update(Path(module).read_bytes())
     versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
     return [*versions, code.hexdigest()]
@@ -173,7 +178,7 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
     inner, inner_faces = surface.magnet(sizes, half) if sizes.shape.has_magnet else (points[:0], faces[:0])
     epsilon = surface.envelope(sizes)
     soup, soup_faces = np.vstack([points, inner]), np.vstack([faces, inner_faces + len(points)])
-    surface.check_surface(soup, soup_faces, epsilon, sizes.shape.wall)
+    surface.check_surface(soup, soup_faces, epsilon, sizes.wall)
     if sizes.ring:
         strip, strip_faces = surface.fin(sizes, half)
         soup_faces = np.vstack([soup_faces, strip_faces + len(soup)])

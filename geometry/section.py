@@ -57,7 +57,8 @@ class _Sizing:
         near: Floats = cdist(_pairs(x), _pairs(self.source))
         near *= self.growth
         near += self.least
-        return np.minimum(self.size, near.min(axis=1))
+        wanted: Floats = np.minimum(self.size, near.min(axis=1))
+        return wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +211,8 @@ def _thinned(x: Points, sizing: _Sizing) -> Points:
     taken = bytearray(len(x))
     for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
         taken[i] = not any(map(taken.__getitem__, others))
-    return x[np.frombuffer(taken, dtype=bool)]
+    kept: Points = x[np.frombuffer(taken, dtype=bool)]
+    return kept
 
 
 def _delaunay(x: Points, sizing: _Sizing) -> Ints:

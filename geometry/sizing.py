@@ -30,6 +30,7 @@ class Sizes:
     Attributes
     ----------
     bulk, tip, rim, edge : far from everything, at the tip, at the clamped outer edge, at the magnet's two edges.
+    centre : height of the magnet's centre.
     ring, ring_radius : on a ring around the axis on the dome, and its radius; 0 without a ring.
     """
 
@@ -38,23 +39,34 @@ class Sizes:
     tip: float
     rim: float
     edge: float
+    centre: float
     ring: float = 0.0
     ring_radius: float = 0.0
 
     @classmethod
-    def of(cls, shape: Shape, size: float, tip_size: float | None, ring: tuple[float, float] | None = None) -> Sizes:
-        """The sizes that follow from the size in the bulk, which is at most half the radius."""
+    def of(
+        cls,
+        shape: Shape,
+        size: float,
+        tip_size: float | None,
+        ring: tuple[float, float] | None = None,
+        centre: float | None = None,
+    ) -> Sizes:
+        """The sizes that follow from that in the bulk, which is at most half the radius; centre is H if not told."""
         bulk = min(size, shape.R / 2)
         edge = bulk / 2
         if shape.has_magnet:
             edge = min(edge, max(bulk / 4, shape.magnet_edge_radius / 2), 0.2 * shape.magnet_diameter)
         radius, at_ring = ring or (0.0, 0.0)
         clamp = bulk / 5 if ring else bulk / 2
-        return cls(shape, bulk, min(tip_size or bulk / 2, bulk), clamp, edge, min(at_ring, bulk), radius)
+        tip = min(tip_size or bulk / 2, bulk)
+        middle = shape.H if centre is None else centre
+        return cls(shape, bulk, tip, clamp, edge, middle, min(at_ring, bulk), radius)
 
     def scaled(self, factor: float) -> Sizes:
         """The same in another unit of length."""
-        return replace(self.finer(factor), shape=self.shape.scaled(factor), ring_radius=factor * self.ring_radius)
+        places = {name: factor * getattr(self, name) for name in ("centre", "ring_radius")}
+        return replace(self.finer(factor), shape=self.shape.scaled(factor), **places)
 
     def finer(self, factor: float) -> Sizes:
         """All sizes multiplied by a factor."""
@@ -65,6 +77,15 @@ class Sizes:
     def rounded(self) -> bool:
         """Whether the fillet of the magnet is large enough to be seen by the facets."""
         return self.shape.has_magnet and self.shape.magnet_edge_radius >= 0.25 * self.edge
+
+    @property
+    def wall(self) -> float:
+        """Least thickness of silicone around the magnet, or little less."""
+        s = self.shape
+        if not s.has_magnet or self.centre == s.H:
+            return s.wall
+        a, b = s.magnet_diameter / 2, s.magnet_height / 2
+        return min(self.centre - b, s.R - math.hypot(a, b))
 
     @property
     def ring_height(self) -> float:
@@ -84,7 +105,7 @@ class Sizes:
         if not s.has_magnet:
             return size
         a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius
-        across = np.abs(z - s.H)
+        across = np.abs(z - self.centre)
         edge = self.edge + GROWTH * np.maximum(np.hypot(r - (a - rho), across - (b - rho)) - rho, 0)
         return np.asarray(np.minimum(np.minimum(size, edge), self._layer(r, z, a, b)))
 
@@ -97,7 +118,7 @@ class Sizes:
         """1.5 times the thickness of the silicone around the magnet, at least an eighth of the bulk size."""
         s = self.shape
         skin = np.where(z > s.H, np.abs(s.R - np.hypot(r, z - s.H)), np.abs(s.R - r))
-        dr, dz = r - a, np.abs(z - s.H) - b
+        dr, dz = r - a, np.abs(z - self.centre) - b
         magnet = np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.abs(np.minimum(np.maximum(dr, dz), 0))
         return np.asarray(np.maximum(1.5 * (np.minimum(skin, np.abs(z)) + magnet), self.bulk / 8))
 
@@ -109,7 +130,7 @@ def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
     low = np.array([-s.R, 0.0 if half else -s.R, 0.0]) - margin
     high = np.array([s.R, s.R, s.L]) + margin
     axes = [np.linspace(a, b, math.ceil((b - a) / (0.04 * s.D)) + 1) for a, b in zip(low, high, strict=True)]
-    places = np.array([0.0, s.H - s.magnet_height / 2, s.H + s.magnet_height / 2, s.L])
+    places = np.array([0.0, sizes.centre - s.magnet_height / 2, sizes.centre + s.magnet_height / 2, s.H, s.L])
     near = np.abs(axes[2][:, None] - places).min(axis=1) < s.D
     near[::8] = near[-1] = True
     axes[2] = axes[2][near]

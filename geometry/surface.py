@@ -12,6 +12,9 @@ import numpy as np
 
 from geometry.sizing import Floats, Ints, Sizes
 
+SHARE, FILLET = 0.12, 0.25
+"""Envelope over the smallest edge length, and over the radius of a fillet: vertices are put on the surfaces later."""
+
 
 def body(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     """Outer surface of the beam: points of shape (n, 3) and outward triangles of shape (m, 3)."""
@@ -30,7 +33,7 @@ def fin(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     s = sizes.shape
     x, y = _arc(sizes, (0.0, s.H), s.R, 0.0, math.acos(sizes.ring_radius / s.R))[-1]
     count = sizes.steps(x, y, half)
-    shares = (1 - min(3 * sizes.ring, s.wall / 3) / s.R, 1.0, 1 + 1.5 * sizes.ring / s.R)
+    shares = (1 - min(3 * sizes.ring, sizes.wall / 3) / s.R, 1.0, 1 + 1.5 * sizes.ring / s.R)
     circles = [_circle(share * x, s.H + share * (y - s.H), count, half) for share in shares]
     index = np.arange(count + 1) % len(circles[0])
     faces = [_strip(k * len(circles[0]) + index, (k + 1) * len(circles[0]) + index) for k in range(2)]
@@ -42,10 +45,10 @@ def magnet(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     s = sizes.shape
     a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius if sizes.rounded else 0.0
     quarter = math.pi / 2
-    parts = [_line(sizes, (a, s.H - b + rho), (a, s.H + b - rho))]
+    parts = [_line(sizes, (a, sizes.centre - b + rho), (a, sizes.centre + b - rho))]
     if rho > 0:
-        parts.insert(0, _arc(sizes, (a - rho, s.H - b + rho), rho, -quarter, 0.0))
-        parts.append(_arc(sizes, (a - rho, s.H + b - rho), rho, 0.0, quarter))
+        parts.insert(0, _arc(sizes, (a - rho, sizes.centre - b + rho), rho, -quarter, 0.0))
+        parts.append(_arc(sizes, (a - rho, sizes.centre + b - rho), rho, 0.0, quarter))
     profile = np.vstack([part[1 if k else 0 :] for k, part in enumerate(parts)])
     return _revolve(sizes, profile, half)
 
@@ -128,9 +131,9 @@ def _strip(low: Ints, high: Ints) -> list[tuple[int, int, int]]:
 
 def envelope(sizes: Sizes) -> float:
     """Greatest distance that fTetWild may stray from the facets."""
-    fillet = 0.1 * sizes.shape.magnet_edge_radius if sizes.rounded else math.inf
+    fillet = FILLET * sizes.shape.magnet_edge_radius if sizes.rounded else math.inf
     least = min(sizes.edge, sizes.rim, sizes.ring or math.inf)
-    return min(0.05 * least, fillet, sizes.shape.wall / 8)
+    return min(SHARE * least, fillet, sizes.wall / 5)
 
 
 def check_surface(points: Floats, faces: Ints, epsilon: float, wall: float) -> None:

@@ -205,8 +205,9 @@ def test_no_magnet_to_mesh():
 
 def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
     tried = []
-    monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk))
-    monkeypatch.setattr(curving, "curved", lambda mesh, sizes: None)
+    straight = meshing.MeshTet1()
+    monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk) or straight)
+    monkeypatch.setattr(curving, "curved", lambda mesh, sizes, true: None)
     with pytest.raises(RuntimeError, match="folds over or flattens"):
         tetrahedra(PAPER, 1.0)
     assert tried == pytest.approx([1.0, 0.9, 0.8])
@@ -217,7 +218,7 @@ def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
     straight = meshing.MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
     )
-    relaxed = curving.curved(straight, Sizes.of(PAPER, 1.2, None))
+    relaxed = curving.curved(straight, Sizes.of(PAPER, 1.2, None), PAPER)
     assert quality(half, PAPER).least_jacobian < 0.4 <= quality(relaxed, PAPER).least_jacobian
 
 
@@ -252,7 +253,7 @@ def test_bad_rims(rim):
 
 def test_a_mesh_that_misses_its_rim_is_never_returned(half):
     straight = meshing.MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
-    assert curving.curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2))) is None
+    assert curving.curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2)), PAPER) is None
 
 
 def test_a_child_that_dies_or_hangs(monkeypatch):
