@@ -18,6 +18,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+import skfem
 from numpy.typing import NDArray
 
 from fem import contact, models
@@ -94,6 +95,7 @@ def walk(
     model: Model = "auto",
     estimate: bool = True,
     progress: Progress | None = None,
+    mesh: skfem.MeshTet2 | None = None,
 ) -> Iterator[Solution]:
     """Follow a path of loads: for each one first the depth, then the shear.
 
@@ -105,6 +107,7 @@ def walk(
         COARSER and with one harmonic less. RULES say how they follow from the difference, which may vanish by chance.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
+    mesh : tetrahedra in units of D to solve on, as `fem.models.solid` takes them; then nothing is estimated.
 
     Yields
     ------
@@ -122,7 +125,7 @@ def walk(
         check_load(design, load, magnet)
     name = choose_model(loads, model)
     _check_path(loads)
-    return _walk(design, loads, accuracy, magnet, name, estimate, progress)
+    return _walk(design, loads, accuracy, magnet, name, estimate and mesh is None, progress, mesh)
 
 
 def _walk(
@@ -133,8 +136,9 @@ def _walk(
     name: models.Model,
     estimate: bool,
     progress: Progress | None,
+    mesh: skfem.MeshTet2 | None,
 ) -> Iterator[Solution]:
-    states = _follow(design, loads, accuracy, magnet, name, progress, watch=estimate)
+    states = _follow(design, loads, accuracy, magnet, name, progress, watch=estimate, mesh=mesh)
     if not estimate:
         yield from states
         return
@@ -196,12 +200,13 @@ def _follow(
     progress: Progress | None,
     *,
     watch: bool = False,
+    mesh: skfem.MeshTet2 | None = None,
 ) -> Generator[Solution]:
     begin = time.perf_counter()
     D, grip = design.D, loads[0].grip
     if grip is not None and name in ("half", "full"):
         _check_grip(design, grip, accuracy.solid_patch)
-    path = _start(design, loads, accuracy, magnet, name)
+    path = _start(design, loads, accuracy, magnet, name, mesh)
     angle = next((_axis(load) for load in loads if slides(load)), 0.0) if name != "full" else 0.0
     direction = np.array([math.cos(angle), math.sin(angle)])
     turn = np.array([direction, [-direction[1], direction[0]]])
@@ -220,7 +225,14 @@ def _follow(
         path.close()
 
 
-def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, name: models.Model) -> Path:
+def _start(
+    design: Design,
+    loads: Sequence[Load],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    name: models.Model,
+    mesh: skfem.MeshTet2 | None,
+) -> Path:
     """The path with its model, at rest."""
     shape = design.shape.scaled(1 / design.D)
     depths = [load.depth / design.D for load in loads if load.depth > FIRST_TOUCH * design.D]
@@ -235,7 +247,7 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
     edge = None
     if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
-    elif sideways and not tilt and mu is None:
+    elif sideways and not tilt and mu is None and mesh is None:
         glued = next(load.depth for load in loads if slides(load)) / design.D
         # the first press has no fine mesh where its contact ends, the second one has
         edge = contact_edge(build(), glued)
@@ -244,7 +256,8 @@ def _start(design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Ma
         coarse = accuracy.solid_size
         half = name == "half"
         solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=half, push=push)
-        if edge is None or edge == shape.R:
+        solid = functools.partial(solid, given=mesh)
+        if edge is None or edge == shape.R or mesh is not None:
             fine = accuracy.solid_patch if sideways or tilt else coarse / 2
             return Path(solid(fine), held, tilt, mu=mu, rub=accuracy.rub)
         return Path(

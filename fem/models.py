@@ -102,14 +102,16 @@ def solid(
     half: bool,
     rim: tuple[float, float] | None = None,
     push: float = 0.0,
+    given: skfem.MeshTet2 | None = None,
 ) -> Discretisation:
     """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D.
 
     rim : where the patch of contact will end, as for `geometry.mesh.tetrahedra`.
     push : dead force along x, spread over the dome, over E D^2.
+    given : a mesh in units of D to take instead, with a hole for a rigid magnet; sizes and rim do not count then.
     """
     held = magnet == "rigid"
-    mesh = _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
+    mesh = given or _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True

@@ -38,12 +38,15 @@ WORK_DIAMETER = 8.0
 TRIES = (1.0, 0.9, 0.8)
 """What the sizes are multiplied by, one after the other, until a mesh can be curved."""
 
+PASSES = 10
+"""Most rounds of fTetWild's optimisation: after a few the worst cells stay, and each round of a long beam takes long."""
+
 _CHILD = """
 import sys, numpy, pytetwild
 with numpy.load(sys.argv[1]) as given:
     points, cells = pytetwild.tetrahedralize(
         given["points"], given["faces"], edge_length_abs=float(given["size"]), epsilon=float(given["epsilon"]),
-        num_threads=1, vtk_ordering=True, quiet=True, disable_filtering=bool(given["around"]),
+        num_threads=1, num_opt_iter=int(given["passes"]), vtk_ordering=True, quiet=True, disable_filtering=bool(given["around"]),
         bg_vertices=given["grid"], bg_tets=given["tets"], bg_values=given["values"])
 numpy.savez(sys.argv[2], points=points, cells=cells)
 """
@@ -224,6 +227,7 @@ def _tetwild(
             tets=field[1].astype(np.int32),
             values=field[2],
             around=around,
+            passes=PASSES,
         )
         command = [sys.executable, "-c", _CHILD, str(given), str(found)]
         try:

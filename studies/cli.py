@@ -56,6 +56,7 @@ for verb in (
     evidence.ladder,
     evidence.bench,
     meshing.cache,
+    meshing.range_,
 ):
     app.command(verb)
 

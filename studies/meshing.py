@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from studies import console
-from studies.options import GOOD, AsJson
+from pathlib import Path
+
+from geometry.design import BadInput
+from studies import console, files
+from studies.options import FAILED, GOOD, AsJson
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
@@ -25,3 +28,35 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
     }
     console.report([record], as_json=as_json, title="Cache of meshes")
     return GOOD
+
+
+def range_(*, count: int = 64, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solids, mould and meshes of designs sampled over the whole range; status 3 if one fails without a reason.
+
+    Parameters
+    ----------
+    count
+        How many of the sampled designs, 1 to 1024; 64 take some minutes, 4 a quarter of one.
+    out
+        Folder of range.csv, RANGE.md and rows.jsonl, from which a stopped run goes on.
+    """
+    from studies import ranging as work
+    from studies.extremes import versions
+
+    if not 1 <= count <= 1024:
+        raise BadInput(f"count must lie between 1 and 1024; got {count}")
+    origin = versions()
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(count, folder, progress):
+            rows.append(row)
+            if as_json:
+                print(files.json_line(row), flush=True)
+        if folder is not None:
+            work.write(folder, rows, origin, f"magtip range --count {count}")
+    if not as_json:
+        console.report(work.summary(rows), as_json=False, title="Range of designs")
+    failed = [f"design {row['design']}" for row in rows if row["status"] == "failed"]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} designs fail: {', '.join(failed)}")
+    return FAILED if failed else GOOD

@@ -90,11 +90,15 @@ class Method:
         auto takes the smallest that can carry the load.
     harmonics
         Number of harmonics of the harmonic model, in place of the accuracy's.
+    mesh
+        A file with tetrahedra of this design to solve on, whole or the half at y >= 0, that meshio reads (.vtu, .msh,
+        .inp, ...), with regions named silicone and magnet; errors are not estimated then.
     """
 
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     model: Model = "auto"
     harmonics: float | None = None
+    mesh: Path | None = None
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
 
 

@@ -142,9 +142,27 @@ def solve(
 
     vtu = None if out is None else files.check_output_file(out, ".vtu")
     png = None if picture is None else files.check_output_file(picture, ".png")
+    method, mesh = _given(design, method)
     level = _level(loads, method)
-    found = equilibrium.walk(design, loads, level, magnet=method.magnet, model=method.model, progress=progress)
+    found = equilibrium.walk(
+        design, loads, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
+    )
     return _records(design, loads, method, found, vtu, png)
+
+
+def _given(design: Design, method: Method) -> tuple[Method, Any]:
+    """The method with the model that the mesh in its file is for, and the mesh in units of D; None without a file."""
+    if method.mesh is None:
+        return method, None
+    from geometry import meshfile
+
+    mesh = meshfile.read(method.mesh, design.shape, "hole" if method.magnet == "rigid" else "none")
+    model: Literal["half", "full"] = "half" if "symmetry" in mesh.boundaries else "full"
+    if method.model not in ("auto", model):
+        raise BadInput(f"the mesh {str(method.mesh)!r} is for model {model}: leave --model {method.model} out")
+    if method.magnet == "rigid" and "magnet" not in mesh.boundaries:
+        raise BadInput(f"the mesh {str(method.mesh)!r} has no magnet, as region or as hole: add --magnet ignored")
+    return replace(method, model=model), replace(mesh, doflocs=mesh.doflocs / design.D)
 
 
 def _level(loads: list[Load], method: Method) -> Accuracy:

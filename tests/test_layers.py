@@ -15,7 +15,18 @@ ALLOWED = {
     "analytic": {"analytic", "geometry"},
     "studies": {"studies", "fem", "analytic", "geometry"},
 }
-HEAVY = {"build123d", "OCP", "pyvista", "vtkmodules", "pandas", "matplotlib", "pydantic", "trimesh", "lib3mf"}
+HEAVY = {
+    "build123d",
+    "OCP",
+    "pyvista",
+    "vtkmodules",
+    "pandas",
+    "matplotlib",
+    "pydantic",
+    "trimesh",
+    "lib3mf",
+    "meshio",
+}
 FILES = sorted(path for package in ALLOWED for path in (ROOT / package).glob("*.py"))
 
 

@@ -1,0 +1,162 @@
+"""Meshes from elsewhere come in whole, with their regions, or are refused by a sentence that says why."""
+
+import meshio
+import numpy as np
+import pytest
+
+from geometry import meshfile
+from geometry.design import BadInput, Shape
+from geometry.mesh import tetrahedra
+from geometry.quality import quality
+
+SHAPE = Shape(8, 6, 3, 2, 0.4)
+CORNERS = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
+
+
+@pytest.fixture(scope="module")
+def own():
+    return tetrahedra(SHAPE, 2.0)
+
+
+@pytest.fixture(scope="module")
+def points(own):
+    return own.doflocs.T
+
+
+@pytest.fixture(scope="module")
+def quadratic(own):
+    return np.asarray(own.dofs.element_dofs).T
+
+
+@pytest.fixture(scope="module")
+def linear(own):
+    return own.t.T
+
+
+@pytest.fixture(scope="module")
+def number(own):
+    found = np.zeros(own.nelements, dtype=np.int64)
+    found[own.subdomains["magnet"]] = 1
+    return found
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write cells to a file of the given ending and read it."""
+
+    def through(ending, points, cells, shape=SHAPE, magnet="regions", **more):
+        kind = {4: "tetra", 10: "tetra10"}[cells.shape[1]]
+        file = tmp_path / f"mesh{ending}"
+        extra = more.pop("blocks", [])
+        meshio.Mesh(points, [(kind, cells), *extra], **more).write(file, "gmsh22" if ending == ".msh" else None)
+        return meshfile.read(file, shape, magnet)
+
+    return through
+
+
+def same_parts(one, other):
+    assert one.subdomains.keys() == other.subdomains.keys()
+    for name, cells in other.subdomains.items():
+        np.testing.assert_array_equal(np.sort(one.subdomains[name]), np.sort(cells))
+    assert {name: len(facets) for name, facets in one.boundaries.items()} == {
+        name: len(facets) for name, facets in other.boundaries.items()
+    }
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".vtk", ".inp", ".msh"])
+def test_quadratic_cells_stay_as_they_are(own, points, quadratic, read, ending):
+    mesh = read(ending, points, quadratic)
+    same_parts(mesh, own)
+    one, other = quality(mesh, SHAPE), quality(own, SHAPE)
+    assert one.volumes == pytest.approx(other.volumes, rel=1e-9)
+    assert one.least_jacobian == pytest.approx(other.least_jacobian, rel=1e-6)
+
+
+def test_linear_cells_are_curved(own, points, linear, read):
+    mesh = read(".msh", points[: own.nvertices], linear)
+    same_parts(mesh, own)
+    found = quality(mesh, SHAPE)
+    assert max(map(abs, found.volume_errors.values())) < 1e-6
+    assert found.gap < 0.2 * SHAPE.magnet_edge_radius
+
+
+def test_cells_of_either_sense(own, points, quadratic, read):
+    turned = quadratic.copy()
+    turned[::2] = turned[::2][:, [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]]
+    assert quality(read(".vtu", points, turned), SHAPE).least_jacobian > 0.05
+
+
+def test_names_of_regions(own, points, linear, number, read):
+    p = points[: own.nvertices]
+    sets = {"Silicone": [np.flatnonzero(number == 0)], "MAGNET": [np.flatnonzero(number == 1)], "all": [number >= 0]}
+    same_parts(read(".inp", p, linear, cell_sets={k: sets[k] for k in ("Silicone", "MAGNET")}), own)
+    same_parts(read(".vtu", p, linear, cell_data={"region": [number]}), own)
+    groups = {
+        "cell_data": {"gmsh:physical": [number + 7], "gmsh:geometrical": [number + 1]},
+        "field_data": {"silicone": np.array([7, 3]), "magnet": np.array([8, 3])},
+    }
+    same_parts(read(".msh", p, linear, **groups), own)
+    with pytest.raises(BadInput, match="carry the name of a region that they are not in"):
+        read(".vtu", p, linear, cell_data={"region": [1 - number]})
+    with pytest.raises(BadInput, match="are in none of the regions silicone and magnet"):
+        read(".inp", p, linear, cell_sets={"silicone": sets["Silicone"]})
+
+
+def test_names_of_sides(own, points, linear, read):
+    facets = own.facets[:, own.boundaries["base"]].T
+    given = {
+        "blocks": [("triangle", facets)],
+        "cell_sets": {"base": [np.array([], dtype=int), np.arange(len(facets))]},
+    }
+    same_parts(read(".inp", points[: own.nvertices], linear, **given), own)
+    given["cell_sets"]["base"][1] = np.arange(len(facets) - 1)
+    with pytest.raises(BadInput, match=f"names {len(facets) - 1} facets base, but {len(facets)} lie there"):
+        read(".inp", points[: own.nvertices], linear, **given)
+
+
+def test_the_magnet_as_a_hole_or_as_silicone(own, points, quadratic, number, read):
+    hole = read(".vtu", points, quadratic, magnet="hole")
+    assert set(hole.subdomains) == {"silicone"}
+    assert len(hole.boundaries["magnet"]) == len(own.boundaries["magnet"])
+    outside = read(".vtu", points, quadratic[number == 0])
+    assert quality(outside, SHAPE).volumes == pytest.approx(quality(hole, SHAPE).volumes, rel=1e-12)
+    filled = read(".vtu", points, quadratic, magnet="none")
+    assert set(filled.boundaries) == {"base", "skin", "symmetry"}
+    assert quality(filled, SHAPE.without_magnet()).volume_errors["silicone"] == pytest.approx(0, abs=1e-6)
+    with pytest.raises(BadInput, match="lies on no outer surface"):
+        read(".vtu", points, quadratic[number == 0], magnet="none")
+
+
+def test_meshes_that_do_not_fit_are_refused(own, points, linear, quadratic, number, read):
+    p = points[: own.nvertices]
+    apart = np.where((number == 1)[:, None], linear + len(p), linear)
+    middle = np.flatnonzero(own.doflocs[0, own.t].mean(axis=0) > 1)[:1]
+    folded = points.copy()
+    folded[quadratic[5, 4:]] += [3, 0, 0]
+    bent = points.copy()
+    bent[0] = np.nan
+    cases = [
+        ("reaches up to z", (1e-3 * p, linear), {}),
+        ("lies on no outer surface", (np.vstack([p, p]), apart), {}),
+        ("lies on no outer surface", (p, np.delete(linear, middle, axis=0)), {}),
+        ("overlap", (p, np.vstack([linear, linear[:1]])), {}),
+        ("are flat", (p * [1, 1, 1], np.vstack([linear, [[0, 1, 2, 2]]])), {}),
+        ("finite", (bent, quadratic), {}),
+        ("inverted or folded", (folded, quadratic), {}),
+        ("lies on no outer surface", (p, linear), {"shape": Shape(9, 6, 3, 2, 0.4)}),
+    ]
+    for text, given, more in cases:
+        with pytest.raises(BadInput, match=text):
+            read(".vtu", *given, **more)
+
+
+def test_other_files_are_refused(tmp_path, points):
+    with pytest.raises(BadInput, match="there is no file"):
+        meshfile.read(tmp_path / "nothing.vtu", SHAPE)
+    for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(BadInput, match=r"cannot read|must be of tetrahedra"):
+            meshfile.read(tmp_path / name, SHAPE)
+    meshio.Mesh(points, [("hexahedron", np.arange(8)[None])]).write(tmp_path / "b.vtu")
+    with pytest.raises(BadInput, match="must be of tetrahedra, all linear or all quadratic; got hexahedron"):
+        meshfile.read(tmp_path / "b.vtu", SHAPE)
