@@ -39,14 +39,15 @@ TRIES = (1.0, 0.9, 0.8)
 """What the sizes are multiplied by, one after the other, until a mesh can be curved."""
 
 PASSES = 10
-"""Most rounds of fTetWild's optimisation: after a few the worst cells stay, and each round of a long beam takes long."""
+"""Most rounds of fTetWild's optimisation: after a few of them the worst cells only cost time."""
 
 _CHILD = """
 import sys, numpy, pytetwild
 with numpy.load(sys.argv[1]) as given:
     points, cells = pytetwild.tetrahedralize(
         given["points"], given["faces"], edge_length_abs=float(given["size"]), epsilon=float(given["epsilon"]),
-        num_threads=1, num_opt_iter=int(given["passes"]), vtk_ordering=True, quiet=True, disable_filtering=bool(given["around"]),
+        num_threads=1, num_opt_iter=int(given["passes"]), disable_filtering=bool(given["around"]),
+        vtk_ordering=True, quiet=True,
         bg_vertices=given["grid"], bg_tets=given["tets"], bg_values=given["values"])
 numpy.savez(sys.argv[2], points=points, cells=cells)
 """
