@@ -38,7 +38,8 @@ def skin(x: Floats, shape: Shape) -> Near:
     rise = np.maximum(x[2] - shape.H, 0)
     arm = np.stack([x[0], x[1], rise])
     length = np.linalg.norm(arm, axis=0)
-    return Near(length - shape.R, arm / length, np.where(rise > 0, 2, 1) / length)
+    some = np.where(length > 0, length, 1.0)
+    return Near(length - shape.R, arm / some, np.where(rise > 0, 2, 1) / some)
 
 
 def magnet(x: Floats, shape: Shape) -> Near:

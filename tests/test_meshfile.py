@@ -160,3 +160,19 @@ def test_other_files_are_refused(tmp_path, points):
     meshio.Mesh(points, [("hexahedron", np.arange(8)[None])]).write(tmp_path / "b.vtu")
     with pytest.raises(BadInput, match="must be of tetrahedra, all linear or all quadratic; got hexahedron"):
         meshfile.read(tmp_path / "b.vtu", SHAPE)
+
+
+def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
+    sets = ("--set", "L=6", "--set", "magnet_diameter=3", "--set", "magnet_edge_radius=0.4", "--set", "l0=5")
+    assert run("mesh", "paper", *sets, "--size", 1.5, "--half", "--out", "half.vtu")[0] == 0
+    press = ("paper", *sets, "--depth", 0.3, "--json")
+    status, out, _ = run("solve", *press, "--mesh", "half.vtu")
+    (record,) = strict(out)
+    assert (status, record["status"], record["model"]) == (0, "ok", "half")
+    assert record["error_estimate"] is None
+    section = strict(run("solve", *press, "--accuracy", "quick")[1])[0]
+    assert record["force_N"][2] == pytest.approx(section["force_N"][2], rel=0.03)
+    assert record["shift_mm"][2] == pytest.approx(section["shift_mm"][2], rel=0.05)
+    status, out, err = run("solve", *press, "--mesh", "half.vtu", "--model", "full")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "is for model half" in err
