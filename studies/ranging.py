@@ -135,7 +135,7 @@ def examine(number: int, values: dict[str, float], cache: Path) -> Row:
 
 def _solids(design: Design) -> Row:
     """The three bodies against their volumes, and the mould with its checks."""
-    from geometry import cad, exact, mold
+    from geometry import cad, exact, mold, moldchecks, moldparts
 
     begin = time.perf_counter()
     shape, choices = design.shape, mold.Mold()
@@ -144,7 +144,7 @@ def _solids(design: Design) -> Row:
     for body, volume in bodies:
         if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
             raise RuntimeError(f"a solid of {body.volume:.9g} mm3 is not valid or has the wrong volume")
-    checks = mold.checks(design, choices, *mold.parts(design, choices))
+    checks = moldchecks.checks(design, choices, *moldparts.parts(design, choices))
     failed = [check.name for check in checks if not check.passed]
     if failed:
         raise RuntimeError(f"the mould fails its check '{failed[0]}'")
