@@ -28,6 +28,8 @@ LEAST_JACOBIAN = 0.05
 """Least ratio in a cell of the least to the greatest Jacobian at the quadrature points of order 4."""
 LEAST_SHAPE = 0.02
 """Least shape of a straight cell: three times its inscribed over its circumscribed radius."""
+ROUNDS, VOLUME = 10, 1e-5
+"""Most rounds of fitting facets and relaxing cells, and the share of a volume that may be missing in the end."""
 
 
 def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
@@ -84,7 +86,11 @@ def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
 
 
 def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
-    """The mesh with quadratic cells on the exact surfaces; None if it folds or flattens a cell or misses the ring."""
+    """The mesh with quadratic cells on the exact surfaces; None if that fails.
+
+    It fails if a cell folds or flattens, if a facet lies on both sides of the ring, or if a volume is missed.
+    sizes : those it was meshed with. true : the body, whose magnet may have been meshed enlarged.
+    """
     on = {name: _nodes_on(mesh, facets) for name, facets in mesh.boundaries.items()}
     if sizes.ring:
         ring = _ring(mesh, sizes)
@@ -112,7 +118,7 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     if "magnet" in on:
         magnet = facet_nodes(mesh, mesh.boundaries["magnet"])
         fits.append(_Fit(magnet, exact.magnet, true.H, half * exact.magnet_volume(true)))
-    for k in range(6):
+    for k in range(ROUNDS):
         for fit in fits:
             if fit.about is exact.magnet and "edge" in on:
                 x = x if k else _around(x, magnet[:, ~lid], exact.side, shape, kept)
@@ -123,7 +129,9 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
         if found is None or not found[1].any():
             break
         x, kept = found[0].doflocs.copy(), kept | found[1]
-    return found and found[0]
+    if found is None or any(abs(fit.missing(found[0].doflocs)) > VOLUME * fit.volume for fit in fits):
+        return None
+    return found[0]
 
 
 @dataclass(frozen=True, slots=True)

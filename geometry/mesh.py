@@ -136,7 +136,7 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
-        f"the mesh of size {wanted.bulk:g} D folds over or flattens when it is curved to the exact surfaces"
+        f"the mesh of size {wanted.bulk:g} D folds over, flattens or misses the volume on the exact surfaces"
         + (" or has no edges along its rim: try a smaller size there" if wanted.ring else ": try a smaller size")
     )
 

@@ -248,8 +248,8 @@ def _linear(mesh: MeshTet1, given: _Cells, shape: Shape) -> MeshTet2:
     made = curving.curved(mesh, _sizes(mesh, shape), shape)
     if made is None:
         raise BadInput(
-            f"the mesh {given.text} folds over or flattens when it is curved to the exact surfaces: refine it where "
-            "they are curved"
+            f"the mesh {given.text} folds over, flattens or misses the volume on the exact surfaces: refine "
+            "it where they are curved"
         )
     return made
 
