@@ -179,10 +179,16 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     """
     process, scale = mold.printing, 1 / (1 - mold.shrink)
     R, L = scale * design.R, scale * design.L
-    pin_radius, pin_depth, pin_edge, pin_top = (scale * length for length in _pin(design, mold))
+    pin_radius, pin_depth, pin_edge, pin_top, left = (scale * length for length in _pin(design, mold))
     wall = process.wall if mold.wall is None else mold.wall
     floor, lid = (wall if value is None else value for value in (mold.floor, mold.lid))
     fit = process.fit if mold.fit is None else mold.fit
+    if not fit <= left:
+        raise BadInput(
+            f"fit must not exceed the {left:.3g} mm of silicone between pin and cavity, or they touch "
+            f"when A is pushed aside; got {fit:g} mm: set a smaller fit, if the printer can hold it, or take a "
+            "smaller magnet"
+        )
     free = max(L, LEAST_FREE)
     skirt = min(5.0, 0.6 * free, free - mold.pry_gap) if mold.skirt is None else mold.skirt
     if not 0 < skirt <= free - mold.pry_gap:
@@ -245,10 +251,10 @@ def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
     return vent, ring
 
 
-def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float]:
-    """End radius, depth, fillet and radius at the base plane of the pin at the design's own scale, mm."""
+def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]:
+    """Of the pin, mm, not yet scaled: end radius, depth, fillet, radius at the base plane, silicone around."""
     if not design.magnet_diameter > 0:
-        return 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, design.R
     half = design.magnet_height / 2
     radius, depth = design.magnet_diameter / 2 + mold.pocket_gap, design.H + half
     top = radius + depth * math.tan(math.radians(mold.draft))
@@ -278,7 +284,7 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float]:
             f"draft must not exceed {most:.3g} degrees, or the pin leaves less than {LEAST_WALL:g} mm of silicone at "
             f"the base plane; got {mold.draft:g} degrees"
         )
-    return radius, depth, edge, top
+    return radius, depth, edge, top, min(design.R - top, at_end)
 
 
 def pours(design: Design, mold: Mold) -> tuple[float, float]:
