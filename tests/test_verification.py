@@ -83,9 +83,9 @@ def test_a_turned_section_has_no_energy_and_no_forces(harmonics):
 
 def test_the_penalty_costs_its_inverse(monkeypatch):
     """F falls by C / KAPPA: a tenth of the penalty costs ten times as much."""
-    weak = 1 - touch.penalty("quick", 0.1, "ignored")
+    weak = 1 - touch.penalty("standard", 0.1, "ignored")
     monkeypatch.setattr("fem.path.KAPPA", KAPPA / 10)
-    assert 1 - touch.penalty("quick", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
+    assert 1 - touch.penalty("standard", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
 
 
 def test_fourier_fields_of_the_manufactured_solution_lie_in_the_space():
