@@ -8,11 +8,12 @@ OUT ?= out/demo
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
+# as many processes as cores, so each on one thread
 test: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 
 setup: .venv/ready
 
