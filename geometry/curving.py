@@ -106,7 +106,7 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     n, at_ring = mesh.nvertices, (sizes.ring_radius, sizes.ring_height)
     p = exact.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape, at_ring)
     top = p[2].argmax()
-    if math.hypot(p[0, top], p[1, top]) < 0.01 * shape.R:
+    if math.hypot(p[0, top], p[1, top]) < max(0.01 * shape.R, 0.3 * sizes.tip):
         p[:, top] = 0, 0, shape.L  # what a plate touches first
     if radius_ratios(p[:, mesh.t]).min() < LEAST_SHAPE:
         return None
