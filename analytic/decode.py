@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic import mechanics, refine, sheets
+from analytic import mechanics, refine, sensitivity, sheets, tabulate
 from analytic.forward import NO_TILT, Forward, model, rotation
 from analytic.hall import Mode
 from analytic.mechanics import Mechanics
@@ -135,7 +135,7 @@ def decoder(
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     pad = PAD * (high - low)
-    table = sheets.build(forward, low - pad, high + pad, cells)
+    table = tabulate.build(forward, low - pad, high + pad, cells)
     gain = np.array([e.gain for e in forward.elements])
     sigma = np.array([np.hypot(e.noise, e.step / np.sqrt(12)) for e in forward.elements]) / gain
     tolerance = np.where(sigma > 0, DOUBT * sigma, SHARE * table.span)
@@ -195,11 +195,16 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
 def _solve(coder: Decoder, target: Array, index: NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
     """All poses of the readings with these numbers: shifts, slopes and owners; and the numbers of misfits."""
     part = target[:, index]
-    owner, start = sheets.starts(coder.table, part)
+    owner, start, curve = sheets.starts(coder.table, part)
+    if len(target) > 3:
+        # where readings contradict each other, steps do not square the error
+        curve[:] = sheets.STEEP
     noisy = coder.sigma.all()
     weights = coder.sigma.min() / coder.sigma if noisy else np.ones(len(target))
     pad = 3 * coder.table.edge
-    s, f, A, done = refine.refine(coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad)
+    s, f, A, done = refine.refine(
+        coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curve
+    )
     low, high = coder.low[:, None] - EDGE, coder.high[:, None] + EDGE
     inside = done & ((s >= low) & (s <= high)).all(axis=0)
     if len(target) == 3:
@@ -271,7 +276,7 @@ def _result(
         return found
 
     blank = np.full((3, s.shape[1]), np.nan)
-    noisy = spread(coder.sigma, A)
+    noisy = sensitivity.spread(coder.sigma, A)
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
         force, slope = mechanics.forces(coder.mechanics, s)
@@ -283,29 +288,10 @@ def _result(
         tilt=rows(rotation(coder.forward.tau, s)),
         force=rows(force),
         load=rows(load),
-        condition=rows(condition(A)[None])[:, 0],
+        condition=rows(sensitivity.condition(A)[None])[:, 0],
         multiplicity=multiplicity,
         noise_mm=rows(np.sqrt((noisy**2).sum(axis=1))),
         noise_N=rows(noise),
         poses=np.ascontiguousarray(poses.T),
         owner=owner,
     )
-
-
-def condition(A: Array) -> Array:
-    """Condition numbers of the slopes (3, k, n), shape (n,); infinite at a fold."""
-    values = np.linalg.svd(np.moveaxis(A, 2, 0), compute_uv=False)
-    with np.errstate(divide="ignore"):
-        return np.asarray(values[:, 0] / values[:, 2])
-
-
-def spread(sigma: Array, A: Array) -> Array:
-    """Slopes of the pose along each reading, times its standard deviation, shape (3, k, n), mm; NaN without noise.
-
-    The pose's covariance is their product with their own transpose. `sigma` has shape (k,), T, and A (3, k, n), T/mm.
-    """
-    if not sigma.any():
-        return np.full_like(A, np.nan)
-    weights = (sigma.min() / sigma if sigma.all() else np.ones_like(sigma))[:, None]
-    inverse = refine.inverse_normal(weights * A)
-    return np.asarray(np.einsum("ijn,jkn->ikn", inverse, weights**2 * A) * sigma[:, None])

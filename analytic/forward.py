@@ -105,7 +105,7 @@ def seen(forward: Forward, shift: Array) -> tuple[Array, Array]:
     g = ring * normal + ((rr - ring) * out + rz * along) * radial + ((zz - ring) * along + rz * out) * m
     slopes = -g
     if lean is not None:
-        turn = _cross(_cross(B, normal) - _cross(x, g), m)
+        turn = cross(cross(B, normal) - cross(x, g), m)
         for j in range(3):
             slopes[j] += _dot(lean[j][:, None, :], turn)
     values, slopes = _mean(forward, b_r * out + b_z * along, 0), _mean(forward, slopes, 1)
@@ -206,5 +206,5 @@ def _dot(a: Array, b: Array) -> Array:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,197 +1,21 @@
-"""The formulas of `analytic.cylinder`, point by point, compiled by numba; imported by `analytic.magnet` when it pays.
+"""The functions of `analytic.pointwise`, compiled by numba; imported by `analytic.magnet` when it pays.
 
-`fill` and `at` can be called from other functions that numba compiles.
+`fill`, `meridian` and `at` can be called from other functions that numba compiles.
 """
 
 from __future__ import annotations
 
-import math
+from types import FunctionType
 
 import numpy as np
 from numba import njit
 
-from analytic.cylinder import FAR, GAUSS, NEAR_HULL, ORDER, SETTLED, SPLIT, STEP, THIN
+from analytic import pointwise
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(GAUSS)
+_scope = dict(vars(pointwise)) | {"_root": np.sqrt}
+for _name, _plain in vars(pointwise).items():
+    # the names in a compiled function are looked up when it is first called, so the order does not matter
+    if isinstance(_plain, FunctionType) and _name != "_root":
+        _scope[_name] = njit(cache=True)(FunctionType(_plain.__code__, _scope, _name))
 
-
-@njit(cache=True)
-def fill(x, radius, half, J, moments, faces, B, jacobian):
-    """Fill B and, if it is not empty, the Jacobian; returns the row of a point that has no field, or -1.
-
-    Parameters
-    ----------
-    x : shape (n, 3), mm.
-    radius, half, J : the magnet's radius and half height, mm, and its polarisation, T.
-    moments, faces : `cylinder_moments(half / radius)` and `face_moments()` of `analytic.cylinder`.
-    B, jacobian : shape (n, 3), T; shape (n, 3, 3), T/mm, or (0, 3, 3).
-    """
-    slope = len(jacobian) > 0
-    for i in range(len(x)):
-        good, lean, along, lean_z, along_z = at(x[i, 0], x[i, 1], x[i, 2], radius, half, moments, faces, slope)
-        if not good:
-            return i
-        u, v = x[i, 0] / radius, x[i, 1] / radius
-        B[i, 0], B[i, 1], B[i, 2] = J * lean * u, J * lean * v, J * along
-        if slope:
-            scale, r2 = J / radius, u * u + v * v
-            bend = -(along_z + 2 * lean) / r2 if r2 > 1e-300 else 0.0
-            jacobian[i, 0, 0] = scale * (lean + bend * u * u)
-            jacobian[i, 1, 1] = scale * (lean + bend * v * v)
-            jacobian[i, 0, 1] = jacobian[i, 1, 0] = scale * (bend * u * v)
-            jacobian[i, 0, 2] = jacobian[i, 2, 0] = scale * (lean_z * u)
-            jacobian[i, 1, 2] = jacobian[i, 2, 1] = scale * (lean_z * v)
-            jacobian[i, 2, 2] = scale * along_z
-    return -1
-
-
-@njit(cache=True)
-def at(x, y, z, radius, half, moments, faces, slope):
-    """Whether there is a field at a point; B_r/r, B_z and their slopes along z, for J = 1 and lengths in radii."""
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        return False, 0.0, 0.0, 0.0, 0.0
-    rho = math.hypot(x, y)
-    r, gap = rho / radius, 1 - rho / radius
-    if abs(gap) < NEAR_HULL:
-        gap = _gap(x, y, rho, radius)
-    up, down, high, z0 = (z - half) / radius, (z + half) / radius, z / radius, half / radius
-    if gap == 0 and (up == 0 or down == 0):
-        return False, 0.0, 0.0, 0.0, 0.0
-    span = math.hypot(1.0, z0)
-    if math.hypot(r, high) > FAR * span:
-        lean, along, lean_z, along_z = _multipoles(r / span, high / span, moments, slope)
-        return True, lean / span, along, lean_z / span**2, along_z / span
-    lean_z, along_z = 0.0, 0.0
-    if math.hypot(gap, high) > THIN * z0:
-        lean, along = 0.0, 0.0
-        for k in range(GAUSS):
-            weight, zeta = z0 * WEIGHTS[k], high - z0 * NODES[k]
-            if slope:
-                ring = _ring(r, gap, complex(zeta, STEP))
-                lean, along = lean + weight * ring[0].real, along + weight * ring[1].real
-                lean_z, along_z = lean_z + weight * ring[0].imag / STEP, along_z + weight * ring[1].imag / STEP
-            else:
-                b_r, b_z = _ring(r, gap, zeta)
-                lean, along = lean + weight * b_r, along + weight * b_z
-        return True, lean, along, lean_z, along_z
-    top = _face(r, gap, up, faces, slope)
-    bottom = _face(r, gap, down, faces, slope)
-    within = 0.5 * (np.sign(gap) + 1)
-    step = (np.sign(down) - np.sign(up)) / 2 + (top[4] - bottom[4])
-    return True, top[0] - bottom[0], within * step + (top[1] - bottom[1]), top[2] - bottom[2], top[3] - bottom[3]
-
-
-@njit(cache=True)
-def _face(r, gap, zeta, faces, slope):
-    if math.hypot(r, zeta) > FAR:
-        lean, along, lean_z, along_z = _multipoles(r, zeta, faces, slope)
-        return lean, along, lean_z, along_z, 0.0
-    outer = 1 + r
-    S, Q = zeta * zeta + outer * outer, zeta * zeta + gap * gap
-    s, m = math.sqrt(S), 4 * r / S
-    k = math.sqrt(Q) / s
-    p, q = (1.0, 1.0) if gap == 0 else (abs(gap) / outer, np.sign(gap))
-    last, mean, product, c = 1.0, 1 + k, k, 1.0
-    inverse = 1 / p
-    c, q = c + q * inverse, 2 * (q + c * k * inverse)
-    p = p + k * inverse
-    term = 1 / (mean * mean)
-    total, share, size = term / 2, 0.5, 2.0
-    while abs(last - k) > SETTLED * last:
-        last = mean
-        k = 2 * math.sqrt(product)
-        product = k * mean
-        inverse = 1 / p
-        ratio = product * inverse
-        c, q = c + q * inverse, 2 * (q + c * ratio)
-        p = p + ratio
-        mean = mean + k
-        term = term * m / mean
-        term = term * term
-        share, size = 0.5 * share, 2 * size
-        total = total + term * share
-    K = math.pi / 2 * size / mean
-    C, S3 = K * total, math.pi * S * s
-    lean, along = 4 * C / S3, -0.5 * zeta * (q + c * mean) / (mean * (mean + p) * outer * s)
-    if not slope:
-        return lean, along, 0.0, 0.0, 0.5 * np.sign(zeta)
-    lean_z, along_z = _ring_of(r, gap, zeta, -Q * S3, (K + m * C) / 2, C)
-    return lean, along, lean_z, along_z, 0.5 * np.sign(zeta)
-
-
-@njit(cache=True)
-def _ring(r, gap, zeta):
-    S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
-    m, s = 4 * r / S, np.sqrt(S)
-    k = np.sqrt(Q) / s
-    mean, product, last = 1 + k, k, 1 + 0 * k
-    term = 1 / (mean * mean)
-    total, share, size = term / 2, 0.5, 2.0
-    while abs(last - k) > SETTLED * abs(last):
-        last = mean
-        k = 2 * np.sqrt(product)
-        product = k * mean
-        mean = mean + k
-        term = term * m / mean
-        term = term * term
-        share, size = 0.5 * share, 2 * size
-        total = total + term * share
-    K = math.pi / 2 * size / mean
-    C = K * total
-    return _ring_of(r, gap, zeta, math.pi * S * s * Q, (K + m * C) / 2, C)
-
-
-@njit(cache=True)
-def _ring_of(r, gap, zeta, scale, D, C):
-    return 4 * zeta * (D - C) / scale, 2 * ((gap * (1 + r) + zeta * zeta) * D - 2 * r * gap * C) / scale
-
-
-@njit(cache=True)
-def _multipoles(r, z, moments, slope):
-    d = math.hypot(r, z)
-    cos, sin2, inverse = z / d, (r / d) ** 2, 1 / d
-    along, across, along_z, across_z = 0.0, 0.0, 0.0, 0.0
-    p_last, p, tangent_last, tangent = 0.0, 1.0, 0.0, 0.0
-    power = inverse * inverse
-    for n in range(ORDER + 2):
-        along += moments[0, n] * (n + 1) * p * power
-        across += moments[0, n] * tangent * power
-        if slope:
-            along_z += moments[1, n] * (n + 1) * p * power
-            across_z += moments[1, n] * tangent * power
-        power *= inverse
-        p_last, p = p, ((2 * n + 1) * cos * p - n * p_last) / (n + 1)
-        tangent_last, tangent = tangent, tangent_last + (2 * n + 1) * p_last
-    return (
-        (along + cos * across) * inverse,
-        along * cos - sin2 * across,
-        (along_z + cos * across_z) * inverse,
-        along_z * cos - sin2 * across_z,
-    )
-
-
-@njit(cache=True)
-def _gap(x, y, rho, radius):
-    """1 - rho/radius beside the hull, as in `analytic.cylinder`."""
-    a2, a2_low = _square(radius)
-    x2, x2_low = _square(x)
-    y2, y2_low = _square(y)
-    first, first_low = _sum(a2, -x2)
-    second, second_low = _sum(first, -y2)
-    return (second + (first_low + second_low + (a2_low - x2_low - y2_low))) / (radius * (radius + rho))
-
-
-@njit(cache=True)
-def _square(a):
-    wide = SPLIT * a
-    high = wide - (wide - a)
-    low = a - high
-    square = a * a
-    return square, ((high * high - square) + 2 * high * low) + low * low
-
-
-@njit(cache=True)
-def _sum(a, b):
-    total = a + b
-    part = total - a
-    return total, (a - (total - part)) + (b - part)
+fill, meridian, at = _scope["fill"], _scope["meridian"], _scope["at"]

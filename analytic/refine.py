@@ -3,7 +3,8 @@
 With the residual f = w (B(s) - B_read) and A = w dB/ds, a step is p = -(A'A + mu tr(A'A) I)^-1 A'f. mu is 0 until a
 step fails to shrink |f|, grows by 10 from 1e-3 while steps fail, and falls by 10 when they succeed (Levenberg,
 Marquardt). Newton's error squares from step to step, so the error after a step p that follows one of length p' is
-about p^3/p'^2: the iteration ends where that is below `GOAL`.
+about p^3/p'^2: the iteration ends where that is below `GOAL`. For the first step p it is c p^2, with a bound c of the
+curvature at the start.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.forward import Forward, seen
+from analytic.sheets import STEEP
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,13 @@ LONGEST = 0.5
 
 
 def refine(
-    forward: Forward, starts: Array, target: Array, weights: Array, low: Array, high: Array
+    forward: Forward,
+    starts: Array,
+    target: Array,
+    weights: Array,
+    low: Array,
+    high: Array,
+    curve: Array | float = STEEP,
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Poses near the starts that fit the targets best; they stay within a box.
 
@@ -34,6 +42,7 @@ def refine(
     starts, target : shape (3, n), mm, and (k, n), T.
     weights : of the readings, shape (k,).
     low, high : of the box, shape (3,), mm.
+    curve : bound of |J^-1 d2B/ds2| / 2 at the starts, as `analytic.sheets.starts` gives it, shape (n,), 1/mm.
 
     Returns
     -------
@@ -48,14 +57,15 @@ def refine(
     active = np.arange(n)
     floor, roof, w = low[:, None], high[:, None], weights[:, None]
     s, goal = np.clip(starts, floor, roof), target
-    mu, last = np.zeros(n), np.full(n, np.inf)
+    mu, last, bend = np.zeros(n), np.full(n, np.inf), np.broadcast_to(np.asarray(curve, dtype=np.float64), (n,))
     values, A = seen(forward, s)
     f = values - goal
     size = ((w * f) ** 2).sum(axis=0)
     for _ in range(STEPS):
         p = _step(w * A, w * f, mu)
         length = np.sqrt((p**2).sum(axis=0))
-        end = (mu == 0) & ((length < 1e-3 * GOAL) | (length**3 < GOAL * np.minimum(last, 1e-2) ** 2))
+        bend = np.where(np.isfinite(last), length / np.minimum(last, 1e-2) ** 2, bend)
+        end = (mu == 0) & ((length < 1e-3 * GOAL) | (bend * length**2 < GOAL))
         end |= size == 0
         leave = end | ((mu > 0) & (length < STUCK))
         if leave.any():
@@ -69,7 +79,7 @@ def refine(
             go = ~leave
             if not go.any():
                 return shift, residual, slopes, done
-            active, mu, last, size, length = active[go], mu[go], last[go], size[go], length[go]
+            active, mu, last, bend, size, length = active[go], mu[go], last[go], bend[go], size[go], length[go]
             s, goal, f, p, A = s[:, go], goal[:, go], f[:, go], p[:, go], A[:, :, go]
         trial = np.clip(s + p * np.minimum(1.0, LONGEST / np.maximum(length, 1e-300)), floor, roof)
         values, A_new = seen(forward, trial)

@@ -7,19 +7,22 @@ with the cells whose bounding boxes meet it. More than three readings are projec
 they vary most over the workspace.
 
 The linear maps leave gaps and overlap, so cells are taken with a margin; starts on the same side of the folds (the
-sign of det of the slopes) and near each other lead to the same pose, and the innermost is kept. Close to a fold two
-poses merge, and a linear map misses both: a cell whose corners do not agree in that sign is taken as a box along the
-principal axes of its linear map, half as large again, and searched from both sides of its fold.
+sign of det of the slopes) and near each other lead to the same pose, and the innermost is kept. It is then bent: with
+u the place by the linear map and v the true one, both in edges of the cell, u = v + q(v), q the cubic polynomial that
+fits readings and slopes at the corners best, and v = u - q(v) is iterated from v = u. That leaves some 1e-5 mm, so
+one step of Newton's mostly suffices.
+
+Close to a fold two poses merge, and a linear map misses both: a cell whose corners do not agree in that sign is taken
+as a box along the principal axes of its linear map, half as large again, and searched from both sides of its fold.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from analytic.forward import Forward, seen
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,9 +33,10 @@ BINS = 32
 """Along each direction of the space of readings, as many readings of the grid in each."""
 APART = 1.2
 """Starts on the same side of the folds and closer than this many cells lead to the same pose."""
-BOX = 1.5
-"""Size of the box of a cell with a fold, over that of its corners."""
-CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+BENDS = 3
+"""Iterations for the true place in a cell."""
+STEEP = 1e9
+"""Curvature where it is not known, 1/mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,9 +48,12 @@ class Sheets:
     basis : projection of k readings on three numbers, shape (3, k).
     edges : of the bins, shape (3, BINS - 1).
     first, members : the cells of bin b are members[first[b]:first[b + 1]].
-    low, high : bounding boxes of the cells, widened by the margin, shape (n, 3), T.
-    middle, inverse : a point r is at inverse @ (r - middle) in a cell, in edges of the cell (of the box) from its
-        centre.
+    low, high : bounding boxes of the cells, widened by the margin, shape (3, n), T.
+    maps : a point r is at maps[i, :, :3] @ r + maps[i, :, 3] along i in the cells, in edges of the cell (of the box)
+        from its centre, shape (3, n, 4).
+    bends : coefficients of q by `monomials`, shape (3, 20, n); 0 where iterating would not converge.
+    curve : bound of |J^-1 d2B/ds2| / 2 in a cell, 1/mm: a step p of Newton's leaves an error of curve p^2; `STEEP`
+        where it is not known.
     centre : of the cells, shape (n, 3), mm.
     turn : sign of the determinant, 0 where the corners do not agree.
     corners : of the cells with turn 0, numbers of the grid's points, by number of the cell, shape (n, 8).
@@ -63,8 +70,9 @@ class Sheets:
     members: NDArray[np.int32]
     low: Array
     high: Array
-    middle: Array
-    inverse: Array
+    maps: Array
+    bends: Array
+    curve: Array
     centre: Array
     turn: NDArray[np.int8]
     corners: Ints
@@ -75,93 +83,77 @@ class Sheets:
     span: Array
 
 
-def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> Sheets:
-    """The table over a box of shifts, with so many cells along each axis.
-
-    Raises
-    ------
-    BadInput
-        The field is not defined at a point of the grid.
-    """
-    axes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
-    readings = np.empty((len(forward.elements), grid.shape[1]))
-    slopes = np.empty((3, *readings.shape))
-    for start in range(0, grid.shape[1], 4096):
-        part = slice(start, start + 4096)
-        readings[:, part], slopes[:, :, part] = seen(forward, np.ascontiguousarray(grid[:, part]))
-    basis = np.eye(3)
-    if len(readings) > 3:
-        spread = readings - readings.mean(axis=1, keepdims=True)
-        basis = np.linalg.svd(spread @ spread.T)[0].T[:3]
-    r = (basis @ readings).T
-    side = np.sign(np.linalg.det(np.einsum("ik,jkn->nij", basis, slopes)))
-    corners = _corners(counts)
-    ends, sides = r[corners], side[corners]
-    # the linear map that fits the corners best: its slope along an edge is the mean difference
-    linear = np.einsum("ncr,cj->nrj", ends, (2 * CORNERS - 1) / 4)
-    turn = np.where((sides == sides[:, :1]).all(axis=1), sides[:, 0], 0).astype(np.int8)
-    middle, inverse = _maps(linear, ends, turn == 0)
-    least, most = ends.min(axis=1), ends.max(axis=1)
-    reach = MARGIN * (most - least)
-    least, most = least - reach, most + reach
-    edges = np.quantile(r, np.arange(1, BINS) / BINS, axis=0).T
-    first, members = _binned(edges, least, most)
-    return Sheets(
-        basis=basis,
-        edges=np.ascontiguousarray(edges),
-        first=first,
-        members=members,
-        low=least,
-        high=most,
-        middle=middle,
-        inverse=inverse,
-        centre=grid.T[corners].mean(axis=1),
-        turn=turn,
-        corners=corners,
-        grid=np.ascontiguousarray(grid.T),
-        side=side,
-        readings=r,
-        edge=(high - low) / counts,
-        span=np.ptp(readings, axis=1),
-    )
-
-
-def starts(table: Sheets, readings: Array) -> tuple[Ints, Array]:
-    """Where to begin: the number of the reading of each start, in order, and the start's shift, shape (3, n), mm.
+def starts(table: Sheets, readings: Array) -> tuple[Ints, Array, Array]:
+    """Where to begin.
 
     Parameters
     ----------
     readings : shape (k, n), T.
+
+    Returns
+    -------
+    owner : number of the reading of each start, in order.
+    shift : shape (3, m), mm.
+    curve : as `Sheets.curve`, of each start.
     """
-    r = (table.basis @ readings).T
-    owner, cell = _candidates(table, r)
-    point = r[owner]
-    within = ((point >= table.low[cell]) & (point <= table.high[cell])).all(axis=1)
-    owner, cell, point = owner[within], cell[within], point[within]
-    place = np.matmul(table.inverse[cell], (point - table.middle[cell])[:, :, None])[:, :, 0]
-    outside = np.abs(place).max(axis=1)
+    r = table.basis @ readings
+    owner, cell, u = located(table, r, *_candidates(table, r))
+    outside = np.abs(u).max(axis=0)
     turn = table.turn[cell]
     folded = turn == 0
-    inside = outside <= 0.5 + MARGIN
-    hit, folded = inside & ~folded, inside & folded
-    at = table.centre[cell[hit]] + place[hit] * table.edge
+    hit = np.flatnonzero(~folded)
+    at = table.centre[cell[hit]] + u[:, hit].T * table.edge
     kept = _distinct(
         owner[hit], turn[hit].astype(np.int64), outside[hit], at, APART * float(np.linalg.norm(table.edge))
     )
-    owners, ats = owner[hit][kept], at[kept]
+    hit = hit[kept]
+    owners, curve = owner[hit], table.curve[cell[hit]]
+    ats = bent(table, cell[hit], u[:, hit])
     if folded.any():
-        more, beside = _both_sides(table, owner[folded], cell[folded], point[folded])
-        owners, ats = np.concatenate([owners, more]), np.concatenate([ats, beside])
+        more, beside = _both_sides(table, owner[folded], cell[folded], r.T[owner[folded]])
+        owners, ats = np.concatenate([owners, more]), np.concatenate([ats, beside.T], axis=1)
+        curve = np.concatenate([curve, np.full(len(more), STEEP)])
         order = np.argsort(owners, kind="stable")
-        owners, ats = owners[order], ats[order]
-    return owners, np.ascontiguousarray(ats.T)
+        owners, ats, curve = owners[order], ats[:, order], curve[order]
+    return owners, np.ascontiguousarray(ats), curve
+
+
+def located(table: Sheets, r: Array, owner: Ints, cell: Ints) -> tuple[Ints, Ints, Array]:
+    """Those of the candidates in which the points r (3, n) lie, and the places by the linear maps, shape (3, m)."""
+    places: list[Array] = []
+    point = r[:, owner]
+    # most candidates fail at the first axis
+    for rows in table.maps:
+        row = rows[cell]
+        u = row[:, 0] * point[0] + row[:, 1] * point[1] + row[:, 2] * point[2] + row[:, 3]
+        within = np.flatnonzero(np.abs(u) <= 0.5 + MARGIN)
+        owner, cell, point = owner[within], cell[within], point[:, within]
+        places = [*(v[within] for v in places), u[within]]
+    inside = ((point >= table.low[:, cell]) & (point <= table.high[:, cell])).all(axis=0)
+    return owner[inside], cell[inside], np.stack(places)[:, inside]
+
+
+def bent(table: Sheets, cell: Ints, u: Array) -> Array:
+    """Shifts (3, n), mm, from places u (3, n) in cells by their linear maps."""
+    q, v = table.bends[:, :, cell], u
+    for _ in range(BENDS):
+        v = u - np.einsum("ipn,pn->in", q, np.array(monomials(*v)))
+    return np.asarray(table.centre[cell].T + v * table.edge[:, None])
+
+
+def monomials(x: Any, y: Any, z: Any) -> list[Any]:
+    """Of degree 0 to 3, of numbers or arrays, in the order of `analytic.tabulate.NORMS`."""
+    xx, yy, zz = x * x, y * y, z * z
+    squares = [xx, x * y, x * z, yy, y * z, zz]
+    cubes = [xx * x, xx * y, xx * z, x * yy, squares[1] * z, x * zz, yy * y, yy * z, y * zz, zz * z]
+    return [1.0 + 0.0 * x, x, y, z, *squares, *cubes]
 
 
 def _both_sides(table: Sheets, owner: Ints, cell: Ints, point: Array) -> tuple[Ints, Array]:
     """The corners of folded cells on either side of the fold that read most like the point."""
     corners = table.corners[cell]
-    far = (np.abs(table.readings[corners] - point[:, None]) / (table.high - table.low)[cell][:, None]).max(axis=2)
+    size = (table.high - table.low)[:, cell].T
+    far = (np.abs(table.readings[corners] - point[:, None]) / size[:, None]).max(axis=2)
     owners, ats = [], []
     for sign in (-1, 1):
         there = np.where(table.side[corners] == sign, far, np.inf)
@@ -173,13 +165,13 @@ def _both_sides(table: Sheets, owner: Ints, cell: Ints, point: Array) -> tuple[I
 
 
 def _candidates(table: Sheets, r: Array) -> tuple[Ints, Ints]:
-    """Number of the reading and cell, for each cell in the bins of the readings."""
-    index = np.zeros(len(r), dtype=np.int64)
-    for k in range(3):
-        index = index * BINS + np.searchsorted(table.edges[k], r[:, k])
+    """Number of the reading and cell, for each cell in the bins of the readings (3, n)."""
+    index = np.zeros(r.shape[1], dtype=np.int64)
+    for edges, values in zip(table.edges, r, strict=True):
+        index = index * BINS + np.searchsorted(edges, values)
     begin = table.first[index]
     many = table.first[index + 1] - begin
-    owner = np.repeat(np.arange(len(r)), many)
+    owner = np.repeat(np.arange(len(many)), many)
     place = np.arange(len(owner)) + np.repeat(begin - (np.cumsum(many) - many), many)
     return owner, table.members[place].astype(np.int64)
 
@@ -187,49 +179,9 @@ def _candidates(table: Sheets, r: Array) -> tuple[Ints, Ints]:
 def _distinct(owner: Ints, turn: Ints, outside: Array, at: Array, apart: float) -> Ints:
     """Indices of the starts to keep: for each reading and side of the folds the innermost, and those far from it."""
     group = 3 * owner + turn
-    order = np.lexsort((outside, group))
+    # outside is below 1
+    order = np.argsort(group + outside, kind="stable")
     head = np.diff(group[order], prepend=-2) != 0
     best = at[order][np.flatnonzero(head)[np.cumsum(head) - 1]]
     far = ((at[order] - best) ** 2).sum(axis=1) > apart**2
     return np.asarray(order[head | far], dtype=np.int64)
-
-
-def _corners(counts: tuple[int, int, int]) -> Ints:
-    """Numbers of the grid's points at the corners of each cell, shape (n, 8)."""
-    shape = [n + 1 for n in counts]
-    number = np.arange(np.prod(shape)).reshape(shape)
-    step = CORNERS @ [shape[1] * shape[2], shape[2], 1]
-    return np.asarray(number[:-1, :-1, :-1].reshape(-1, 1) + step, dtype=np.int64)
-
-
-def _maps(linear: Array, ends: Array, folded: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """`Sheets.middle` and `Sheets.inverse` of the cells."""
-    middle = ends.mean(axis=1)
-    matrices = linear.copy()
-    matrices[folded] = np.eye(3)
-    inverse = np.linalg.inv(matrices)
-    axes = np.linalg.svd(linear[folded])[0]
-    along = np.matmul(ends[folded], axes)
-    least, most = along.min(axis=1), along.max(axis=1)
-    size = BOX * (most - least)
-    middle[folded] = np.matmul(axes, ((least + most) / 2)[:, :, None])[:, :, 0]
-    inverse[folded] = np.swapaxes(axes, 1, 2) / np.maximum(size, 1e-12 * size.max(axis=1, keepdims=True))[:, :, None]
-    return np.asarray(middle, dtype=np.float64), np.asarray(inverse, dtype=np.float64)
-
-
-def _binned(edges: Array, low: Array, high: Array) -> tuple[Ints, NDArray[np.int32]]:
-    """For each bin the boxes that meet it, as `Sheets.first` and `members`."""
-    begin = np.stack([np.searchsorted(edges[k], low[:, k]) for k in range(3)])
-    end = np.stack([np.searchsorted(edges[k], high[:, k]) for k in range(3)])
-    span = end - begin + 1
-    many = span.prod(axis=0)
-    box = np.repeat(np.arange(len(low)), many)
-    rest = np.arange(len(box)) - np.repeat(np.cumsum(many) - many, many)
-    k = begin[2, box] + rest % span[2, box]
-    rest //= span[2, box]
-    j = begin[1, box] + rest % span[1, box]
-    i = begin[0, box] + rest // span[1, box]
-    index = (i * BINS + j) * BINS + k
-    order = np.argsort(index, kind="stable")
-    first = np.searchsorted(index[order], np.arange(BINS**3 + 1))
-    return first.astype(np.int64), box[order].astype(np.int32)

@@ -1,9 +1,8 @@
 """Readings one at a time, for a loop that waits for each: what `analytic.decode` finds, in a fraction of its time.
 
 NumPy takes microseconds for an operation, whatever the length of its arrays. Here a single row of readings is looked
-up in the table with a few of them, and Newton's steps are taken in Python's own numbers, with one call of the field
-for each. A row that this does not settle (a fold nearby, several poses, more elements than three, plates) goes to
-`decode`, with the pose before as its warm start.
+up in the table, and Newton's steps are taken, in Python's own numbers. A row that this does not settle (a fold
+nearby, several poses, more elements than three, plates) goes to `decode`, with the pose before as its warm start.
 """
 
 from __future__ import annotations
@@ -16,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.decode import EDGE, Decoder, Status, decode
-from analytic.magnet import cylinder_field_jacobian
+from analytic.magnet import meridian_field
 from analytic.refine import GOAL
-from analytic.sheets import APART, BINS, MARGIN
+from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 STEPS = 8
+REACH = 0.5 + MARGIN
 
 
 class Sample(NamedTuple):
@@ -54,12 +54,15 @@ class Stream:
         self.simple = len(forward.owners) == 3 and forward.mode == "component"
         points = forward.points - [0.0, 0.0, design.H]
         self.points = list(zip(points.tolist(), forward.normals.tolist(), strict=True))
-        self.magnet = (design.magnet_diameter / 2, design.magnet_height, -design.remanence)
+        self.magnet = meridian_field(design.magnet_diameter / 2, design.magnet_height, -design.remanence)
         self.tau = forward.tau.tolist() if forward.tau.any() else []
         self.rails = [((e.low - e.null) / e.gain, (e.high - e.null) / e.gain) for e in forward.elements]
-        self.edges = [row.tolist() for row in coder.table.edges]
+        table = coder.table
+        self.edges, self.edge = table.edges.tolist(), table.edge.tolist()
+        self.maps, self.centres = table.maps.transpose(1, 0, 2).tolist(), table.centre.tolist()
+        self.turns = table.turn.tolist()
         self.low, self.high = (coder.low - EDGE).tolist(), (coder.high + EDGE).tolist()
-        self.local = np.zeros((3, 3))
+        self.apart = APART * math.hypot(*self.edge)
 
     def step(self, field: Vector) -> Sample:
         """Decode B.n of the elements, T.
@@ -73,7 +76,7 @@ class Stream:
         if self.simple and len(field) == 3:
             inside = all(low < b < high for b, (low, high) in zip(field, self.rails, strict=True))
             start = self._start(field) if inside else None
-            shift = None if start is None else self._newton(field, start)
+            shift = None if start is None else self._newton(field, *start)
         if shift is None:
             return self._slowly(field)
         self.last = shift
@@ -90,29 +93,41 @@ class Stream:
         f_x, f_y, f_n = found.force[0].tolist()
         return Sample(found.status[0], (x, y, z), (rx, ry), (f_x, f_y, f_n), int(found.multiplicity[0]))
 
-    def _start(self, field: Vector) -> list[float] | None:
-        """The only start that the table gives, or None."""
+    def _start(self, field: Vector) -> tuple[list[float], float] | None:
+        """The only start that the table gives with its curvature, or None."""
         table = self.coder.table
         index = 0
         for edges, b in zip(self.edges, field, strict=True):
             index = index * BINS + bisect_left(edges, b)
-        cells = table.members[table.first[index] : table.first[index + 1]]
-        place = np.matmul(table.inverse[cells], (np.array(field) - table.middle[cells])[:, :, None])[:, :, 0]
-        outside = np.abs(place).max(axis=1, initial=0.0)
-        hit = np.flatnonzero(outside <= 0.5 + MARGIN)
-        if not len(hit):
+        found: list[tuple[float, int, list[float]]] = []
+        for cell in table.members[table.first[index] : table.first[index + 1]].tolist():
+            u: list[float] = []
+            for a, b, c, d in self.maps[cell]:
+                u.append(a * field[0] + b * field[1] + c * field[2] + d)
+                if not -REACH <= u[-1] <= REACH:
+                    break
+            else:
+                found.append((max(map(abs, u)), cell, u))
+        if not found:
             return None
-        turn = table.turn[cells[hit]]
-        if turn[0] == 0 or (turn != turn[0]).any():
+        turns = {self.turns[cell] for _, cell, _ in found}
+        if len(turns) > 1 or 0 in turns:
             return None
-        at = table.centre[cells[hit]] + place[hit] * table.edge
-        best = at[outside[hit].argmin()]
-        if (((at - best) ** 2).sum(axis=1) > APART**2 * (table.edge**2).sum()).any():
+        _, cell, u = min(found)
+        best = self._place(cell, u)
+        if any(math.dist(self._place(other, v), best) > self.apart for _, other, v in found):
             return None
-        found: list[float] = best.tolist()
-        return found
+        bends, v = table.bends[:, :, cell], u
+        for _ in range(BENDS):
+            q = bends.dot(monomials(*v)).tolist()
+            v = [u[0] - q[0], u[1] - q[1], u[2] - q[2]]
+        return self._place(cell, v), float(table.curve[cell])
 
-    def _newton(self, field: Vector, s: list[float]) -> Vector | None:
+    def _place(self, cell: int, u: list[float]) -> list[float]:
+        """Shift, mm, of a place in a cell."""
+        return [c + v * e for c, v, e in zip(self.centres[cell], u, self.edge, strict=True)]
+
+    def _newton(self, field: Vector, s: list[float], curve: float) -> Vector | None:
         """The pose from a start, or None if Newton's undamped steps do not settle, or settle outside."""
         last = math.inf
         for _ in range(STEPS):
@@ -129,7 +144,8 @@ class Stream:
             if not length < min(0.5, last):
                 return None
             s = [s[0] + p, s[1] + q, s[2] + r]
-            if length < 1e-3 * GOAL or length**3 < GOAL * min(last, 1e-2) ** 2:
+            bend = curve if last == math.inf else length / min(last, 1e-2) ** 2
+            if length < 1e-3 * GOAL or bend * length**2 < GOAL:
                 good = all(low <= v <= high for low, v, high in zip(self.low, s, self.high, strict=True))
                 return (s[0], s[1], s[2]) if good else None
             last = length
@@ -138,21 +154,15 @@ class Stream:
     def _seen(self, s: list[float], field: Vector) -> tuple[list[list[float]], list[float]]:
         """Slopes of each reading, T/mm, and what the readings lack, T; formulas as in `analytic.forward`."""
         m, lean = self._axis(s)
-        found = []
-        for k, (point, _) in enumerate(self.points):
+        rows, lack = [], []
+        for (point, n), read in zip(self.points, field, strict=True):
             x = [point[0] - s[0], point[1] - s[1], point[2] - s[2]]
             zeta = m[0] * x[0] + m[1] * x[1] + m[2] * x[2]
-            radial = [x[0] - zeta * m[0], x[1] - zeta * m[1], x[2] - zeta * m[2]]
-            rho = math.sqrt(radial[0] ** 2 + radial[1] ** 2 + radial[2] ** 2)
-            self.local[k, 0], self.local[k, 2] = rho, zeta
+            u = [x[0] - zeta * m[0], x[1] - zeta * m[1], x[2] - zeta * m[2]]
+            rho = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
             if rho > 0:
-                radial = [radial[0] / rho, radial[1] / rho, radial[2] / rho]
-            found.append((x, radial))
-        fields, slopes = cylinder_field_jacobian(self.local, *self.magnet)
-        rows, lack = [], []
-        data = zip(found, self.points, fields.tolist(), slopes.reshape(3, 9).tolist(), field, strict=True)
-        for (x, u), (_, n), (b_r, _, b_z), slope, read in data:
-            rr, rz, ring, zz = slope[0], slope[2], slope[4], slope[8]
+                u = [u[0] / rho, u[1] / rho, u[2] / rho]
+            b_r, b_z, rr, ring, rz, zz = self.magnet(rho, zeta)
             along = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
             out = n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
             on_u, on_m = (rr - ring) * out + rz * along, (zz - ring) * along + rz * out

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import decode, forward, mechanics
+from analytic import decode, forward, mechanics, sensitivity
 from analytic.clearance import lowest, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from geometry.design import BadInput
@@ -146,7 +146,7 @@ def at_poses(
         wall_hits=wall_hits,
         grounded=grounded,
         sign=determinant_sign(coder, slopes),
-        condition=decode.condition(slopes),
+        condition=sensitivity.condition(slopes),
         noise_mm=noise_mm,
         noise_N=noise_N,
         multiplicity=many,
@@ -211,7 +211,7 @@ def determinant_sign(coder: Decoder, slopes: Array) -> NDArray[np.int8]:
 
 def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array]:
     """Standard deviations of shift, mm, and force, N, along their worst directions."""
-    spread = decode.spread(coder.sigma, slopes)
+    spread = sensitivity.spread(coder.sigma, slopes)
     lengths = _largest(spread)
     if coder.mechanics is None:
         return lengths, np.full_like(lengths, np.nan)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import beam, decode, forward, hall, mechanics, refine
+from analytic import beam, decode, forward, hall, mechanics, refine, sensitivity, sheets
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Response
@@ -68,6 +68,38 @@ def test_round_trip(coder, ignore_tilt):
     assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
     assert np.isnan(found.shift[~seen]).all()
     assert_allclose(found.tilt[:, 1][seen], 0 if ignore_tilt else 0.1 * shift[0][seen], atol=1e-7)
+
+
+def test_condition_is_that_of_singular_values():
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(3, 3, 60)) * 10.0 ** rng.uniform(-5, 0, (3, 1, 60))
+    assert_allclose(sensitivity.condition(A), np.linalg.cond(np.moveaxis(A, 2, 0)), rtol=1e-8)
+    more = rng.normal(size=(3, 5, 4))
+    assert_allclose(sensitivity.condition(more), np.linalg.cond(np.moveaxis(more, 2, 0)), rtol=1e-12)
+    flat = np.stack([np.eye(3), np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))], axis=2)
+    assert sensitivity.condition(flat).tolist() == [1.0, np.inf, np.inf]
+
+
+@pytest.mark.parametrize(
+    "design", [paper(), Design(hall_layout="tmag5273a1"), FOLDED], ids=["paper", "chip", "folded"]
+)
+def test_first_step_leaves_no_more_than_the_curvature_says(design):
+    coder = decode.decoder(design, tilting(design))
+    shift, field = poses(coder, 600)
+    owner, start, curve = sheets.starts(coder.table, field)
+    values, slopes = forward.seen(coder.forward, start)
+    step = np.linalg.solve(np.moveaxis(slopes, 2, 0).swapaxes(1, 2), (field[:, owner] - values).T[:, :, None])[
+        :, :, 0
+    ]
+    length = np.linalg.norm(step, axis=1)
+    told = (curve < sheets.STEEP) & (length < 0.01)
+    error = np.linalg.norm(start.T + step - shift.T[owner], axis=1)
+    # starts on other sheets lead elsewhere
+    own = told & (error < 0.01)
+    assert own.sum() > (100 if design is FOLDED else 580)
+    assert (error[own] <= curve[own] * length[own] ** 2 + 1e-12).all()
+    if design is not FOLDED:
+        assert np.median(length) < 3e-5
 
 
 def test_load_and_force_come_back(coder):

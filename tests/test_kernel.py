@@ -52,6 +52,24 @@ def test_kernel_and_numpy_agree(flatness, engine):
         assert (np.linalg.norm(alone - B, axis=1) / size).max() < 1e-13
 
 
+@pytest.mark.parametrize("flatness", [1e-3, 0.3, 1.0, 2.0, 30.0])
+@pytest.mark.parametrize("loaded", [False, True])
+def test_one_point_in_a_loop_is_the_same(flatness, loaded, engine):
+    a, h, J = 1.7, 1.7 * flatness, -1.2
+    rho, z = np.abs(RNG.normal(size=(2, 40))) * a * 10.0 ** RNG.uniform(-1, 2, 40)
+    rho[0] = 0
+    B, jacobian = magnet.in_numpy(np.column_stack([rho, 0 * rho, z]), a, h / 2, J, slope=True)
+    if loaded:
+        engine.load()
+    field = magnet.meridian_field(a, h, J)
+    found = np.array([field(*point) for point in zip(rho.tolist(), z.tolist(), strict=True)])
+    expected = np.column_stack([B[:, 0], B[:, 2], *(jacobian[:, i, j] for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))])
+    size = np.repeat([np.linalg.norm(B, axis=1), np.linalg.norm(jacobian, axis=(1, 2))], [2, 4], axis=0).T
+    assert (np.abs(found - expected) / size).max() < 1e-12
+    with pytest.raises(BadInput, match="infinite on the magnet's rim"):
+        field(a, h / 2)
+
+
 def test_kernel_refuses_the_same(engine):
     engine.load()
     for point, text in (((2, 0, 1), "infinite on the magnet's rim"), ((0, np.nan, 1), "points must be finite")):

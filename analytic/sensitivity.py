@@ -1,0 +1,48 @@
+"""How sharply readings tell a pose: condition number of their slopes, and how far their noise spreads it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.forward import cross
+from analytic.refine import inverse_normal
+
+Array = NDArray[np.float64]
+
+
+def condition(A: Array) -> Array:
+    """Condition numbers of the slopes (3, k, n), shape (n,); infinite at a fold."""
+    if A.shape[1] == 3:
+        # with the singular values a >= b >= c: those of the cofactors are ab, ac and bc, and |det| = abc
+        cofactors = np.stack([cross(A[1], A[2]), cross(A[2], A[0]), cross(A[0], A[1])])
+        det = np.abs((A[0] * cofactors[0]).sum(axis=0))
+        return np.asarray(np.divide(_norm(A) * _norm(cofactors), det, out=np.full_like(det, np.inf), where=det > 0))
+    values = np.linalg.svd(np.moveaxis(A, 2, 0), compute_uv=False)
+    with np.errstate(divide="ignore"):
+        return np.asarray(values[:, 0] / values[:, 2])
+
+
+def _norm(A: Array) -> Array:
+    """Greatest singular values of (3, 3, n), shape (n,): the roots of the characteristic cubic of A A' by cosines."""
+    a, b, c = ((row * row).sum(axis=0) for row in A)
+    d, e, f = ((A[i] * A[j]).sum(axis=0) for i, j in ((0, 1), (0, 2), (1, 2)))
+    mean = (a + b + c) / 3
+    a, b, c = a - mean, b - mean, c - mean
+    size = np.sqrt((a * a + b * b + c * c + 2 * (d * d + e * e + f * f)) / 6)
+    det = a * (b * c - f * f) - d * (d * c - e * f) + e * (d * f - b * e)
+    cube = np.where(size > 0, size**3, 1.0)
+    angle = np.arccos(np.clip(det / (2 * cube), -1.0, 1.0)) / 3
+    return np.asarray(np.sqrt(mean + 2 * size * np.cos(angle)))
+
+
+def spread(sigma: Array, A: Array) -> Array:
+    """Slopes of the pose along each reading, times its standard deviation, shape (3, k, n), mm; NaN without noise.
+
+    The pose's covariance is their product with their own transpose. `sigma` has shape (k,), T, and A (3, k, n), T/mm.
+    """
+    if not sigma.any():
+        return np.full_like(A, np.nan)
+    weights = (sigma.min() / sigma if sigma.all() else np.ones_like(sigma))[:, None]
+    inverse = inverse_normal(weights * A)
+    return np.asarray(np.einsum("ijn,jkn->ikn", inverse, weights**2 * A) * sigma[:, None])
