@@ -134,7 +134,7 @@ def _bends(
 
 
 def _binned(edges: Array, low: Array, high: Array, maps: Array) -> tuple[Ints, NDArray[np.int32]]:
-    """For each bin the cells that may meet it, as `Sheets.first` and `members`: the box does, and so does each slab."""
+    """For each bin the cells that may meet it, as `Sheets.first` and `members`: their box meets it, and each slab."""
     # no cell is beyond the outermost ends
     ends = np.column_stack([low.min(axis=0), edges, high.max(axis=0)])
     found = [

@@ -157,16 +157,16 @@ def speed(count: int = 8192, runs: int = 3) -> list[Row]:
             follower = stream.Stream(coder)
             t = np.linspace(0, 10, 1000)
             path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
-            samples = forward.values_at(coder.forward, path).T.tolist()
+            samples = [(a, b, c) for a, b, c in forward.values_at(coder.forward, path).T.tolist()]
             took = statistics.median(_clock(follower, samples) for _ in range(runs))
             rows.append({"program": program, "layout": name, "per_s": some / many, "stream_Hz": len(samples) / took})
     return rows
 
 
-def _clock(follower: stream.Stream, samples: list[list[float]]) -> float:
+def _clock(follower: stream.Stream, samples: list[stream.Vector]) -> float:
     begin = time.perf_counter()
     for sample in samples:
-        follower.step(tuple(sample))
+        follower.step(sample)
     return time.perf_counter() - begin
 
 
