@@ -124,13 +124,6 @@ def decoder(
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tau
     forward = model(design, tau, elements=elements, mode=mode)
-    for element in forward.elements:
-        x, y, z = element.position
-        if 0 < z < design.H and x * x + y * y < design.R**2:
-            raise BadInput(
-                f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out (larger l0 or f,"
-                " smaller c)"
-            )
     low, high = mechanics.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")

@@ -69,13 +69,20 @@ def model(
     Raises
     ------
     BadInput
-        The design has no magnet, or there are fewer than three elements.
+        The design has no magnet, there are fewer than three elements, or one of them lies inside the beam.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there is no pose to decode: give it one")
     chosen = of_design(design) if elements is None else tuple(elements)
     if len(chosen) < 3:
         raise BadInput(f"three readings or more make a pose; got {len(chosen)} elements: add elements")
+    for element in chosen:
+        x, y, z = element.position
+        if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
+            raise BadInput(
+                f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out (larger l0, f or"
+                " chip_x, smaller c)"
+            )
     points, owners = plates(chosen)
     normals = np.array([element.direction for element in chosen])[owners]
     return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)

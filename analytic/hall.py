@@ -60,7 +60,7 @@ def elements(design: Design) -> tuple[Array, Array]:
     need l0 > c; else their signs turn round). S1 grows when the magnet sinks. S2 grows when the magnet moves towards
     +x, and S3 towards +y, but not without end: straight above the element that component is 0 again. With the preset
     `paper`, S2 peaks at a shift of 2.1 mm, and at 2.5, 2.9 and 3.1 mm with the magnet 1, 2 and 3 mm lower. A chip
-    reads along the same three directions, all at S1's place.
+    reads along the same three directions, all at one place.
     """
     found = of_design(design)
     positions = np.array([element.position for element in found])

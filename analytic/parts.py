@@ -101,14 +101,26 @@ def of_design(design: Design) -> tuple[Element, ...]:
     """The three elements of the design's layout.
 
     "three": one-axis elements S1 on the axis, S2 at x = f, S3 at y = f, with the design's hall_ figures (those of an
-    SS495A at 5 V by default). A chip: all three at S1's place, with the chip's own figures.
+    SS495A at 5 V by default). A chip: all three at x = chip_x and S1's height, with the chip's own figures.
     """
     s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
     if design.hall_layout != "three":
         chip = CHIPS[design.hall_layout]
         names = ("chip -z", "chip x", "chip y")
         return tuple(
-            Element(name, (0.0, 0.0, s1), axis, 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step, 0.0, "T")
+            Element(
+                name,
+                (design.chip_x, 0.0, s1),
+                axis,
+                1.0,
+                0.0,
+                -chip.range,
+                chip.range,
+                chip.noise,
+                chip.step,
+                0.0,
+                "T",
+            )
             for name, axis in zip(names, AXES, strict=True)
         )
     rails = (design.hall_gain, design.hall_null, design.hall_low, design.hall_high)

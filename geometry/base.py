@@ -239,15 +239,15 @@ def _swapped(block: Block) -> Block:
 
 
 def _chip(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Block:
-    chip, z = CHIPS[design.hall_layout], where[design.hall_layout][2]
+    chip, (middle, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
     roof = z - chip.plate + chip.height + fit
     if not roof <= -WEB:
         raise BadInput(
-            f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base between the chip and "
-            f"the beam; got {design.l0:g} mm"
+            f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
+            f"got {design.l0:g} mm"
         )
     x, y = chip.length / 2 + fit, chip.width / 2 + fit
-    return Block((-x, -y, -thickness), (2 * x, 2 * y, roof + thickness))
+    return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))
 
 
 def warnings(design: Design) -> list[str]:

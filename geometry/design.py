@@ -4,7 +4,7 @@ Units everywhere in magtip: mm, N, MPa, T, V, rad, s. The sensor's frame has its
 clamped base disc, z along the beam; the tip is at z = L and the magnet's centre at z = H = L - D/2, the centre
 of the hemisphere. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so its
 magnetisation is along -z. Hall element S1 lies on the axis at z = H - l0, S2 at x = f and S3 at y = f, both at
-z = H - l0 + c.
+z = H - l0 + c; a 3-axis chip at x = chip_x, z = H - l0.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LAWS: dict[str, tuple[str, ...]] = {
 """The silicone's laws, and the fields of `Design` that shape each; all of them are pure numbers beside E and nu."""
 
 HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
-"""Three one-axis elements S1, S2 and S3, or one 3-axis chip at the place of S1."""
+"""Three one-axis elements S1, S2 and S3, or one 3-axis chip at the depth of S1."""
 
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law."""
@@ -150,7 +150,10 @@ class Design:
     )
     hall_plate: float = _quantity(0.0, "mm", 0.0, 10, "side of an element's square plate (0: a point)", assumed=True)
     hall_layout: str = _choice(
-        "three", HALL_LAYOUTS, "three one-axis elements, or a 3-axis chip at S1's place", assumed=False
+        "three", HALL_LAYOUTS, "three one-axis elements, or a 3-axis chip l0 below the magnet", assumed=False
+    )
+    chip_x: float = _quantity(
+        0.0, "mm", -1000, 1000, "place of a 3-axis chip beside the axis (0: under it)", assumed=False
     )
 
     def __post_init__(self) -> None:
@@ -224,9 +227,13 @@ class Design:
         """What is possible to compute but not to build, or likely not meant."""
         found = []
         s1, s23 = self.H - self.l0, self.H - self.l0 + self.c
-        if s1 > 0:
-            found.append(f"S1 would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm")
-        if self.hall_layout != "three":
+        chip = self.hall_layout != "three"
+        if s1 > 0 and not (chip and abs(self.chip_x) >= self.R):
+            name = "the chip" if chip else "S1"
+            found.append(
+                f"{name} would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm"
+            )
+        if chip:
             pass
         elif s23 > 0 and not self.f > self.R:
             found.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
@@ -237,6 +244,8 @@ class Design:
         if self.L > 3 * self.D:
             found.append(f"L/D = {self.L / self.D:.3g}: under a plate such a slender beam may buckle sideways")
         standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
+        if self.chip_x and not chip:
+            found.append("chip_x has no effect: hall_layout is three")
         set_in_vain = [name for name in self.idle() if getattr(self, name) != standard[name]]
         if set_in_vain:
             found.append(f"{', '.join(set_in_vain)} has no effect: the law is {self.law}")

@@ -71,15 +71,15 @@ def places(design: Design) -> dict[str, Vector]:
     """Centre of the plate of each part in the sensor's frame, mm."""
     s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
     if design.hall_layout != "three":
-        return {design.hall_layout: (0.0, 0.0, s1)}
+        return {design.hall_layout: (design.chip_x, 0.0, s1)}
     return {"S1": (0.0, 0.0, s1), "S2": (design.f, 0.0, s23), "S3": (0.0, design.f, s23)}
 
 
 def bodies(design: Design) -> dict[str, Solid]:
     """The parts in the sensor's frame: S1's marked face up, those of S2 and S3 towards the beam; leads cut short."""
     if design.hall_layout != "three":
-        chip, (_, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
-        corner = (-chip.length / 2, -chip.width / 2, z - chip.plate)
+        chip, (x, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
+        corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
         return {design.hall_layout: _box(corner, chip.length, chip.width, chip.height)}
     return {name: _leaded(name, place) for name, place in places(design).items()}
 

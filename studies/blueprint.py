@@ -41,6 +41,10 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
         side.dims.append(((a, H - b), (a, H + b), "right", 0, number(2 * b)))
         side.dims.append(((-a, H), (a, H), "above", 1, f"magnet Ø{number(2 * a)}"))
     side.dims.append(((0, H), (x1, z1), "right", 1, f"l0 = {number(design.l0)}"))
+    if design.hall_layout != "three" and design.chip_x:
+        x_text = f"chip_x = {number(design.chip_x)}"
+        side.dims.append(((0, z1), (x1, z1), "below", 0, x_text))
+        above.dims.append(((0, 0), (x1, 0), "below", 0, x_text))
     side.dims.append(((-half, 0), (-half, -plan.thickness), "left", 2, number(plan.thickness)))
     above.seen(parts["base"])
     above.circle((0, 0), R, "soft")

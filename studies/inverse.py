@@ -126,7 +126,7 @@ def layout(
     Parameters
     ----------
     search
-        Rank layouts over f, l0 and c (of a chip: l0) by what they fail at, then by their worst noise; a minute.
+        Rank layouts over f, l0 and c (of a chip: l0 and chip_x) by what they fail at, then by worst noise; a minute.
     ranges
         Where to search: NAME=LOW,HIGH in mm, or NAME=VALUE to keep it; repeatable.
     count
@@ -151,8 +151,6 @@ def layout(
     console.report([texts.shown(found)], as_json=False, title="Layout")
     if search:
         console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
-    if "aside" in found:
-        console.report(found["aside"], as_json=False, title="The chip, moved sideways (from Python only)")
     if claim:
         console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim")
     for warning in (*found["hits"], *found["warnings"]):

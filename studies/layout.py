@@ -23,7 +23,6 @@ from studies.options import Basis
 if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.mechanics import Mechanics
-    from analytic.parts import Element
     from analytic.survey import Survey
 
 Row = dict[str, Any]
@@ -75,8 +74,6 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     found = record(coder, seen, noise, "responses" if basis.responses else basis.level or "paper")
     if job.search:
         found["search"] = layoutsearch.run(design, law, basis, bounds, job.count, progress)
-        if design.hall_layout != "three":
-            found["aside"] = layoutsearch.aside(design, law, basis)
     if job.claim:
         found["claim"] = uniqueness.run(design, progress)
     if folder is not None:
@@ -107,12 +104,8 @@ def prepare(
     law: Mechanics,
     basis: Basis,
     cells: tuple[int, int, int] | None = None,
-    *,
-    aside: float = 0.0,
 ) -> tuple[Decoder, str]:
     """The decoder of a design whose elements have some noise, and where that comes from.
-
-    `aside` moves all elements along x, mm.
 
     Raises
     ------
@@ -124,8 +117,6 @@ def prepare(
     if basis.mode == "magnitude" and design.hall_layout != "three":
         raise BadInput("|B| is one number at a chip's place and makes no pose: leave --mode magnitude out")
     elements, source = parts.with_noise(parts.of_design(design))
-    if aside:
-        elements = tuple(_moved(element, aside) for element in elements)
     coder = decode.decoder(
         design,
         law,
@@ -135,11 +126,6 @@ def prepare(
         cells=cells or decode.CELLS,
     )
     return coder, source
-
-
-def _moved(element: Element, aside: float) -> Element:
-    x, y, z = element.position
-    return dataclasses.replace(element, position=(x + aside, y, z))
 
 
 def record(coder: Decoder, seen: Survey, noise: str, mechanics: str) -> Row:
@@ -154,6 +140,7 @@ def record(coder: Decoder, seen: Survey, noise: str, mechanics: str) -> Row:
         "f_mm": design.f if three else None,
         "l0_mm": design.l0,
         "c_mm": design.c if three else None,
+        "chip_x_mm": None if three else design.chip_x,
         "mechanics": mechanics,
         "tilt": "followed" if coder.forward.tau.any() else "none",
         "mode": coder.forward.mode,

@@ -42,9 +42,6 @@ def text(found: Row, command: str, origin: str) -> str:
         lines += _claim(found["claim"])
     if "search" in found:
         lines += ["## Other layouts, the best first", "", *_search(found["search"]), ""]
-    if "aside" in found:
-        lines += ["The chip of this design at its own depth, moved sideways (from Python only):", ""]
-        lines += [*_search(found["aside"]), ""]
     lines += ["## How it was made", "", *_body(layout.__doc__)]
     if "search" in found:
         lines += ["", *_body(layoutsearch.__doc__)]
@@ -60,7 +57,8 @@ def _figures(found: Row) -> list[str]:
     low, high = found["workspace_mm"]
     box = ", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True))
     noise = ", ".join(f"{1e6 * value:.3g}" for value in found["noise_of_readings_T"])
-    place = "" if found["f_mm"] is None else f"f = {found['f_mm']:g} mm, c = {found['c_mm']:g} mm, "
+    names = [name for name in ("f", "c", "chip_x") if found[f"{name}_mm"] is not None]
+    place = "".join(f"{name} = {found[f'{name}_mm']:g} mm, " for name in names)
     rows: list[Sequence[str]] = [
         ("layout", f"{found['layout']}, {place}l0 = {found['l0_mm']:g} mm"),
         ("mechanics, tilt, reading", f"{found['mechanics']}, {found['tilt']}, {found['mode']}"),
@@ -106,10 +104,7 @@ def _search(rows: Sequence[Row]) -> list[str]:
     keys += ("noise_worst_um", "noise_median_um", "noise_worst_N")  # type: ignore[assignment]
     cells = []
     for row in rows:
-        if "aside_mm" in row:
-            name, place = "", f"{row['aside_mm']:g} mm aside"
-        else:
-            name, place = ("given" if row["rank"] == 0 else str(row["rank"])), f"`{row['settings']}`"
+        name, place = ("given" if row["rank"] == 0 else str(row["rank"])), f"`{row['settings']}`"
         cells.append([name, place, *(_text(row[key]) for key in keys)])
     return _markdown(heads, cells)
 
@@ -187,7 +182,7 @@ def _span(ends: Sequence[float]) -> str:
 
 def shown(found: Mapping[str, Any]) -> dict[str, Any]:
     """What a terminal shows of a record."""
-    hidden = ["status", "elements", "hits", "warnings", "search", "aside", "claim", "poses"]
+    hidden = ["status", "elements", "hits", "warnings", "search", "claim", "poses"]
     hidden += ["known_percent"] if found["known_percent"] == 100 else []
     short = {key: value for key, value in found.items() if key not in hidden and value is not None}
     if found["most_alike"] == 1:

@@ -1,4 +1,4 @@
-"""A search for layouts: f, l0 and c of three elements, or l0 of a chip under the beam.
+"""A search for layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
 
 A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
 at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
@@ -6,7 +6,8 @@ saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. 
 looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
 and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
 
-Unless told, S1 is sought in the base, D/16 to D below its surface; S2 and S3 between D/2 and 2 D from the axis,
+Unless told, S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
+side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
 and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
 """
 
@@ -37,8 +38,6 @@ GRID = {1: 21, 2: 21, 3: 10}
 STARTS, HALVINGS, FINALISTS = 12, 4, layout.MOST_FOUND
 APART_STARTS, APART_FOUND = 1.5, 0.75
 """Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
-ASIDE = (0.0, 1 / 8, 1 / 4, 1 / 2, 3 / 4)
-"""Places of a chip beside the axis, over D."""
 HOPELESS: Score = (2.0, math.inf)
 """Of a layout that cannot be."""
 
@@ -48,7 +47,7 @@ def ranges(design: Design) -> dict[str, tuple[float, float]]:
     D, H = design.D, design.H
     l0 = {"l0": (H + D / 16, H + D)}
     if design.hall_layout != "three":
-        return l0
+        return {**l0, "chip_x": (0.0, D)}
     return {"f": (D / 2, 2 * D), **l0, "c": (-D / 4, H + D)}
 
 
@@ -64,7 +63,7 @@ def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float,
         if not equals or name not in found:
             raise BadInput(
                 f"--range takes NAME=LOW,HIGH in mm with NAME one of {', '.join(found)}"
-                f" ({'three elements' if len(found) > 1 else 'a chip has no other'}); got {text!r}"
+                f" (the layout is {design.hall_layout}); got {text!r}"
             )
         numbers = inputs.parse_numbers(f"--range {name}", values)
         if len(numbers) > 2 or not numbers[0] <= numbers[-1]:
@@ -116,18 +115,6 @@ def run(
     rows.sort(key=_rank)
     progress(1.0, "survey of the best")
     return [{"rank": k, **row} for k, row in enumerate([_row(design, names, law, basis), *rows[:count]])]
-
-
-def aside(design: Design, law: Mechanics, basis: Basis) -> list[Row]:
-    """A chip at its depth, moved sideways along x; a design has no field for that, `analytic.parts.Element` has."""
-    rows = []
-    for share in ASIDE:
-        x = share * design.D
-        try:
-            rows.append({"aside_mm": x, "l0_mm": design.l0} | _figures(design, law, basis, x))
-        except BadInput:
-            continue
-    return rows
 
 
 def _with(design: Design, changes: dict[str, Any]) -> Design:
@@ -226,10 +213,10 @@ def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> 
     return row | _figures(design, law, basis) | {"settings": layout.settings(design, names)}
 
 
-def _figures(design: Design, law: Mechanics, basis: Basis, x: float = 0.0) -> Row:
+def _figures(design: Design, law: Mechanics, basis: Basis) -> Row:
     from analytic import survey
 
-    coder, _ = layout.prepare(design, law, basis, aside=x)
+    coder, _ = layout.prepare(design, law, basis)
     found = layout.figures(survey.survey(coder, layout.COUNTS, clearance=basis.clearance))
     keys = ["unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent", "condition_worst"]
     keys += ["noise_worst_um", "noise_median_um", "noise_worst_N"]

@@ -147,9 +147,10 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
             "   Their output may fall where the model's rises: the sign of the part's gain decides; check it."
         )
     else:
-        lines.append("1. The chip's board is glued under the base, the chip in its pocket.")
+        where = f", {design.chip_x:g} mm from the axis on x" if design.chip_x else ""
+        lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}.")
         lines.append("2. Its z axis must point down as in the model, or change the sign.")
-    lines.append("3. Glue the beam onto the base, centred over S1, with silicone glue; it must hold the whole disc.")
+    lines.append("3. Glue the beam onto the middle of the base with silicone glue; it must hold the whole disc.")
     lines.append("")
     lines.append("Bodies of the elements and the depth of their plates are partly unchecked figures")
     return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]

@@ -20,6 +20,7 @@ DESIGNS = [
     Design(f=3.7, c=-4.0, l0=12.0),
     Design(hall_layout="tmag5273a1"),
     Design(hall_layout="tle493d-p2b6", l0=9.0),
+    Design(hall_layout="tmag5273a1", chip_x=-11.0),
     Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3),
     Design(D=50, L=25.05, f=40, **BARE),
 ]
@@ -38,7 +39,7 @@ def test_elements_sit_in_their_seats_and_the_base_prints(design):
 
 @pytest.mark.parametrize("layout", ["three", "tmag5273a1", "tle493d-p2b6"])
 def test_places_are_those_that_the_readings_are_taken_at(layout):
-    design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0)
+    design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0, chip_x=2.5)
     elements = [element.position for element in of_design(design)]
     assert sorted(set(elements)) == sorted(places(design).values())
 
@@ -87,6 +88,11 @@ def test_screw_holes_go_through_and_can_be_left_out():
         ({"D": 10, "L": 10}, {}, "f must be at least 5.6 mm for the seats of S2 and S3 beside the beam"),
         ({"f": 3.0, "c": -6, "l0": 12.0}, {}, "f = 3 mm brings the seats of S2 and S3 within 0.6 mm: raise f"),
         ({"hall_layout": "tmag5273a1", "l0": 5.5}, {}, "l0 must be at least 6.55 mm"),
+        (
+            {"hall_layout": "tmag5273a1", "l0": 4, "chip_x": 9},
+            {},
+            "l0 must be at least 6.55 mm to leave 0.6 mm of base",
+        ),
         ({}, {"thickness": 2.0}, "thickness must be at least 3.27 mm for the elements' seats; got 2 mm"),
         ({"hall_layout": "tmag5273a1"}, {"thickness": 5.0}, "thickness is set by l0 for a chip, to 2.8 mm; got 5 mm"),
         ({}, {"screw": -1.0}, "screw must lie between 0 and 10 mm; got -1 mm"),

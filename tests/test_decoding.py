@@ -139,6 +139,10 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         (("--readings", "1,2,3", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "magnet"),
         (("--readings", "1,2,3", "--set", "l0=3", "--set", "c=0"), "inside the beam"),
         (("--readings", "1,2,3", "--units", "V", "--set", "hall_layout=tmag5273a1"), "flux densities"),
+        (
+            ("--readings", "0,0,0", "--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4"),
+            "chip -z lies inside the beam, at (3, 0, 1) mm",
+        ),
         (("--file", "none.csv"), "no file"),
         (("--file", "r.csv"), "in the order S1_V,S2_V,S3_V"),
         (("--file", "r.csv", "--units", "T"), "S1_T is missing"),

@@ -156,4 +156,8 @@ def test_numbers_of_a_law_and_those_set_in_vain():
     assert paper().law_numbers == ()
     assert not paper().warnings()
     assert "yeoh_2 has no effect: the law is neo-hookean" in changed(yeoh_2=1.0).warnings()
+    assert changed(chip_x=1.0).warnings() == ["chip_x has no effect: hall_layout is three"]
+    (inside,) = changed(hall_layout="tmag5273a1", chip_x=3.0, l0=4.0).warnings()
+    assert inside.startswith("the chip would lie inside the beam, 1 mm above the base")
+    assert changed(hall_layout="tmag5273a1", chip_x=5.0, l0=4.0).warnings() == []
     assert not changed(law="yeoh", yeoh_2=1.0).warnings()

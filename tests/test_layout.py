@@ -106,15 +106,22 @@ def test_search_keeps_to_its_ranges(run, strict, small):
     chip = ("--set", "hall_layout=tmag5273a1")
     (record,) = strict(run("layout", "paper", *chip, "--search", "--json")[1])
     rows = record["search"][1:]
-    assert all(set(row) & {"f_mm", "l0_mm", "c_mm"} == {"l0_mm"} for row in rows)
-    # a chip reads best as near as it may come without saturation
-    clear = [row["l0_mm"] for row in rows if row["unique_percent"] > 99.99]
+    assert all(set(row) & {"f_mm", "l0_mm", "c_mm", "chip_x_mm"} == {"l0_mm", "chip_x_mm"} for row in rows)
+    assert rows[0]["noise_worst_um"] < record["noise_worst_um"]
+    (again,) = strict(run("layout", "paper", *chip, *shlex.split(rows[1]["settings"]), "--json")[1])
+    assert again["chip_x_mm"] == rows[1]["chip_x_mm"]
+    assert again["noise_worst_um"] == pytest.approx(rows[1]["noise_worst_um"])
+    (record,) = strict(run("layout", "paper", *chip, "--search", "--range", "chip_x=0", "--json")[1])
+    # under the axis a chip reads best as near as it may come without saturation
+    clear = [row["l0_mm"] for row in record["search"][1:] if row["unique_percent"] > 99.99]
     assert clear == sorted(clear)
     assert len(clear) >= 2
     # the workspace is round about the axis, so any other place is farther from some of it
-    worst = [row["noise_worst_um"] for row in record["aside"]]
+    (record,) = strict(run("layout", "paper", *chip, "--search", "--range", "l0=7.2", "--json")[1])
+    rows = sorted(record["search"], key=lambda row: row["chip_x_mm"])
+    worst = [row["noise_worst_um"] for row in rows]
+    assert len(rows) >= 3
     assert worst == sorted(worst)
-    assert worst[0] == pytest.approx(record["noise_worst_um"])
 
 
 def test_the_claim_and_where_it_fails(run, strict, small, tmp_path):

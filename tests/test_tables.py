@@ -82,6 +82,7 @@ def test_the_papers_grid():
         (("--out", "t.npy", "--step", 4), "at most"),
         (("--out", "t.npy", "--step", 1e-4), "disk"),
         (("--out", "t.npy", "--level", "best"), "level must be"),
+        (("--out", "t.npy", "--set", "l0=3"), "S1 lies inside the beam"),
         (("--out", "t.npy", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
     ],
 )
