@@ -3,6 +3,9 @@
 The grid has x and y from -side to side and the sinking from 0 to sink, in whole steps; with the paper's 3 mm and
 0.01 mm these are 601 x 601 x 301 poses of three readings. Without tilt every reading follows from B_rho and B_z at a
 distance rho from the axis and a height Z over the magnet's centre alone, a table of two dimensions.
+
+A table too large for a search tree in memory is read from its file: of blocks of 16 x 16 x 16 poses the least and the
+greatest readings are kept, and only blocks that may hold a nearer entry than the best so far are looked into.
 """
 
 from __future__ import annotations
@@ -17,6 +20,10 @@ from analytic.magnet import cylinder_field
 from geometry.design import BadInput
 
 Array = NDArray[np.float64]
+
+
+SIDE = 16
+"""Of a block, in poses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +76,58 @@ def slab(forward: Forward, grid: Grid, i: int, block: int = 8192) -> Array:
         part = slice(start, start + block)
         found[part] = values_at(forward, np.ascontiguousarray(shift[:, part])).T
     return found.reshape(len(y), len(z), -1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Bounds of the readings in the blocks of a table.
+
+    Attributes
+    ----------
+    table : shape (n_x, n_y, n_z, 3), T; a memory map will do.
+    low, high : of each block, shape (n, 3), T.
+    corner : index of its first entry, shape (n, 3).
+    """
+
+    table: Array
+    low: Array
+    high: Array
+    corner: NDArray[np.int64]
+
+
+def blocks(table: Array) -> Blocks:
+    """The index of a table; reads all of it once, a row of blocks at a time."""
+    starts = [np.arange(0, n, SIDE) for n in table.shape[:3]]
+    low: list[Array] = []
+    high: list[Array] = []
+    for i in starts[0]:
+        part = np.asarray(table[i : i + SIDE])
+        for found, reduce in ((low, np.minimum), (high, np.maximum)):
+            row = reduce.reduceat(reduce.reduceat(reduce.reduce(part, axis=0), starts[1], axis=0), starts[2], axis=1)
+            found.append(row.reshape(-1, table.shape[3]))
+    corner = np.stack(np.meshgrid(*starts, indexing="ij"), axis=-1).reshape(-1, 3)
+    return Blocks(table, np.concatenate(low), np.concatenate(high), corner)
+
+
+def nearest(index: Blocks, field: Array) -> tuple[tuple[int, int, int], int]:
+    """Where in the table the entry nearest to the readings (3,), T, is, and how many blocks were looked into."""
+    apart = np.maximum(np.maximum(index.low - field, field - index.high), 0.0)
+    bound = (apart * apart).sum(axis=1)
+    best, place, count = np.inf, (0, 0, 0), 0
+    k = int(bound.argmin())
+    while bound[k] < best:
+        i, j, l = index.corner[k].tolist()
+        part = np.asarray(index.table[i : i + SIDE, j : j + SIDE, l : l + SIDE])
+        distance = ((part - field) ** 2).sum(axis=3)
+        at = int(distance.argmin())
+        if distance.flat[at] < best:
+            best = float(distance.flat[at])
+            a, b, c = np.unravel_index(at, distance.shape)
+            place = (i + int(a), j + int(b), l + int(c))
+        count += 1
+        bound[k] = np.inf
+        k = int(bound.argmin())
+    return place, count
 
 
 def plane(forward: Forward, grid: Grid) -> tuple[Array, float]:

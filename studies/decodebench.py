@@ -1,14 +1,16 @@
 """The decoder: round trips, second poses against an exhaustive search, speed, the paper's table, and ignored tilt.
 
-`python -m studies.decodebench results/decode` writes DECODE.md; it needs numba. If states.jsonl is in the folder,
-states of `magtip solve --json`, their tilt and load are decoded with as well.
+`python -m studies.decodebench results/decode [FULL.npy]` writes DECODE.md; it needs numba. If states.jsonl is in the
+folder, states of `magtip solve --json`, their tilt and load are decoded with as well. FULL.npy is the paper's table
+as `magtip table paper --step 0.01 --out FULL.npy` writes it; without it its figures are extrapolated.
 
 Poses are drawn uniformly from the workspace, +-3/8 D sideways and 3/8 D down, with the elements' rails taken away,
 so that what is ambiguous is so by the layout. tau is the tilt per mm of the magnet's shift. A pose is lost if none of
 the poses found is within 1e-5 mm of it. The other sign of det is the share of poses at which the determinant of the
 slopes has another sign than at rest, which is what a look at the determinant alone would call ambiguous. The
 exhaustive search starts Newton's steps at 13 x 13 x 7 places for each reading. Speeds are CPU time on one thread, the
-median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings.
+median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings, from
+memory by a search tree, the full one from its file by bounds of its blocks (`analytic.lookup.nearest`).
 """
 
 from __future__ import annotations
@@ -25,10 +27,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import beam, decode, forward, lookup, magnet, mechanics, refine, stream
+from analytic import beam, decode, forward, magnet, mechanics, refine, stream
 from analytic.decode import Decoder
 from geometry.design import Design, paper
-from studies import benchfiles, console, decoding, files
+from studies import benchfiles, console, decoding, files, tablebench
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -43,7 +45,6 @@ LAYOUTS = {
 TAUS = (0.0, 0.2)
 """rad/mm: without tilt, and as finite elements have it (0.0844 rad and 0.406 mm per mm of shear at depth 1 mm)."""
 WIDE = {"hall_low": 0.0, "hall_null": 50.0, "hall_high": 100.0}
-STEPS = (0.5, 0.25, 0.125)
 
 
 def coder_of(design: Design, tau: float) -> Decoder:
@@ -176,41 +177,6 @@ def _cpu(work: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def tables(count: int = 2000) -> list[Row]:
-    """The paper's table at several steps, read by its nearest entry, and the decoder."""
-    from scipy.spatial import KDTree
-
-    coder = coder_of(paper(), 0.0)
-    shift, field = poses(coder, count, seed=3)
-    shift[2] = np.minimum(shift[2], 0.0)
-    field = forward.values_at(coder.forward, shift)
-    rows = []
-    for step in STEPS:
-        grid = lookup.Grid(3.0, 3.0, step)
-        begin = time.process_time()
-        entries = np.stack([lookup.slab(coder.forward, grid, i) for i in range(grid.shape[0])]).reshape(-1, 3)
-        built = time.process_time() - begin
-        tree = KDTree(entries)
-        begin = time.process_time()
-        nearest = tree.query(field.T)[1]
-        asked = time.process_time() - begin
-        axes = grid.axes()
-        i, j, k = np.unravel_index(nearest, grid.shape)
-        error = np.linalg.norm(np.stack([axes[0][i], axes[1][j], axes[2][k]]) - shift, axis=0)
-        rows.append(
-            {
-                "step_mm": step,
-                "entries": len(entries),
-                "MB": entries.nbytes / 1e6,
-                "build_s": built,
-                "query_us": 1e6 * asked / count,
-                "median_mm": float(np.median(error)),
-                "worst_mm": float(error.max()),
-            }
-        )
-    return rows
-
-
 def ignored(coder: Decoder, count: int = 2000) -> Row:
     """Errors of shift and force where the magnet tilts and the decoder does not know it."""
     shift, field = poses(coder, count, seed=4)
@@ -238,8 +204,8 @@ def ignored(coder: Decoder, count: int = 2000) -> Row:
     }
 
 
-def main(out: str) -> None:
-    """Measure, and write DECODE.md into a folder."""
+def main(out: str, full: str | None = None) -> None:
+    """Measure, and write DECODE.md into a folder; with the paper's table where it is given."""
     from studies import decodefiles
 
     folder = files.output_folder(out)
@@ -249,7 +215,9 @@ def main(out: str) -> None:
     console.say("round trips done")
     found["searches"] = searches()
     console.say("searches done")
-    found["tables"] = tables()
+    found["tables"] = tablebench.steps()
+    if full is not None:
+        found["full"] = tablebench.whole(Path(full))
     console.say("tables done")
     found["tilts"] = {"the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))}
     states = folder / "states.jsonl"
@@ -263,4 +231,4 @@ def main(out: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else str(Path("out", "decode")))
+    main(*(sys.argv[1:3] or [str(Path("out", "decode"))]))

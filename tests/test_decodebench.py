@@ -1,18 +1,33 @@
 """The bench of the decoder on a few poses, and its report."""
 
-from studies import decodebench, decodefiles
+import pytest
+
+from geometry.design import BadInput
+from studies import decodebench, decodefiles, tablebench
 
 TWO = {name: decodebench.LAYOUTS[name] for name in ("paper (h 2, l0 7.2, c 2)", "h 4, l0 6, c 4")}
+
+
+def test_a_table_in_a_file_is_measured(run, tmp_path):
+    assert run("table", "paper", "--step", 0.25, "--out", "t.npy")[0] == 0
+    row = tablebench.whole(tmp_path / "t.npy", 50, 3)
+    assert (row["same"], row["entries"]) == (3, 25 * 25 * 13)
+    assert 0.1 < row["median_mm"] < 0.2 < row["worst_mm"]
+    assert "made again" in "".join(decodefiles._full(row))
+    assert run("table", "paper", "--step", 0.5, "--set", "l0=8", "--out", "u.npy")[0] == 0
+    for name in ("u.npy", "missing.npy"):
+        with pytest.raises(BadInput, match="is no table of the paper's sensor"):
+            tablebench.whole(tmp_path / name)
 
 
 def test_small_run_keeps_its_goals(monkeypatch):
     monkeypatch.setattr(decodebench, "LAYOUTS", TWO)
     monkeypatch.setattr(decodebench, "TAUS", (0.2,))
-    monkeypatch.setattr(decodebench, "STEPS", (0.5, 0.25))
+    monkeypatch.setattr(tablebench, "STEPS", (0.5, 0.25))
     found = {
         "trips": decodebench.round_trips(200),
         "searches": decodebench.searches(2),
-        "tables": decodebench.tables(100),
+        "tables": tablebench.steps(100),
         "tilts": {"box": decodebench.ignored(decodebench.coder_of(decodebench.paper(), 0.2), 100)},
         "speed": [{"program": "NumPy", "layout": "a", "per_s": 7e4, "stream_Hz": 900.0}],
     }
