@@ -79,10 +79,8 @@ def model(
     for element in chosen:
         x, y, z = element.position
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
-            raise BadInput(
-                f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out (larger l0, f or"
-                " chip_x, smaller c)"
-            )
+            way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
+            raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
     points, owners = plates(chosen)
     normals = np.array([element.direction for element in chosen])[owners]
     return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)

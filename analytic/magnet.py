@@ -247,7 +247,7 @@ def _points(points: ArrayLike) -> Array:
 
 def _refuse(point: Array) -> BadInput:
     if np.isfinite(point).all():
-        where = ", ".join(f"{v:g}" for v in point)
+        where = ", ".join(f"{v + 0.0:g}" for v in point)
         return BadInput(
             f"the field is infinite on the magnet's rim (r = radius, |z| = height/2), where ({where}) mm lies in the "
             "magnet's frame: move the point off it"

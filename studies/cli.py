@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
 
 from cyclopts import App, CycloptsError, Parameter
@@ -15,6 +16,9 @@ from cyclopts import App, CycloptsError, Parameter
 from geometry.design import BadInput
 from studies import console, evidence, inverse, jobs, meshing, verbs
 from studies.options import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
+
+NEGATIVE = re.compile(r"-[\d.]\S*,")
+"""How a list of numbers begins whose first is negative."""
 
 
 def _version() -> str:
@@ -61,12 +65,32 @@ for verb in (
     app.command(verb)
 
 
+def _joined(tokens: list[str]) -> list[str]:
+    """A value such as -1,0,0 joined to its option, because it would be taken for an option itself.
+
+    >>> _joined(["readings", "paper", "--shift", "-1,0,0", "--json"])
+    ['readings', 'paper', '--shift=-1,0,0', '--json']
+    """
+    found: list[str] = []
+    for token in tokens:
+        if found and found[-1].startswith("--") and "=" not in found[-1] and NEGATIVE.match(token):
+            found[-1] += f"={token}"
+        else:
+            found.append(token)
+    return found
+
+
 def main(tokens: list[str] | None = None) -> int:
     """Run one command line (that of the process if not told) and return its exit status."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        status = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        status = app(
+            _joined(sys.argv[1:] if tokens is None else tokens),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
         sys.stdout.flush()
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")

@@ -12,7 +12,8 @@ FASTER, STREAM_HZ, TRIP_MM, SHARE = 5e4, 1e3, 1e-6, 0.95
 
 def report(found: Mapping[str, Any], about: Mapping[str, str], text: str) -> str:
     """Goals first, then a table of each measurement, then how it was measured."""
-    lines = ["# The decoder", "", "`python -m studies.decodebench results/decode`", "", *_goals(found)]
+    command = "python -m studies.decodebench results/decode" + (" FULL.npy" if "full" in found else "")
+    lines = ["# The decoder", "", f"`{command}`", "", *_goals(found)]
     lines += ["", "## Round trips and how many poses read alike", ""]
     heads = ["layout", "tau, rad/mm", "unique", "worst error of these, mm", "ambiguous"]
     heads += ["other sign of det", "lost", "condition, median", "worst"]

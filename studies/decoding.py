@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Response
-from studies import files, inputs
+from studies import console, files, inputs
 from studies.fields import read_rows
 
 if TYPE_CHECKING:
@@ -157,8 +157,12 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
     }
 
 
-def table(coder: Decoder, path: Path, units: str | None, out: Path | None) -> dict[str, int]:
+def table(
+    coder: Decoder, path: Path, units: str | None, out: Path | None, *, as_json: bool = False
+) -> dict[str, int]:
     """Decode a table of readings as a stream, write it with the columns `FOUND` added, and count the statuses.
+
+    Without `out` it is printed; as JSON an object for each row, with its number and what the elements read.
 
     The table's head names a column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities);
     further columns stay as they are. An empty or NaN reading gets the status not_finite.
@@ -181,9 +185,20 @@ def table(coder: Decoder, path: Path, units: str | None, out: Path | None) -> di
     head, rows, values = read_rows(path, names, FOUND, holes=True)
     if len(rows) >= MANY:
         magnet.compiled()
-    found = decode(coder, in_tesla(chosen, values, unit), follow=True)
+    field = in_tesla(chosen, values, unit)
+    found = decode(coder, field, follow=True)
     tilt, tilt_y = _tilts(found)
     numbers = np.column_stack([found.shift, tilt, tilt_y, found.force, found.load, found.condition])
+    if as_json and target is None:
+        lines = zip(field.tolist(), found.status, numbers.tolist(), found.multiplicity.tolist(), strict=True)
+        console.report(
+            [
+                {"row": k, "readings_T": b} | dict(zip(FOUND, (status, *line, many), strict=True))
+                for k, (b, status, line, many) in enumerate(lines, 1)
+            ],
+            as_json=True,
+        )
+        return _counts(found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *FOUND])
@@ -193,6 +208,10 @@ def table(coder: Decoder, path: Path, units: str | None, out: Path | None) -> di
         print(text.getvalue(), end="", flush=True)
     else:
         files.write_text(target, text.getvalue())
+    return _counts(found)
+
+
+def _counts(found: Decoded) -> dict[str, int]:
     return {name: found.status.count(name) for name in WHY if name in found.status}
 
 

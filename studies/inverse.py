@@ -60,7 +60,7 @@ def decode(
             return GOOD
         return judged([record])
     assert file is not None
-    counts = decoding.table(coder, file, units, out)
+    counts = decoding.table(coder, file, units, out, as_json=as_json)
     if as_json and out is not None:
         console.report([counts], as_json=True)
     for status, count in counts.items():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 import os
 import shutil
 from pathlib import Path
@@ -72,10 +73,10 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
         {"name": "z_mm", "first": 0.0, "step": -grid.step, "count": shape[2]},
         {"name": "B_T", "columns": [element.name for element in model.elements]},
     ]
-    size = 8 * int(np.prod(shape, dtype=np.int64))
+    size = 8 * math.prod(shape)
     part, note = out.with_name(f".{out.name}.part"), out.with_name(f".{out.name}.part.json")
     key = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
-    done, offset = _resume(part, note, key)
+    done, offset = _resume(part, note, key, size // shape[0])
     room = shutil.disk_usage(out.parent).free + (part.stat().st_size if part.exists() else 0)
     if size > room:
         raise BadInput(f"the table takes {size / 1e6:.0f} MB and the disk has {room / 1e6:.0f}: raise --step")
@@ -138,12 +139,14 @@ def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]
     }
 
 
-def _resume(part: Path, note: Path, key: str) -> tuple[int, int]:
+def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
     """How many slabs of this very table are there already, and where the first begins."""
     try:
         found = json.loads(note.read_text("utf-8"))
-        if found["key"] == key and part.exists():
-            return int(found["done"]), int(found["offset"])
+        done, offset = int(found["done"]), int(found["offset"])
+        # a machine that lost its power may have kept the note and not the slabs
+        if found["key"] == key and part.stat().st_size >= offset + done * slab:
+            return done, offset
     except (OSError, ValueError, KeyError, TypeError):
         pass
     return 0, 0

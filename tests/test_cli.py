@@ -239,3 +239,11 @@ def test_json_line_has_no_nan(strict):
 def test_report_of_nothing(capsys):
     console.report([], as_json=False)
     assert capsys.readouterr().out == ""
+
+
+def test_a_negative_number_may_come_first(run, strict):
+    (record,) = strict(run("readings", "paper", "--shift", "-1,0,-.5", "--tilt", "-0.1,0", "--json")[1])
+    assert (record["shift_mm"], record["rotation_rad"]) == ([-1, 0, -0.5], [-0.1, 0])
+    status, _, err = run("readings", "paper", "--shift", "--tilt", "-0.1,0")
+    assert status == 2
+    assert "--shift" in err

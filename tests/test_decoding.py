@@ -116,6 +116,11 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     assert_allclose(float(rows[0]["shift_x_mm"]), 0.5, atol=1e-9)
     assert rows[1]["shift_x_mm"] == ""
     assert "2 of 5 rows not_finite" in err
+    records = strict(run("decode", "paper", "--file", "r.csv", "--json")[1])
+    assert [record["status"] for record in records] == [row["status"] for row in rows]
+    assert [record["row"] for record in records] == [1, 2, 3, 4, 5]
+    assert records[0]["shift_x_mm"] == float(rows[0]["shift_x_mm"])
+    assert records[1]["readings_T"][0] is records[1]["shift_x_mm"] is None
     assert run("decode", "paper", "--file", "r.csv", "--out", "d.csv")[0] == 0
     assert (tmp_path / "d.csv").read_text() == out
     (tmp_path / "bad.csv").write_text("S1_T,S2_T,S3_T\n0,0,0\n")

@@ -128,3 +128,10 @@ def test_magpylib_agrees_on_readings(layout):
     with pytest.raises(BadInput, match="no magnet"):
         fields.to_magpylib(Design(magnet_diameter=0, magnet_height=0))
     assert_allclose(exported.sensors[0].position, [0, 0, -2.2e-3], atol=1e-15)
+
+
+def test_what_runs_into_a_chip_is_said_once(run, strict):
+    tokens = ("--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4", "--json")
+    (record,) = strict(run("readings", "paper", *tokens)[1])
+    (warning,) = record["warnings"]
+    assert warning == "the beam's wall reaches chip -z by about 1 mm: raise l0 or chip_x"

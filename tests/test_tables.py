@@ -55,6 +55,20 @@ def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
     assert not list(tmp_path.glob(".*"))
 
 
+def test_a_note_without_its_slabs_is_not_believed(run, strict, tmp_path, monkeypatch):
+    command = ("table", "paper", "--step", 0.5, "--out", "t.npy", "--json")
+    assert run(*command)[0] == 0
+    whole, slab = (tmp_path / "t.npy").read_bytes(), lookup.slab
+    monkeypatch.setattr(lookup, "slab", lambda model, grid, i: 1 / 0 if i == 9 else slab(model, grid, i))
+    with pytest.raises(ZeroDivisionError):
+        run(*command)
+    monkeypatch.setattr(lookup, "slab", slab)
+    with (tmp_path / ".t.npy.part").open("r+b") as stream:
+        stream.truncate(500)
+    assert strict(run(*command)[1])[0]["resumed"] == 0
+    assert (tmp_path / "t.npy").read_bytes() == whole
+
+
 def test_another_table_does_not_go_on_from_it(run, strict, tmp_path, monkeypatch):
     slab = lookup.slab
     monkeypatch.setattr(lookup, "slab", lambda model, grid, i: 1 / 0 if i == 9 else slab(model, grid, i))
@@ -95,6 +109,7 @@ def test_the_papers_grid():
         (("--out", "t.npy", "--step", "nan"), "more than 0"),
         (("--out", "t.npy", "--step", 4), "at most"),
         (("--out", "t.npy", "--step", 1e-4), "disk"),
+        (("--out", "t.npy", "--step", 1e-9), "disk"),
         (("--out", "t.npy", "--level", "best"), "level must be"),
         (("--out", "t.npy", "--set", "l0=3"), "S1 lies inside the beam"),
         (("--out", "t.npy", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
