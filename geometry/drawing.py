@@ -81,7 +81,8 @@ class View:
         """Add the section of a solid with a plane of constant y, seen along +y: x to the right, z upwards."""
         import build123d as bd
 
-        reach = 4 * max(solid.bounding_box(optimal=False).size) + 4 * abs(y)
+        box = solid.bounding_box(optimal=False)
+        reach = 4 * max(map(abs, (*box.min, *box.max)))
         found = solid.intersect(
             bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
         )

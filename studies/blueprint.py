@@ -54,7 +54,7 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
         x, y, _ = where[name]
         if x or y:
             above.seen(body)
-            above.labels.append(((x, y), name, (9.0, -7.0)))
+            above.labels.append(((x, y), name, (9.0, -7.0) if "S2" in where else (-4.0, -16.0)))
     if "S2" in where:
         f = design.f
         z23 = where["S2"][2]

@@ -20,6 +20,8 @@ def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, 
     from studies.compare import write_table
     from studies.extremes import versions
 
+    # before a file of the repository changes
+    origin = versions()
     write_table(folder / "layout.csv", layout.table(coder, seen))
     layoutplots.maps(folder / "layout.png", coder, seen, room)
     if "search" in found:
@@ -27,7 +29,7 @@ def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, 
     if "claim" in found:
         write_table(folder / "claim.csv", found["claim"]["heights"])
         layoutplots.claim(folder / "claim.png", found["claim"]["heights"], coder.forward.design.c)
-    files.write_text(folder / "LAYOUT.md", text(found, command, versions()))
+    files.write_text(folder / "LAYOUT.md", text(found, command, origin))
 
 
 def text(found: Row, command: str, origin: str) -> str:

@@ -69,6 +69,13 @@ def test_a_section_has_the_area_of_the_profile():
     assert area(view) - area(hollow) == pytest.approx(4 * 2 - edge, rel=1e-3)
 
 
+def test_a_section_shows_a_small_body_far_from_the_axis_whole():
+    design = Design(hall_layout="tmag5273a1", chip_x=30.0)
+    view = View("chip")
+    view.section(bodies(design)["tmag5273a1"], "part")
+    assert view.box[:2] == pytest.approx((30 - 2.9 / 2, 30 + 2.9 / 2))
+
+
 def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
     import build123d as bd
 
@@ -97,8 +104,9 @@ def sheets(design, mold):
         (Design(c=4, f=7), Mold(columns=4, rows=3, shrink=0.01)),
         (Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3), Mold()),
         (Design(D=50, L=400, l0=380, f=40, hall_layout="tmag5273a1"), Mold()),
+        (Design(chip_x=6.0, hall_layout="tmag5273a1"), Mold()),
     ],
-    ids=["paper", "plate", "small", "large"],
+    ids=["paper", "plate", "small", "large", "chip aside"],
 )
 def test_sheets_are_svg_inside_their_frame(design, mold):
     for title, text in sheets(design, mold).items():
