@@ -16,12 +16,13 @@ fields w_k, k = -N .. N, and z_n, p_n, n = 0 .. N, for loads that are symmetric 
 In Cartesian components u_x + i u_y = sum w_k exp(i (k+1) theta). N = 0 is the axisymmetric model. With one harmonic
 k = -2 is added, so that finite rotations of a rigid magnet are in the space. D holds d/dr, 1/r and d/dz; components
 of G are those along r, theta, z. On the axis only w_-1, z_0 and p_0 differ from zero. The integral over theta is a
-midpoint rule with 2 N + 2 angles in (0, pi), which is exact for products of three functions of the space.
+midpoint rule with 2 N angles (4 at least) in (0, pi), which is exact for products of three functions of the space.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
+Family = tuple[slice, slice]
+"""A range of fields, and that of the components of the displacement which they alone carry."""
+
+
+@dataclass(frozen=True)
 class Angles:
     """Fields and the functions of the angle that multiply them.
 
@@ -62,6 +67,32 @@ class Angles:
     @property
     def pressures(self) -> int:
         return int(self.C.shape[1])
+
+    @functools.cached_property
+    def pairs(self) -> list[tuple[Family, Family, dict[tuple[int, int], Array]]]:
+        """For each two families of fields f and g, and derivatives J, L, the products V_iJf V_kLg, (i k t, f g).
+
+        A family are fields that alone carry some components i. Of one and the same family J <= L is enough.
+        """
+        found = []
+        for a, b in itertools.combinations_with_replacement(self._families, 2):
+            (f, i), (g, k) = a, b
+            products = {
+                (J, L): np.einsum("tif,tkg->iktfg", self.V[:, i, J, f], self.V[:, k, L, g])
+                for J in range(3)
+                for L in range(J if a is b else 0, 3)
+            }
+            count = (f.stop - f.start) * (g.stop - g.start)
+            found.append((a, b, {JL: product.reshape(-1, count) for JL, product in products.items()}))
+        return found
+
+    @property
+    def _families(self) -> list[Family]:
+        """Fields in the plane of the section's turn and those along its axis, or all where they are few."""
+        if self.harmonics == 0:
+            return [(slice(0, self.fields), slice(0, 3))]
+        n = self.fields - self.pressures
+        return [(slice(0, n), slice(0, 2)), (slice(n, self.fields), slice(2, 3))]
 
 
 @dataclass(frozen=True)
@@ -142,8 +173,8 @@ def orders(harmonics: int) -> range:
 
 
 def around(harmonics: int, count: int | None = None) -> Angles:
-    """Fields of a section of revolution, at `count` angles (2 N + 2 if not told; one is enough for N = 0)."""
-    t = count or (1 if harmonics == 0 else 2 * harmonics + 2)
+    """Fields of a section of revolution, at `count` angles (2 N, at least 4, if not told; one will do for N = 0)."""
+    t = count or (1 if harmonics == 0 else max(2 * harmonics, 4))
     theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
     k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
     E = np.zeros((t, 3, len(k) + len(n)))

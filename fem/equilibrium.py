@@ -37,6 +37,9 @@ Progress = Callable[[float, str], None]
 MOST_HARMONICS = 12
 TIP = 1.0
 """Edge length at the tip over that of the section, in radii at which the plate would cut the tip, over D."""
+PRESS_FILLET = 0.5
+"""Edge length at the magnet's fillet, over its radius, for a press: it goes deeper than what is sheared, and larger
+elements turn inside out there. A shear gains nothing by it."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -246,6 +249,8 @@ def _start(
     size = accuracy.section_size
     tip = TIP * math.sqrt(shape.R * min(depths, default=1.0))
     build = functools.partial(models.section, shape, design.nu, magnet, size, min(tip, 1.0) * size, silicone)
+    if not sideways:
+        build = functools.partial(build, fillet=PRESS_FILLET)
     edge = None
     if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R

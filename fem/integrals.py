@@ -65,25 +65,31 @@ def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
 def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
     """Integral of dG/du : A : dG/du, shape (m, f a, f a), for weighted tangents A (m, q t, 9, 9) or (m, q, c, c).
 
-    First over the angles, H_JL of the derivatives of the fields, then over the section: K = sum D_J D_L H_JL.
+    First over the angles, H_JL of the derivatives of the fields, then over the section: K = sum D_J D_L H_JL. Both
+    are done for one pair of families of fields after the other.
     """
-    D, V = e.D[part], e.angles.V
+    D = e.D[part]
     m, q, _, a = D.shape
-    t, f = len(V), V.shape[-1]
+    t, f = len(e.angles.theta), e.angles.fields
     if e.B is not None:
         B = e.B[part]
         return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))
     A = A.reshape(m * q, t, 3, 3, 3, 3)
-    H = np.empty((m * q, 3, 3, f * f))
-    for J in range(3):
-        for L in range(J, 3):
-            pairs = np.einsum("tif,tkg->iktfg", V[:, :, J], V[:, :, L]).reshape(9 * t, f * f)
-            H[:, J, L] = A[:, :, :, J, :, L].transpose(0, 2, 3, 1).reshape(m * q, 9 * t) @ pairs
-            if L > J:
-                H[:, L, J] = np.swapaxes(H[:, J, L].reshape(-1, f, f), 1, 2).reshape(-1, f * f)
     products = (D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a)
-    K = np.swapaxes(H.reshape(m, 9 * q, f * f), 1, 2) @ products
-    return np.ascontiguousarray(np.swapaxes(K.reshape(m, f, f, a, a), 2, 3)).reshape(m, f * a, f * a)
+    K = np.empty((m, f, a, f, a))
+    for (first, i), (second, k), pairs in e.angles.pairs:
+        n, o = first.stop - first.start, second.stop - second.start
+        H = np.empty((m * q, 3, 3, n, o))
+        for (J, L), pair in pairs.items():
+            own = A[:, :, i, J, k, L].transpose(0, 2, 3, 1).reshape(m * q, -1) @ pair
+            H[:, J, L] = own.reshape(-1, n, o)
+            if first == second and J != L:
+                H[:, L, J] = np.swapaxes(H[:, J, L], 1, 2)
+        block = (np.swapaxes(H.reshape(m, 9 * q, n * o), 1, 2) @ products).reshape(m, n, o, a, a)
+        K[:, first, :, second] = block.transpose(0, 1, 3, 2, 4)
+        if first != second:
+            K[:, second, :, first] = block.transpose(0, 2, 4, 1, 3)
+    return K.reshape(m, f * a, f * a)
 
 
 def coupling(e: Elements, part: slice, B: Array) -> Array:

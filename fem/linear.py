@@ -38,14 +38,14 @@ class Pattern:
 
     def __init__(self, groups: list[tuple[Index, Index]], size: int) -> None:
         keys = []
-        self._masks = []
+        self._places: list[Index] = []
         for row, column in groups:
             shape = (*row.shape, column.shape[1])
             rows = np.broadcast_to(row[:, :, None], shape)
             columns = np.broadcast_to(column[:, None, :], shape)
             mask = (rows >= 0) & (columns >= rows)
             keys.append(rows[mask] * size + columns[mask])
-            self._masks.append(mask)
+            self._places.append(np.flatnonzero(mask))
         diagonal = np.arange(size, dtype=np.int64) * (size + 1)
         unique, inverse = np.unique(np.concatenate([diagonal, *keys]), return_inverse=True)
         self._inverse = inverse[size:]
@@ -55,7 +55,7 @@ class Pattern:
 
     def assemble(self, blocks: list[Array]) -> sp.csr_matrix:
         """Sum element matrices, one array (m, k, l) per group, into the upper triangle."""
-        values = np.concatenate([block[mask] for block, mask in zip(blocks, self._masks, strict=True)])
+        values = np.concatenate([block.ravel()[at] for block, at in zip(blocks, self._places, strict=True)])
         data = np.bincount(self._inverse, weights=values, minlength=len(self._columns))
         return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
 
@@ -67,8 +67,7 @@ class Pattern:
         last : (m, k, k) matrices of the last group, whose rows and columns are the same.
         """
         source, below, columns, pointers = self._mirror
-        mask = self._masks[-1]
-        skew = (np.swapaxes(last, 1, 2) - last)[mask]
+        skew = (np.swapaxes(last, 1, 2) - last).ravel()[self._places[-1]]
         excess = np.bincount(self._inverse[len(self._inverse) - len(skew) :], weights=skew, minlength=len(upper.data))
         data = upper.data[source]
         data[below] += excess[source[below]]
@@ -125,8 +124,12 @@ class Solver:
         if self._use_pardiso:
             known = symmetric in self._handles
             if not known:
-                self._handles[symmetric] = _pardiso(matrix.shape[0], symmetric=symmetric)
+                self._handles[symmetric] = _pardiso(matrix.shape[0], symmetric=symmetric, match=not symmetric)
             self._call(22 if known else 12, np.zeros(matrix.shape[0]))
+            if self._handles[symmetric].get_iparm(13) == 0 and self._handles[symmetric].get_iparm(14) > 0:
+                self._release(symmetric)
+                self._handles[symmetric] = _pardiso(matrix.shape[0], symmetric=symmetric, match=True)
+                self._call(12, np.zeros(matrix.shape[0]))
             return
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
@@ -172,20 +175,27 @@ class Solver:
 
     def close(self) -> None:
         """Give the factorisations' memory back."""
-        for handle in self._handles.values():
-            handle.set_phase(-1)
-            handle._call_pardiso(self._matrix, np.zeros(self._matrix.shape[0]))
-        self._handles = {}
+        for symmetric in tuple(self._handles):
+            self._release(symmetric)
+
+    def _release(self, symmetric: bool) -> None:
+        handle = self._handles.pop(symmetric)
+        handle.set_phase(-1)
+        handle._call_pardiso(self._matrix, np.zeros(self._matrix.shape[0]))
 
 
-def _pardiso(size: int, *, symmetric: bool) -> Any:
-    """A handle for symmetric indefinite matrices, or for unsymmetric ones of symmetric structure."""
+def _pardiso(size: int, *, symmetric: bool, match: bool) -> Any:
+    """A handle for symmetric indefinite matrices, or for unsymmetric ones of symmetric structure.
+
+    match : scale rows and bring large entries to the diagonal first. That takes most of the symbolic phase, and
+        displacements and pressures need it only where elements differ by orders of magnitude and pivots with them.
+    """
     import pypardiso
 
     handle = pypardiso.PyPardisoSolver(mtype=-2 if symmetric else 11)
     # Newton's method corrects what a solve leaves, so it is refined only where PARDISO had to perturb pivots
-    order = 0 if size < FEW else 2
-    for i, value in {1: 1, 2: order, 8: 0, 10: 8 if symmetric else 13, 11: 1, 13: 1, 21: 1}.items():
+    order, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
+    for i, value in {1: 1, 2: order, 8: 0, 10: perturb, 11: int(match), 13: int(match), 21: 1}.items():
         handle.set_iparm(i, value)
     return handle
 

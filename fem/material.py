@@ -130,10 +130,10 @@ def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
         return A
     X, H = (np.ascontiguousarray(v.reshape(-1, 9).T) for v in (x, k.H))
     A = X[:, None] * H
-    A = A + np.swapaxes(A, 0, 1)
+    A += H[:, None] * X
     left, right = (cross.ravel() * H).reshape(3, 1, 1, 3, -1), np.swapaxes(H.reshape(3, 3, -1), 0, 1)
     A.reshape(3, 3, 3, 3, -1)[...] += left * right[None, :, :, None]
-    return np.moveaxis(A, -1, 0).reshape(*x.shape, 9)
+    return np.moveaxis(A.reshape(9, 9, *x.shape[:-1]), (0, 1), (-2, -1))
 
 
 def _restricted(A: Array, k: Kinematics) -> Array:

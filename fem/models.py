@@ -23,6 +23,7 @@ from fem.system import NONE, System
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
 from geometry.scene import Magnet
+from geometry.section import FILLET
 from geometry.section import section as section_mesh
 
 Array = NDArray[np.float64]
@@ -70,15 +71,17 @@ def section(
     rim: tuple[float, float] | None = None,
     push: float = 0.0,
     around: int = 0,
+    fillet: float = FILLET,
 ) -> Discretisation:
     """Section of revolution with clamped base; size and tip_size are edge lengths in units of D.
 
     rim : where the patch of contact will end, as for `geometry.section.section`.
     push : dead force along x, spread over the dome, over E D^2; needs harmonics.
     around : number of harmonics that the skin's angles are enough for, if more than `harmonics`.
+    fillet : as for `geometry.section.section`.
     """
     held = magnet == "rigid"
-    mesh = _section_mesh(shape, size, tip_size, rim, "hole" if held else "none")
+    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if held else "none")
     e = elements.build(mesh, axisymmetric=True, harmonics=harmonics)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -164,9 +167,10 @@ def _section_mesh(
     size: float,
     tip_size: float,
     rim: tuple[float, float] | None,
+    fillet: float,
     magnet: Literal["hole", "none"],
 ) -> skfem.MeshTri2:
-    return section_mesh(shape, size, tip_size=tip_size, rim=rim, magnet=magnet)
+    return section_mesh(shape, size, tip_size=tip_size, rim=rim, fillet=fillet, magnet=magnet)
 
 
 @functools.lru_cache(maxsize=4)

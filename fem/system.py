@@ -218,13 +218,13 @@ class System:
         for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
             k = material.kinematics(*strain, e.angles.components, tangent=tangent)
             p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
-            W, P, A = self.law(k, self.mu[part], p)
+            # a law is linear in its modulus and the pressure, so that they carry the weights of the points
+            W, P, A = self.law(k, w * self.mu[part], w * p)
             soft = self.inverse_K[part]
-            energy += float(np.sum(w * (W - p**2 * soft / 2)))
-            fu[part] = integrals.displacement_forces(e, part, w[..., None, None] * P)
+            energy += float(np.sum(W) - np.sum(w * p**2 * soft) / 2)
+            fu[part] = integrals.displacement_forces(e, part, P)
             fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
             if tangent:
-                A *= w[..., None, None]
                 Kuu.append(integrals.displacement_stiffness(e, part, A))
                 Kup.append(integrals.coupling(e, part, w[..., None, None] * material.cofactor(k)))
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)

@@ -266,10 +266,16 @@ def determinants(x: Floats, nodes: Ints) -> Floats:
 
 
 def radius_ratios(corners: Floats) -> Floats:
-    """Three times the inscribed over the circumscribed radius; corners of shape (3, 4, cells)."""
+    """Three times the inscribed over the circumscribed radius, 0 where two corners are one.
+
+    Parameters
+    ----------
+    corners : of shape (3, 4, cells).
+    """
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     ab, bc, ca = (np.cross(u, v, axis=0) for u, v in ((a, b), (b, c), (c, a)))
     six = np.abs((a * bc).sum(axis=0))
     area = sum(np.linalg.norm(side, axis=0) for side in (ab, bc, ca, ab + bc + ca))
     centre = (a**2).sum(axis=0) * bc + (b**2).sum(axis=0) * ca + (c**2).sum(axis=0) * ab
-    return np.asarray(6 * six**2 / (area * np.linalg.norm(centre, axis=0)))
+    size = area * np.linalg.norm(centre, axis=0)
+    return np.asarray(np.divide(6 * six**2, size, out=np.zeros_like(size), where=size > 0))

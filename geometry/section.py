@@ -30,11 +30,12 @@ Ints = NDArray[np.int64]
 
 TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
 """Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
-LEAST_CLAMP, CORNER = 0.008, 0.012
+LEAST_CLAMP, CORNER = 0.012, 0.012
 """Least edge lengths at the clamp and at the magnet's sharp edge, in D: finer elements there only follow the
 singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
 FILLET, GAP = 0.75, 0.42
-"""Largest edge length at a fillet, as a fraction of its radius, and in a thin layer, as one of its thickness."""
+"""Largest edge length at a fillet (by default), as a fraction of its radius, and in a thin layer, as one of its
+thickness."""
 TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
 """Growth of the edge length with distance from the tip and from other features, and sizes (in D) below which they
 shrink with the size, so that halving the size halves every edge length."""
@@ -78,6 +79,7 @@ def section(
     *,
     tip_size: float | None = None,
     rim: tuple[float, float] | None = None,
+    fillet: float = FILLET,
     magnet: Literal["hole", "meshed", "none"] = "hole",
 ) -> Any:
     """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
@@ -88,6 +90,7 @@ def section(
     size : edge length away from features; halving it halves all, unless a fillet or thin layer already needs less.
     tip_size : edge length at the tip (0, L), at most `size`; half of `size` unless told.
     rim : radius of a ring of nodes on the dome, and the edge length there: where a patch of contact ends.
+    fillet : largest edge length at a fillet of the magnet, as a fraction of its radius.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
 
     Returns
@@ -112,7 +115,7 @@ def section(
     domain = unit.without_magnet() if magnet == "meshed" else unit
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
     curves = outline(unit, magnet, ring and ring[0])
-    sizing = _sizing(unit, curves, size_D, tip_D, ring, magnet == "meshed")
+    sizing = _sizing(unit, curves, size_D, tip_D, ring, fillet, magnet == "meshed")
     cuts = [_cuts(curve, sizing) for curve in curves]
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
@@ -132,6 +135,7 @@ def _sizing(
     size: float,
     tip_size: float,
     rim: tuple[float, float] | None,
+    fillet: float,
     meshed: bool,
 ) -> _Sizing:
     """Collect the features that ask for less than `size`, for D = 1."""
@@ -145,7 +149,7 @@ def _sizing(
         if curve.name == "magnet":
             want = np.minimum(want, GAP * room(shape.without_magnet(), x))
             if curve.centre is not None:
-                want = np.minimum(want, min(ROUND_EDGE * size, FILLET * abs(curve.start - curve.centre)))
+                want = np.minimum(want, min(ROUND_EDGE * size, fillet * abs(curve.start - curve.centre)))
             elif shape.magnet_edge_radius < SMALLEST:
                 corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
                 want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * size)), want)

@@ -7,6 +7,7 @@ import pytest
 
 from geometry import cache, curving, exact, sizing, surface
 from geometry import mesh as meshing
+from geometry.curving import radius_ratios
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.quality import quality
@@ -266,3 +267,8 @@ def test_a_child_that_dies_or_hangs(monkeypatch):
     monkeypatch.setattr(meshing, "_CHILD", "import time; time.sleep(60)")
     with cache.bypassed(), pytest.raises(RuntimeError, match=r"within 0\.5 s"):
         tetrahedra(PAPER, 2.0, timeout=0.5)
+
+
+def test_a_collapsed_cell_has_no_shape():
+    corners = np.array([[0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 0.0]])[:, :, None]
+    assert radius_ratios(corners) == 0
