@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from skfem.assembly.dofs import Dofs
 from skfem.quadrature import get_quadrature
 
 Array = NDArray[np.float64]
@@ -293,7 +294,7 @@ def surface(
 def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:
     """All displacement nodes (corners and mid-edges) on the named boundary, numbered as in `Elements.nodes`."""
     quadratic, _ = bases(mesh.p.shape[0])
-    return np.asarray(skfem.CellBasis(mesh, quadratic, intorder=1).get_dofs(name).flatten(), dtype=np.int64)
+    return np.asarray(Dofs(mesh, quadratic).get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)
 
 
 def interpolation(elements: Elements, point: Array) -> tuple[Index, Array, Array]:

@@ -40,6 +40,9 @@ TIP = 1.0
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over its radius, for a press: it goes deeper than what is sheared, and larger
 elements turn inside out there. A shear gains nothing by it."""
+SHARE, NEAR, MOST_PRESSES = 0.05, 0.05, 3
+"""Looking for the end of a contact: the edge length there over its radius, the relative change of the radius after
+which it is found, and the most presses."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -256,11 +259,9 @@ def _start(
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
     elif sideways and not tilt and mu is None and mesh is None:
         glued = next(load.depth for load in loads if slides(load)) / design.D
-        # the first press has no fine mesh where its contact ends, the second one has
         rough = max(size, QUICK.section_size)
-        first = models.section(shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone)
-        edge = contact_edge(first, glued)
-        edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), glued)
+        first = functools.partial(models.section, shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone)
+        edge = contact_end(first, accuracy.section_patch, glued)
     if name in ("half", "full"):
         coarse = accuracy.solid_size
         half = name == "half"
@@ -285,6 +286,22 @@ def _start(
     if push or held is not None or edge is None:
         return Path(build_high(), held, mu=mu, rub=accuracy.rub, scout=scout)
     return Path(build(), raised=build_high, rim=edge, scout=scout)
+
+
+def contact_end(build: Callable[..., models.Discretisation], fine: float, depth: float) -> float:
+    """As `contact_edge`, by meshes that are fine where the contact ended before; at first where the dome is cut.
+
+    Parameters
+    ----------
+    build : makes the section from the keyword `rim` of `fem.models.section`; it need not be fine elsewhere.
+    fine : edge length there, at most SHARE of the radius.
+    """
+    edge = min(math.sqrt(depth / 2), 0.475)
+    for _ in range(MOST_PRESSES):
+        before, edge = edge, contact_edge(build(rim=(edge, min(fine, SHARE * edge))), depth)
+        if abs(edge / before - 1) < NEAR:
+            break
+    return edge
 
 
 def contact_edge(d: models.Discretisation, depth: float) -> float:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from fem import contact, elements, models, rigid
 from fem.contact import Plate
-from fem.equilibrium import contact_edge
+from fem.equilibrium import contact_end
 from fem.levels import STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import lame, law
@@ -101,8 +101,7 @@ def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -
     build = functools.partial(models.section, shape, design.nu, magnet, size, size / 2, silicone)
     edge = None
     if d:
-        edge = contact_edge(build(), d)
-        edge = contact_edge(build(rim=(edge, min(accuracy.section_patch, edge / 4))), d)
+        edge = contact_end(build, accuracy.section_patch, d)
         build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     path = Path(build(), raised=functools.partial(build, harmonics=2), rim=edge)
     reason = path.go(d, np.zeros(2))

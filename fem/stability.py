@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fem import contact, models
 from fem.contact import Plate
-from fem.equilibrium import contact_edge
+from fem.equilibrium import SHARE, contact_edge, contact_end
 from fem.levels import QUICK, STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import law
@@ -40,7 +40,7 @@ STEP = 0.05
 TOLERANCE = 2e-3
 """Relative width of the interval in which a critical depth lies."""
 RIM = 0.25
-"""Edge length where the contact ends, over that of an accuracy's patch of contact, at most 1/20 of its radius."""
+"""Edge length where the contact ends, over the section's, at most SHARE of its radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +136,7 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     d, D = depth / design.D, design.D
-    edge = contact_edge(_build(design, magnet, QUICK)(), d)
-    edge = contact_edge(_build(design, magnet, accuracy, _rim(edge, accuracy))(), d)
+    edge = contact_end(_build(design, magnet, QUICK), RIM * accuracy.section_size, d)
     build = _build(design, magnet, accuracy, _rim(edge, accuracy))
     path = Path(build(), rim=edge)
     try:
@@ -174,7 +173,7 @@ def _build(
 
 
 def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
-    return edge, min(RIM * accuracy.section_size, edge / 20)
+    return edge, min(RIM * accuracy.section_size, SHARE * edge)
 
 
 def _path(build: functools.partial[Discretisation]) -> Path:
