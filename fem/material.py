@@ -173,7 +173,8 @@ def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tup
     W (...), first Piola-Kirchhoff stress P (..., 3, 3), tangent dP/dF (..., 9, 9) or (..., c, c), MPa.
     """
     G, H = k.G, k.H
-    strain = G + np.swapaxes(G, -1, -2) + G @ np.swapaxes(G, -1, -2)
+    turned = np.ascontiguousarray(np.swapaxes(G, -1, -2))
+    strain = G + turned + G @ turned
     I1m3 = strain[..., 0, 0] + strain[..., 1, 1] + strain[..., 2, 2]
     log_J = np.log1p(k.Jm1)
     s = mu * np.exp(-2 / 3 * log_J)
