@@ -1,4 +1,4 @@
-"""Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, another model.
+"""Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.
 
 - Onset: a press of 1e-5 mm without the magnet, where Cattaneo's and Mindlin's sphere is the limit. With G the shear
   modulus, a the contact's radius and F_N the normal force, full slip begins at a shear of
@@ -6,7 +6,8 @@
   that sticks has the share 1 - s of the contact's area. The beam's own compliance is 1 % there.
 - Full slip: the tangential force over mu times the normal one, after a press of 1 mm.
 - Cycle: press 1 mm, then shear to and fro. The loop closes, and its area is the energy dissipated.
-- Half model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
+- Half and full model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
+- Tilted plate: full slip in the full model, forces along the plate and across it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.equilibrium import trace
+from fem.equilibrium import Model, trace
 from fem.levels import QUICK, STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import paper
@@ -35,6 +36,9 @@ DEPTH = 1.0
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
 """Coefficients, and shears that reach full slip, mm."""
 TURN = 2.0
+TILT = 0.1
+"""Of the plate, rad."""
+SOLID_MODELS: tuple[Model, ...] = ("half", "full")
 COARSE = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
 SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
@@ -56,7 +60,7 @@ class StoppedError(RuntimeError):
 def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> list[Row]:
     """Rows of all checks; friction.csv, FRICTION.md and friction.png too if told where.
 
-    quick : on coarser meshes, and without the half model.
+    quick : on coarser meshes, and without tetrahedra.
     """
     level = COARSE if quick else STANDARD
     say = progress or (lambda share, text: None)
@@ -72,8 +76,11 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
     loop = cycle(0.2, COARSE if quick else QUICK)
     rows += closed(loop)
     if not quick:
-        say(0.7, "half model")
-        rows += other_model()
+        for i, model in enumerate(SOLID_MODELS):
+            say(0.7 + 0.1 * i, f"{model} model")
+            rows += other_model(model)
+        say(0.9, "tilted plate")
+        rows.append(tilted(SOLID))
     if folder is not None:
         write(folder, rows, curves, loop, origin, quick=quick)
     return rows
@@ -155,18 +162,31 @@ def closed(states: Sequence[Solution]) -> list[Row]:
     ]
 
 
-def other_model(mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Row]:
-    """Forces of the half model over those of the harmonic one, part of the contact slipping and all of it."""
+def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Row]:
+    """Forces of a model of tetrahedra over the harmonic one's, part of the contact slipping and all of it."""
     loads = [Load(depth=0.5, shear_x=shear, friction=mu) for shear in shears]
-    half = _follow(loads, SOLID, "ignored", model="half")
+    solid = _follow(loads, SOLID, "ignored", model=model)
     section = _follow(loads, STANDARD, "ignored", model="harmonic")
     rows = []
-    for one, other in zip(half, section, strict=True):
+    for one, other in zip(solid, section, strict=True):
         where = f"at a shear of {one.load.shear_x:g} mm, over the harmonic model's"
         for i, name in ((0, "tangential"), (2, "normal")):
             ratio = one.response.force[i] / other.response.force[i]
-            rows.append(_row("half model", f"{name} force {where}", ratio, 1.0, 0.02))
+            rows.append(_row(f"{model} model", f"{name} force {where}", ratio, 1.0, 0.02))
     return rows
+
+
+def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Row:
+    """Full slip under a tilted plate. Forces are those on the tip along x and on the plate along z."""
+    (state,) = _follow(
+        [Load(depth=depth, shear_x=shear, friction=mu, plate_tilt=TILT)], level, "ignored", model="full"
+    )
+    x, _, z = state.response.force
+    along, across = x * math.cos(TILT) + z * math.sin(TILT), z * math.cos(TILT) - x * math.sin(TILT)
+    if state.slip_share != 1:
+        raise StoppedError(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
+    name = f"force along the plate over that across it, tilt {TILT:g} rad, mu = {mu:g}"
+    return _row("tilted plate", name, along / across, mu, 0.01)
 
 
 def write(

@@ -1,5 +1,7 @@
 """The study of Coulomb friction: its verdicts, its files, its verb. The physics: tests/test_friction.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,3 +56,8 @@ def test_the_judge_of_extremes_measures_the_cone():
     found = judges.cone(scene)
     assert found.solution.slip_share == 1
     assert found.measured < scene.bound
+
+
+def test_coulombs_law_holds_under_a_tilted_plate():
+    rough = replace(sliding.SOLID, solid_size=0.5, solid_patch=0.15, rub=4.0)
+    assert sliding.tilted(rough, mu=0.05, depth=0.4, shear=0.5)["passed"]
