@@ -16,7 +16,8 @@ fields w_k, k = -N .. N, and z_n, p_n, n = 0 .. N, for loads that are symmetric 
 In Cartesian components u_x + i u_y = sum w_k exp(i (k+1) theta). N = 0 is the axisymmetric model. With one harmonic
 k = -2 is added, so that finite rotations of a rigid magnet are in the space. D holds d/dr, 1/r and d/dz; components
 of G are those along r, theta, z. On the axis only w_-1, z_0 and p_0 differ from zero. The integral over theta is a
-midpoint rule with 2 N angles (4 at least) in (0, pi), which is exact for products of three functions of the space.
+midpoint rule with 2 N + 1 angles (4 at least) in (0, pi), which is exact for products of four functions of the space,
+as of a pressure with the determinant of F: with fewer angles displacements stop converging.
 """
 
 from __future__ import annotations
@@ -174,8 +175,8 @@ def orders(harmonics: int) -> range:
 
 
 def around(harmonics: int, count: int | None = None) -> Angles:
-    """Fields of a section of revolution, at `count` angles (2 N, at least 4, if not told; one will do for N = 0)."""
-    t = count or (1 if harmonics == 0 else max(2 * harmonics, 4))
+    """Fields of a section of revolution, at `count` angles (if not told 2 N + 1, at least 4; one for N = 0)."""
+    t = count or (1 if harmonics == 0 else max(2 * harmonics + 1, 4))
     theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
     k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
     E = np.zeros((t, 3, len(k) + len(n)))
