@@ -111,6 +111,13 @@ def cut(body: Solid, *tools: Solid) -> Solid:
     return solids[0]
 
 
+def moved(solid: Solid, place: tuple[float, float, float]) -> Solid:
+    """The same solid at another place, mm. Both share their faces, and the triangles that these are given."""
+    import build123d as bd
+
+    return bd.Solid(solid.wrapped.Moved(bd.Location(place).wrapped))
+
+
 def common(one: Solid, other: Solid) -> list[Solid]:
     """The solids that two solids share; none where they only touch."""
     found = one.intersect(other)

@@ -5,13 +5,13 @@ Triangles keep within an absolute tolerance of the surface, and their volume wit
 
 from __future__ import annotations
 
-import ctypes
-import functools
 import math
 import os
 import tempfile
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,35 @@ FACET = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 
 FORMATS = ("step", "stl", "3mf")
 
+_OPC, _3MF = "http://schemas.openxmlformats.org/package/2006", "http://schemas.microsoft.com/3dmanufacturing"
+
+PACKAGE = {
+    "[Content_Types].xml": f"""<?xml version="1.0" encoding="UTF-8"?>
+<Types xmlns="{_OPC}/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
+</Types>
+""",
+    "_rels/.rels": f"""<?xml version="1.0" encoding="UTF-8"?>
+<Relationships xmlns="{_OPC}/relationships">
+<Relationship Id="rel0" Target="/3D/3dmodel.model" Type="{_3MF}/2013/01/3dmodel"/>
+</Relationships>
+""",
+}
+"""What a 3MF file holds beside its model, by path."""
+
+MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xmlns="{_3MF}/core/2015/02">
+<resources><object id="1" name="{{name}}" type="model"><mesh>
+<vertices>
+{{vertices}}</vertices>
+<triangles>
+{{triangles}}</triangles>
+</mesh></object></resources>
+<build><item objectid="1"/></build>
+</model>
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class Exported:
@@ -52,7 +81,7 @@ class Exported:
     file : the STL file, to which the figures below belong; the 3MF file holds the same triangles.
     volume_mm3 : exact volume of the solid.
     stl_volume_mm3, relative_error : volume enclosed by the triangles as read back, and its error.
-    watertight : the triangles enclose a volume; always true, since `export` refuses to write anything else.
+    watertight : the triangles enclose a volume; always true, since `facets` refuses anything else.
     """
 
     name: str
@@ -64,8 +93,58 @@ class Exported:
     triangles: int
 
 
+@dataclass(frozen=True, slots=True)
+class Facets:
+    """A solid's surface as triangles, mm, closed.
+
+    Attributes
+    ----------
+    text : the bytes of a binary STL file.
+    mesh : the same as a trimesh, in single precision.
+    error : of the volume, relative to the solid's.
+    """
+
+    text: bytes
+    mesh: Any
+    error: float
+
+
+def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
+    """The surface of a part as triangles, finer than asked where the volume misses by more than 1e-3.
+
+    Parameters
+    ----------
+    name : of the part, for messages.
+    tolerance : largest distance from the surface, mm.
+
+    Raises
+    ------
+    BadInput
+        The tolerance lies outside `TOLERANCES`.
+    RuntimeError
+        The triangles are not watertight, or miss the volume by more than 1e-3.
+    """
+    check_tolerance(tolerance)
+    exact = float(solid.volume)
+    finer, error = 1.0, 1.0
+    for _ in range(TRIALS):
+        text = stl(solid, tolerance / finer, ANGLE / math.sqrt(finer))
+        mesh = _read(text)
+        if not mesh.is_volume:
+            raise RuntimeError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
+        error = mesh.volume / exact - 1
+        if abs(error) <= LARGEST_ERROR:
+            return Facets(text, mesh, float(error))
+        # the error goes with the distance, and with the square of the angle
+        finer *= 1.2 * abs(error) / LARGEST_ERROR
+    raise RuntimeError(
+        f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
+        f"make tolerance finer than {tolerance:g} mm"
+    )
+
+
 def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGLE) -> Any:
-    """A closed trimesh of the solid's surface, mm, in single precision as an STL file has it.
+    """A trimesh of the solid's surface, mm, in single precision as an STL file has it; its volume is not looked at.
 
     Parameters
     ----------
@@ -100,43 +179,44 @@ def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
 
 
 def _read(text: bytes) -> Any:
+    import numpy as np
     import trimesh
 
-    return trimesh.load_mesh(BytesIO(text), file_type="stl")
+    corners = np.frombuffer(text, dtype=FACET, offset=84)["corners"].reshape(-1, 3)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def export(
-    parts: Mapping[str, Solid],
-    folder: str | Path,
-    *,
-    tolerance: float = TOLERANCE,
-    colours: Mapping[str, str] | None = None,
+    parts: Mapping[str, tuple[Solid, Facets]], folder: str | Path, *, colours: Mapping[str, str] | None = None
 ) -> list[Exported]:
     """Write NAME.step, NAME.stl and NAME.3mf into an existing folder for every part; units mm.
 
     All files are written to a temporary folder inside `folder` and moved only once all are complete, so a failure
-    leaves nothing half-written. Where the volume misses by more than 1e-3 the facets are made finer than asked.
+    leaves nothing half-written.
 
     Parameters
     ----------
-    tolerance : largest distance of a facet from the surface, mm.
+    parts : solids by name, each with its facets.
     colours : of the parts in their STEP files, by name, as CSS knows them.
 
     Raises
     ------
-    BadInput
-        The tolerance lies outside `TOLERANCES`.
     OSError
         The folder does not exist or cannot be written.
-    RuntimeError
-        A part's triangles are not watertight, or miss its volume by more than 1e-3.
     """
-    check_tolerance(tolerance)
     with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as temporary:
         written = []
-        for name, solid in parts.items():
-            Path(temporary, f"{name}.step").write_bytes(step(named(solid, name, (colours or {}).get(name, ""))))
-            written.append(_write(name, solid, Path(temporary), tolerance))
+        for name, (solid, surface) in parts.items():
+            mesh = surface.mesh
+            made = {
+                "step": step(named(solid, name, (colours or {}).get(name, ""))),
+                "stl": surface.text,
+                "3mf": _packed(name, mesh),
+            }
+            for suffix, content in made.items():
+                Path(temporary, f"{name}.{suffix}").write_bytes(content)
+            figures = (float(solid.volume), float(mesh.volume), surface.error, True, len(mesh.faces))
+            written.append(Exported(name, f"{name}.stl", *figures))
         for name in parts:
             for suffix in FORMATS:
                 os.replace(Path(temporary) / f"{name}.{suffix}", Path(folder) / f"{name}.{suffix}")
@@ -183,59 +263,17 @@ def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
     return bd.Compound(label=name, children=[named(solid, label, colour) for label, (solid, colour) in parts.items()])
 
 
-def _write(name: str, solid: Solid, folder: Path, tolerance: float) -> Exported:
-    exact = float(solid.volume)
-    path = folder / f"{name}.stl"
-    finer, error = 1.0, 1.0
-    for _ in range(TRIALS):
-        text = stl(solid, tolerance / finer, ANGLE / math.sqrt(finer))
-        mesh = _read(text)
-        if not mesh.is_volume:
-            raise RuntimeError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
-        error = mesh.volume / exact - 1
-        if abs(error) <= LARGEST_ERROR:
-            break
-        # the error goes with the distance, and with the square of the angle
-        finer *= 1.5 * abs(error) / LARGEST_ERROR
-    else:
-        raise RuntimeError(
-            f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
-            f"make tolerance finer than {tolerance:g} mm"
-        )
-    path.write_bytes(text)
-    _write_3mf(name, mesh, folder / f"{name}.3mf")
-    return Exported(name, path.name, exact, float(mesh.volume), float(error), True, len(mesh.faces))
-
-
-def _write_3mf(name: str, mesh: Any, path: Path) -> None:
+def _packed(name: str, mesh: Any) -> bytes:
+    """The bytes of a 3MF file (core specification 1.3) of one object, mm; coordinates in single precision."""
     import numpy as np
-    from lib3mf import Lib3MF
 
-    wrapper = _library()
-    model = wrapper.CreateModel()
-    model.SetUnit(Lib3MF.ModelUnit.MilliMeter)
-    body = model.AddMeshObject()
-    body.SetName(name)
-    vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces, dtype=np.uint32)
-    body.SetGeometry(_packed(Lib3MF.Position, vertices), _packed(Lib3MF.Triangle, faces))
-    if not body.IsManifoldAndOriented():
-        raise RuntimeError(f"{name}: 3MF refuses the {len(mesh.faces)} triangles: try another tolerance")
-    model.AddBuildItem(body, wrapper.GetIdentityTransform())
-    writer = model.QueryWriter("3mf")
-    writer.SetDecimalPrecision(9)
-    try:
-        writer.WriteToFile(os.fspath(path))
-    except Lib3MF.ELib3MFException as error:
-        raise OSError(None, str(error), os.fspath(path)) from None
-
-
-@functools.cache
-def _library() -> Any:
-    from lib3mf import Lib3MF
-
-    return Lib3MF.Wrapper()
-
-
-def _packed(kind: type[ctypes.Structure], rows: Any) -> Any:
-    """Rows (n, 3) as an array of the library's own structures."""
-    return (kind * len(rows)).from_buffer_copy(rows.tobytes())
+    vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
+    corners = '<vertex x="%.9g" y="%.9g" z="%.9g"/>\n' * len(vertices) % tuple(vertices.ravel().tolist())
+    sides = '<triangle v1="%d" v2="%d" v3="%d"/>\n' * len(faces) % tuple(faces.ravel().tolist())
+    model = MODEL.format(name=escape(name), vertices=corners, triangles=sides)
+    text = BytesIO()
+    with zipfile.ZipFile(text, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
+        for path, content in {**PACKAGE, "3D/3dmodel.model": model}.items():
+            # without a time of its own the file depends on the part alone
+            file.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
+    return text.getvalue()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skfem import ElementTetP2, ElementTriP2, MeshTet1, MeshTet2
 from skfem.quadrature import get_quadrature
 
-from geometry import exact, surface
+from geometry import cad, exact, surface
 from geometry.design import Shape
 from geometry.exact import Masks
 from geometry.sizing import Floats, Ints, Sizes
@@ -114,10 +114,10 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     x[:, :n] = p
     kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
     half = 0.5 if "symmetry" in on else 1.0
-    fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin, 0.0, half * exact.beam_volume(true))]
+    fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin, 0.0, half * cad.beam_volume(true))]
     if "magnet" in on:
         magnet = facet_nodes(mesh, mesh.boundaries["magnet"])
-        fits.append(_Fit(magnet, exact.magnet, true.H, half * exact.magnet_volume(true)))
+        fits.append(_Fit(magnet, exact.magnet, true.H, half * cad.magnet_volume(true)))
     for k in range(ROUNDS):
         for fit in fits:
             if fit.about is exact.magnet and "edge" in on:

@@ -82,6 +82,8 @@ class View:
         import build123d as bd
 
         box = solid.bounding_box(optimal=False)
+        if not box.min.Y < y < box.max.Y:
+            return
         reach = 4 * max(map(abs, (*box.min, *box.max)))
         found = solid.intersect(
             bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))

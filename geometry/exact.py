@@ -1,11 +1,10 @@
-"""The exact surfaces of the beam and of its magnet: distances, normals, closest points and volumes.
+"""The exact surfaces of the beam and of its magnet: distances, normals and closest points.
 
 All lengths are in the unit of the `Shape` that is passed in. Points have shape (3, n).
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,15 +86,3 @@ def project(x: Floats, on: Masks, shape: Shape, ring: tuple[float, float] = (0.0
         x[:2, edge] *= shape.magnet_diameter / 2 / np.hypot(*x[:2, edge])
         x[2, edge] = shape.H + np.sign(x[2, edge] - shape.H) * shape.magnet_height / 2
     return x
-
-
-def beam_volume(shape: Shape) -> float:
-    """Volume of the beam, magnet included."""
-    return math.pi * shape.R**2 * (shape.H + 2 * shape.R / 3)
-
-
-def magnet_volume(shape: Shape) -> float:
-    """Volume of the magnet with its rounded edges."""
-    a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
-    core = a - rho
-    return 2 * math.pi * (a**2 * (b - rho) + core**2 * rho + core * math.pi * rho**2 / 2 + 2 * rho**3 / 3)

@@ -81,26 +81,25 @@ def bodies(design: Design) -> dict[str, Solid]:
         chip, (x, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
         corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
         return {design.hall_layout: _box(corner, chip.length, chip.width, chip.height)}
-    return {name: _leaded(name, place) for name, place in places(design).items()}
-
-
-def _leaded(name: str, place: Vector) -> Solid:
     import build123d as bd
 
+    part = _leaded()
+    # upright: leads down, marked face towards -x, then towards -y
+    upright = part.rotate(bd.Axis.Y, -90)
+    turned = {"S1": part, "S2": upright, "S3": upright.rotate(bd.Axis.Z, 90)}
+    # copies: a name in a STEP file belongs to all that shares the same faces
+    return {name: turned[name].moved(bd.Location(place)) for name, place in places(design).items()}
+
+
+def _leaded() -> Solid:
+    """A part as S1 lies, its plate in the origin: marked face up, leads along -x."""
     p = SS495A
     top = p.depth
-    # made as S1 lies: marked face up, leads along -x
     body = _box((-p.height / 2, -p.width / 2, top - p.thickness), p.height, p.width, p.thickness)
     low = top - (p.thickness + p.lead) / 2
     start = -p.height / 2 - LEAD
     leads = [_box((start, k * p.pitch - p.lead / 2, low), LEAD, p.lead, p.lead) for k in (-1, 0, 1)]
-    part = body.fuse(*leads).solids()[0]
-    if name != "S1":
-        # upright: leads down, marked face towards -x
-        part = part.rotate(bd.Axis.Y, -90)
-    if name == "S3":
-        part = part.rotate(bd.Axis.Z, 90)
-    return part.moved(bd.Location(place))
+    return body.fuse(*leads).solids()[0]
 
 
 def _box(corner: Vector, x: float, y: float, z: float) -> Solid:

@@ -1,30 +1,27 @@
 """The mould's checks: what is measured on the solids and on the triangles, and what each figure must keep to.
 
-They take any two parts, so that a wrong mould can be put to them. Parting is a translation in steps: A with its pins
-off B and off the cast, straight up; then the cast out of B, straight up, or the halves of a split B off it, sideways.
+They take any two parts, so that a wrong mould can be put to them. Parting is a translation: A with its pins off B and
+off the cast, straight up; then the cast out of B, straight up, or the halves of a split B off it, sideways.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from geometry import cadfiles
-from geometry.cad import common, cut, distance, magnet, overlap, turned
+from geometry.cad import common, cut, magnet, moved, overlap, turned
 from geometry.design import LEAST_WALL, Design
 from geometry.mold import LARGEST_VENT, Mold, Sizes, pours, sizes
 from geometry.moldparts import slab, tip_vents, vents
+from geometry.parting import largest_overlap, least_gap
 from geometry.printing import Check, Process, at_least, at_most, overhangs
 
 if TYPE_CHECKING:
-    from build123d import Face, Solid
+    from build123d import Solid
 
 NOTHING = 1e-9
 """Share of the cavity's volume below which an overlap or a difference counts as none."""
-
-STEPS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Where parting is looked at, as fractions of the travel."""
 
 LARGEST_GRIP = 0.15
 """Largest stretch of a pocket that grips its magnet."""
@@ -44,25 +41,25 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     cast = max(casts, key=lambda piece: float(piece.volume))
     nominal = pours(design, mold)[0]
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
-    travel = s.free + s.skirt + s.lid
+    travel, closed = s.free + s.skirt + s.lid, overlap(A, B)
     found = [
-        _none("overlap of A and B, closed", overlap(A, B) / nominal),
+        _none("overlap of A and B, closed", closed / nominal),
         Check("cavity against beam - pin", error, f"|.| <= {NOTHING:g}", "1", abs(error) <= NOTHING),
-        _none("overlap while A leaves B", _worst(A, B, travel) / nominal),
-        _none("overlap while A leaves the cast", _worst(A, cast, travel) / nominal),
+        _none("overlap while A leaves B", largest_overlap(A, B, travel, UP, closed) / nominal),
+        _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, UP) / nominal),
     ]
     for half, side in zip(halves, (1.0, -1.0), strict=False):
-        share = _worst(half, cast, 2 * s.rim, (0.0, side, 0.0)) / nominal
+        share = largest_overlap(half, cast, 2 * s.rim, (0.0, side, 0.0)) / nominal
         found.append(_none(f"overlap while B{2 - (side > 0)} leaves the cast", share))
     if not halves:
-        found.append(_none("overlap while the cast leaves B", _worst(cast, B, travel) / nominal))
+        found.append(_none("overlap while the cast leaves B", largest_overlap(cast, B, travel, UP) / nominal))
     found += _walls(s, A, B, cast)
     return found + _clearances(design, s, mold, A, B, outline)
 
 
-def printable(name: str, part: Solid, process: Process, tolerance: float = cadfiles.TOLERANCE) -> list[Check]:
-    """What overhangs on a part that stands as it is printed; a roof is named only where there is one."""
-    area, bridge = overhangs(cadfiles.triangulated(part, tolerance))
+def printable(name: str, mesh: Any, process: Process) -> list[Check]:
+    """What overhangs on a part, a trimesh that stands as it is printed; a roof is named only where there is one."""
+    area, bridge = overhangs(mesh)
     found = [at_most(f"overhang of {name}, as printed", area, 0.0, "mm2")]
     return found + ([at_most(f"widest bridge of {name}", bridge, process.bridge, "mm")] if bridge > 0 else [])
 
@@ -71,32 +68,18 @@ def _none(name: str, share: float) -> Check:
     return at_most(name, share, NOTHING, "1")
 
 
-def _worst(moving: Solid, still: Solid, travel: float, way: tuple[float, float, float] = UP) -> float:
-    """Largest overlap on the way, mm³."""
-    import build123d as bd
-
-    places = [tuple(travel * step * part for part in way) for step in STEPS]
-    return max(overlap(moving.moved(bd.Location(place)), still) for place in places)
-
-
 def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
     """Least distance from the cast to the faces of a part that do not touch it, mm.
 
     Of A only its lid lies over the cavity: faces that reach below the base plane are left out.
     """
-
-    def apart(face: Face) -> float:
-        return distance(box, face.bounding_box(optimal=False))
-
     box = cast.bounding_box(optimal=False)
+    middle = (box.min.X + box.max.X) / 2, (box.min.Y + box.max.Y) / 2
+    axis = min(s.centres, key=lambda centre: math.dist(centre, middle))
     lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > -1e-6]
     found = []
     for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
-        least = math.inf
-        # the boxes' distance is never more than the faces': most faces need no closer look
-        for face in sorted(faces, key=apart):
-            if apart(face) < least and (wall := cast.distance_to(face)) > 1e-6:
-                least = min(least, wall)
+        least = least_gap(cast, faces, axis, touching=False)
         found.append(at_least(f"least wall of {name} over the cavity", least if least < math.inf else 0.0, bound))
     return found
 
@@ -110,15 +93,15 @@ def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid, outlin
     mouths = [hole.edges().sort_by(bd.Axis.Z)[0] for hole in holes[: mold.vents]]
     found, near = [], [mouth.distance_to(B) for mouth in mouths]
     if s.pin_radius > 0:
-        column = turned([(0, s.bottom, 0), (s.R, s.bottom, 0), (s.R, 0, 0), (0, 0, 0)]).moved(bd.Location((x, y, 0)))
+        column = moved(turned([(0, s.bottom, 0), (s.R, s.bottom, 0), (s.R, 0, 0), (0, 0, 0)]), (x, y, 0.0))
         pins = common(A, column)
         pin = max(pins, key=lambda piece: float(piece.volume), default=None)
-        wall = 0.0 if pin is None else pin.distance_to(B)
+        wall = 0.0 if pin is None else least_gap(pin, B.faces(), s.centres[0])
         found.append(at_least("silicone between pin and cavity", wall, LEAST_WALL))
         found.append(at_least("the same, A pushed aside by the fit", wall - s.fit, 0.0))
         if pin is not None:
             near += [mouth.distance_to(pin) for mouth in mouths]
-            found += _pocket(design, mold, pin.moved(bd.Location((-x, -y, 0))))
+            found += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
     # one cut with all of them is faster than one overlap for each
     closed = float(A.volume) - sum(float(piece.volume) for piece in A.cut(*holes).solids())
     clearance = 0.0 if closed > NOTHING else min(near)
@@ -151,8 +134,6 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
 
 def _plugs(s: Sizes, mold: Mold) -> list[Solid]:
     """What fills the holes at the tips up to the cavities."""
-    import build123d as bd
-
     cavity = turned(s.cavity)
-    moved = [cavity.moved(bd.Location((*centre, 0.0))) for centre in s.centres]
-    return [cut(hole, form) for hole, form in zip(tip_vents(s, mold), moved, strict=False)]
+    forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
+    return [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]

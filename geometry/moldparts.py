@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from geometry.cad import cut, turned
+from geometry.cad import cut, moved, turned
 from geometry.design import Design
 from geometry.mold import Mold, Sizes, sizes
 
@@ -13,8 +13,12 @@ if TYPE_CHECKING:
     from build123d import Solid
 
 
-def parts(design: Design, mold: Mold) -> tuple[Solid, Solid]:
+def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
     """Parts A (lid, skirt, pins, vents) and B (cup and foot), closed, in the mould frame, mm; B not yet split.
+
+    Parameters
+    ----------
+    beam : the design's, if it is at hand: without shrinkage the cavity shares its faces and their triangles.
 
     Raises
     ------
@@ -27,14 +31,15 @@ def parts(design: Design, mold: Mold) -> tuple[Solid, Solid]:
     lid = cut(slab(s, s.rim, -s.skirt, s.lid), slab(s, s.inner, -s.skirt, 0.0))
     if s.pin_radius > 0:
         pin = turned(s.pin)
-        lid = lid.fuse(*(_moved(pin, centre) for centre in s.centres)).solids()[0]
+        lid = lid.fuse(*(moved(pin, (*centre, 0.0)) for centre in s.centres)).solids()[0]
     A = cut(lid, *vents(s, mold))
 
     half_x, half_y = (max(centre[k] for centre in s.centres) + s.rim for k in (0, 1))
     foot = bd.Solid.make_box(2 * half_x, 2 * half_y, s.floor, bd.Plane((-half_x, -half_y, s.bottom)))
     block = slab(s, s.outer, s.bottom, 0.0).fuse(foot).solids()[0]
-    cavity, through = turned(s.cavity), tip_vents(s, mold)
-    return A, cut(block, *(_moved(cavity, centre) for centre in s.centres), *through)
+    cavity = beam.rotate(bd.Axis.X, 180) if beam and not mold.shrink else turned(s.cavity)
+    through = tip_vents(s, mold)
+    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through)
 
 
 def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
@@ -100,9 +105,3 @@ def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
     if math.dist(points[-1], points[0]) > 1e-9:
         edges.append(bd.Edge.make_line(points[-1], points[0]))
     return bd.Solid.extrude(bd.Face(bd.Wire(edges)), bd.Vector(0, 0, high - low))
-
-
-def _moved(solid: Solid, centre: tuple[float, float]) -> Solid:
-    import build123d as bd
-
-    return solid.moved(bd.Location((*centre, 0.0)))

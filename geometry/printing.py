@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from geometry.cad import moved
+
 if TYPE_CHECKING:
     from build123d import Solid
 
@@ -76,7 +78,7 @@ def standing(solid: Solid, *, upside_down: bool = False) -> Solid:
     low = turned.bounding_box(optimal=False)
     bottom = min(vertex.Z for vertex in turned.vertices())
     assert bottom >= low.min.Z - 1e-6, "a part stands on a flat face"
-    return turned.moved(bd.Location((0, 0, -bottom)))
+    return moved(turned, (0.0, 0.0, -bottom))
 
 
 def overhangs(mesh: Any) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from skfem import ElementTetP2, FacetBasis, MeshTet2
 from skfem.quadrature import get_quadrature
 
-from geometry import exact
+from geometry import cad, exact
 from geometry.curving import determinants, facet_nodes, patches, radius_ratios
 from geometry.design import Shape
 
@@ -49,9 +49,9 @@ def quality(mesh: MeshTet2, shape: Shape) -> Quality:
     weights = get_quadrature(ElementTetP2().refdom, 4)[1]
     cells = weights @ det[4:]
     volumes = {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
-    right = {"silicone": part * exact.beam_volume(shape)}
+    right = {"silicone": part * cad.beam_volume(shape)}
     if "magnet" in mesh.boundaries:
-        right["magnet"] = part * exact.magnet_volume(shape)
+        right["magnet"] = part * cad.magnet_volume(shape)
         right["silicone"] -= right["magnet"]
     base = FacetBasis(mesh, ElementTetP2(), facets=mesh.boundaries["base"], intorder=4).dx.sum()
     shapes = radius_ratios(mesh.doflocs[:, mesh.t])

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from build123d import Solid
 
 
-def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> str:
-    """Section and view from above of the assembled sensor.
+def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> dict[str, str]:
+    """The sheets of the assembled sensor and of its base, by name.
 
     Parameters
     ----------
@@ -26,6 +26,19 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
     """
     side, above = View("Section y = 0"), View("From above")
     side.section(parts["base"], "rigid")
+    above.seen(parts["base"])
+    # both sheets begin with the same lines
+    own = View(side.title, list(side.paths)), View(above.title, list(above.paths))
+    return {
+        "sensor": _sensor_sheet(design, plan, parts, bodies, side, above),
+        "base": _base_sheet(plan, parts["base"], *own),
+    }
+
+
+def _sensor_sheet(
+    design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid], side: View, above: View
+) -> str:
+    """Section and view from above of the assembled sensor, begun with its base."""
     side.section(parts["silicone"], "soft")
     if "magnet" in parts:
         side.section(parts["magnet"], "magnet")
@@ -46,7 +59,6 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
         side.dims.append(((0, z1), (x1, z1), "below", 0, x_text))
         above.dims.append(((0, 0), (x1, 0), "below", 0, x_text))
     side.dims.append(((-half, 0), (-half, -plan.thickness), "left", 2, number(plan.thickness)))
-    above.seen(parts["base"])
     above.circle((0, 0), R, "soft")
     if "magnet" in parts:
         above.circle((0, 0), design.magnet_diameter / 2, "thin")
@@ -80,11 +92,9 @@ def sensor_sheet(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies:
     return sheet("Sensor", [[side], [above]], notes)
 
 
-def base_sheet(plan: Plan, base: Solid) -> str:
-    """The base: section, from above, from below."""
-    side, above, below = View("Section y = 0"), View("From above"), View("From below")
-    side.section(base, "rigid")
-    above.seen(base)
+def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
+    """The base: section and view from above, begun with its lines, and from below."""
+    below = View("From below")
     below.seen(base, below=True)
     p = plan
     side.dims.append(((-p.half, -p.thickness), (-p.half, 0), "left", 0, number(p.thickness)))

@@ -135,11 +135,11 @@ def examine(number: int, values: dict[str, float], cache: Path) -> Row:
 
 def _solids(design: Design) -> Row:
     """The three bodies against their volumes, and the mould with its checks."""
-    from geometry import cad, exact, mold, moldchecks, moldparts
+    from geometry import cad, mold, moldchecks, moldparts
 
     begin = time.perf_counter()
     shape, choices = design.shape, mold.Mold()
-    beam, magnet = exact.beam_volume(shape), exact.magnet_volume(shape)
+    beam, magnet = cad.beam_volume(shape), cad.magnet_volume(shape)
     bodies = ((cad.beam(design), beam), (cad.magnet(design), magnet), (cad.silicone(design), beam - magnet))
     for body, volume in bodies:
         if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
@@ -156,7 +156,7 @@ def _section(design: Design) -> Row:
     import skfem
 
     from fem.levels import STANDARD
-    from geometry import exact
+    from geometry import cad
     from geometry.section import section
 
     shape = design.shape
@@ -165,7 +165,7 @@ def _section(design: Design) -> Row:
     seconds = time.perf_counter() - begin
     basis = skfem.Basis(mesh, skfem.ElementTriP2(), intorder=6)
     volume = 2 * math.pi * float((basis.global_coordinates()[0] * basis.dx).sum())
-    error = volume / (exact.beam_volume(shape) - exact.magnet_volume(shape)) - 1
+    error = volume / (cad.beam_volume(shape) - cad.magnet_volume(shape)) - 1
     corners = mesh.doflocs[0, mesh.t] + 1j * mesh.doflocs[1, mesh.t]
     angles = np.angle((np.roll(corners, 1, axis=0) - corners) / (np.roll(corners, -1, axis=0) - corners))
     if not (abs(error) < VOLUME and angles.min() > 0):

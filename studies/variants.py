@@ -62,7 +62,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     known = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in known else "spawn")
     if "forkserver" in known:
-        context.set_forkserver_preload(["build123d", "trimesh", "lib3mf"])
+        context.set_forkserver_preload(["build123d", "trimesh"])
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         try:
             yield pool

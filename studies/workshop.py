@@ -18,6 +18,7 @@ from studies.console import Progress
 if TYPE_CHECKING:
     from build123d import Solid
 
+    from geometry.cadfiles import Facets
     from geometry.printing import Check
 
 COLOURS = {
@@ -111,7 +112,7 @@ def things(design: Design, making: Making) -> Things:
         if making.base != Base():
             raise
         missing = f"no base and no assembly: {error}"
-    A, B = moldparts.parts(design, making.mold)
+    A, B = moldparts.parts(design, making.mold, beam)
     halves = moldparts.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
     return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
 
@@ -138,25 +139,21 @@ def build(
         refuse_foreign(folder / ALONE)
         progress(0.0, "solids and mould")
         made = things(design, making)
-        progress(0.2, "checks")
-        stood = printed(made)
-        checks = examined(design, making, made, stood)
-        record: dict[str, Any] = {
-            "status": "ok",
-            "message": "",
-            "folder": folder,
-            "parts": [],
-            "checks": [dataclasses.asdict(check) for check in checks],
-            "warnings": [*design.warnings(), *warnings(design, making, made)],
-        }
-        bad = [check for check in checks if not check.passed]
+        record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
+        record["warnings"] = [*design.warnings(), *warnings(design, making, made)]
         try:
+            progress(0.2, "triangles")
+            shapes = shaped(design, making, made)
+            progress(0.4, "checks")
+            checks = examined(design, making, made, shapes)
+            record["checks"] = [dataclasses.asdict(check) for check in checks]
+            bad = [check for check in checks if not check.passed]
             if bad:
                 raise RuntimeError(
                     f"check '{bad[0].name}' fails: {bad[0].value:.3g} {bad[0].unit}, must be {bad[0].bound}; "
                     "no file is written: change the design or the mould"
                 )
-            record["parts"] = _write(design, making, made, stood, stage, progress)
+            record["parts"] = _write(design, making, made, shapes, stage, progress)
             if picture and made.plan:
                 progress(0.8, "picture")
                 (stage / PICTURE).write_bytes(portrait.portrait(coloured(made)))
@@ -189,7 +186,22 @@ def printed(made: Things) -> dict[str, Solid]:
     return stood
 
 
-def examined(design: Design, making: Making, made: Things, stood: Mapping[str, Solid]) -> list[Check]:
+def shaped(design: Design, making: Making, made: Things) -> dict[str, tuple[Solid, Facets]]:
+    """What gets files of its own, each with its triangles: what is printed as it stands, the rest as it is.
+
+    Raises
+    ------
+    RuntimeError
+        See `geometry.cadfiles.facets`.
+    """
+    from geometry import cadfiles
+
+    plain = {name: part for name, part in made.sensor.items() if name != "base"}
+    tolerance = fineness(design, making)
+    return {name: (part, cadfiles.facets(name, part, tolerance)) for name, part in {**plain, **printed(made)}.items()}
+
+
+def examined(design: Design, making: Making, made: Things, shapes: Mapping[str, tuple[Solid, Facets]]) -> list[Check]:
     """All checks of mould, base and printing."""
     from geometry import base, moldchecks
 
@@ -197,21 +209,26 @@ def examined(design: Design, making: Making, made: Things, stood: Mapping[str, S
     found = moldchecks.checks(design, making.mold, made.A, made.B, halves)
     if made.plan:
         found += base.checks(design, made.sensor["base"], made.bodies)
-    for name, part in stood.items():
-        found += moldchecks.printable(name, part, making.mold.printing, fineness(design, making))
+    for name in ("base", *made.mold):
+        if name in shapes:
+            found += moldchecks.printable(name, shapes[name][1].mesh, making.mold.printing)
     return found
 
 
 def _write(
-    design: Design, making: Making, made: Things, stood: Mapping[str, Solid], stage: Path, progress: Progress
+    design: Design,
+    making: Making,
+    made: Things,
+    shapes: Mapping[str, tuple[Solid, Facets]],
+    stage: Path,
+    progress: Progress,
 ) -> list[dict[str, Any]]:
     """All files but the recipe, into the stage; what was exported."""
     from geometry import cadfiles, mold
     from studies import blueprint
 
-    progress(0.4, "STEP, STL and 3MF")
-    plain = {name: part for name, part in made.sensor.items() if name != "base"}
-    exported = cadfiles.export({**plain, **stood}, stage, tolerance=fineness(design, making), colours=COLOURS)
+    progress(0.6, "STEP, STL and 3MF")
+    exported = cadfiles.export(shapes, stage, colours=COLOURS)
     closed = {name: (part, COLOURS[name]) for name, part in made.mold.items()}
     (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
     progress(0.7, "drawings")
@@ -219,8 +236,8 @@ def _write(
     files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, pieces))
     if made.plan:
         (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", coloured(made))))
-        files.write_text(stage / "sensor.svg", blueprint.sensor_sheet(design, made.plan, made.sensor, made.bodies))
-        files.write_text(stage / "base.svg", blueprint.base_sheet(made.plan, made.sensor["base"]))
+        for name, text in blueprint.sheets(design, made.plan, made.sensor, made.bodies).items():
+            files.write_text(stage / f"{name}.svg", text)
     return [dataclasses.asdict(part) for part in exported]
 
 

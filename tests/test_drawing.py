@@ -91,8 +91,7 @@ def sheets(design, mold):
         sensor["magnet"] = cad.magnet(design)
     A, B = parts(design, mold)
     return {
-        "Sensor": blueprint.sensor_sheet(design, p, sensor, shown),
-        "Base": blueprint.base_sheet(p, solid),
+        **{name.capitalize(): text for name, text in blueprint.sheets(design, p, sensor, shown).items()},
         "Mould": blueprint.mold_sheet(design, mold, sizes(design, mold), A, [B]),
     }
 

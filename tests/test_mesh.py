@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from geometry import cache, curving, exact, sizing, surface
+from geometry import cache, cad, curving, sizing, surface
 from geometry import mesh as meshing
 from geometry.curving import radius_ratios
 from geometry.design import BadInput, Shape
@@ -134,7 +134,7 @@ def test_sharp_magnet_and_low_beam():
 def test_surfaces_are_closed_and_outward(shape, half):
     sizes = Sizes.of(shape, 1.0, None)
     parts = [surface.body(sizes, half)] + ([surface.magnet(sizes, half)] if shape.has_magnet else [])
-    right = [exact.beam_volume(shape), exact.magnet_volume(shape)]
+    right = [cad.beam_volume(shape), cad.magnet_volume(shape)]
     for (points, faces), volume in zip(parts, right, strict=False):
         surface.check_surface(points, faces, surface.envelope(sizes), shape.wall)
         corners = points[faces]
@@ -142,11 +142,6 @@ def test_surfaces_are_closed_and_outward(shape, half):
         assert 0.85 < six / 6 / volume * (2 if half else 1) < 1
         inside = surface.winding(np.array([[0.1, 0.3, shape.H + 0.1], [0.0, 0.5, -0.1]]), points, faces)
         assert inside == pytest.approx([1, 0], abs=1e-9)
-
-
-def test_exact_magnet_volume():
-    assert exact.magnet_volume(Shape(8, 9, 4, 2, 0)) == pytest.approx(8 * math.pi)
-    assert exact.magnet_volume(Shape(8, 9, 2, 2, 1)) == pytest.approx(4 * math.pi / 3)
 
 
 def test_background_grid_is_filled_by_positive_tetrahedra():

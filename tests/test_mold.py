@@ -44,7 +44,14 @@ def test_every_check_passes(design, mold):
     pieces = list(halves(design, mold, B).values()) if mold.split else []
     assert failed(design, mold, A, B, pieces) == []
     for part, over in ((A, True), *((piece, False) for piece in pieces or [B])):
-        assert names(printable("it", standing(part, upside_down=over), mold.printing, design.D / 500)) == []
+        assert (
+            names(
+                printable(
+                    "it", cadfiles.triangulated(standing(part, upside_down=over), design.D / 500), mold.printing
+                )
+            )
+            == []
+        )
 
 
 @pytest.mark.parametrize(("design", "mold"), CASES)
@@ -90,7 +97,8 @@ def test_rim_lies_in_the_base_plane():
 
 def test_parts_export_watertight(tmp_path):
     A, B = parts(Design(), Mold())
-    for record in cadfiles.export({"A": A, "B": B}, tmp_path):
+    shapes = {name: (part, cadfiles.facets(name, part)) for name, part in (("A", A), ("B", B))}
+    for record in cadfiles.export(shapes, tmp_path):
         assert record.watertight
         assert abs(record.relative_error) <= 1e-3
 
@@ -193,11 +201,14 @@ def test_a_half_that_hooks_the_cast_is_found():
 def test_a_mould_printed_the_wrong_way_up_is_found():
     mold = Mold()
     A, B = parts(Design(), mold)
-    assert names(printable("A", standing(A), mold.printing, 0.02)) == [
+    assert names(printable("A", cadfiles.triangulated(standing(A), 0.02), mold.printing)) == [
         "overhang of A, as printed",
         "widest bridge of A",
     ]
-    turned = {check.name: check.value for check in printable("B", standing(B, upside_down=True), mold.printing, 0.02)}
+    turned = {
+        check.name: check.value
+        for check in printable("B", cadfiles.triangulated(standing(B, upside_down=True), 0.02), mold.printing)
+    }
     # the part of the dome that leans by more than 45 degrees
     assert turned["overhang of B, as printed"] == pytest.approx(2 * 3.141592653589793 * 16 * (1 - 0.5**0.5), rel=0.02)
 

@@ -1,0 +1,103 @@
+"""What solids meet when they part, and how far their faces are apart, where both are known."""
+
+import math
+
+import pytest
+
+from geometry import cad, parting
+from geometry.parting import largest_overlap, least_gap, meridian
+
+UP, SIDEWAYS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
+
+
+def cup():
+    return cad.turned([(0, -5, 0), (3, -5, 0), (3, 0, 0), (2, 0, 0), (2, -4, 0), (0, -4, 0)])
+
+
+def ball(height):
+    import build123d as bd
+
+    return bd.Solid.make_sphere(1.0, bd.Plane((0, 0, height)))
+
+
+@pytest.fixture
+def steps(monkeypatch):
+    """Counts the intersections that are computed."""
+    asked = []
+    monkeypatch.setattr(parting, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
+    return asked
+
+
+def test_what_the_faces_tell_needs_no_intersection(steps):
+    plug = cad.turned([(0, -4, 0), (2, -4, 0.5), (2, 1, 0), (0, 1, 0)])
+    assert largest_overlap(plug, cup(), 10.0, UP) == 0
+    dome = cad.turned([(0, -2, 0), (1.5, -2, 1.5), (1.9, 1, 0), (0, 1, 0)])
+    assert largest_overlap(dome, cup(), 10.0, UP) == 0
+    assert steps == []
+
+
+def test_a_ball_under_a_ball_is_met(steps):
+    assert largest_overlap(ball(0), ball(5), 5.0, UP) == pytest.approx(4 / 3 * math.pi, rel=1e-9)
+    assert largest_overlap(ball(5), ball(0), 5.0, UP) == 0
+    assert len(steps) == len(parting.STEPS) + 3
+
+
+def test_a_plug_does_not_leave_a_cup_sideways_or_downwards():
+    plug = cad.turned([(0, -3, 0), (1, -3, 0), (1, 1, 0), (0, 1, 0)])
+    assert largest_overlap(plug, cup(), 4.0, SIDEWAYS) > 1
+    assert largest_overlap(plug, cup(), 4.0, (0.0, 0.0, -1.0)) > 1
+
+
+def test_a_thin_lip_far_ahead_is_met():
+    lip = [(3, 0, 0), (1.5, 0, 0), (1.5, -0.1, 0), (2, -0.1, 0), (2, -4, 0), (0, -4, 0)]
+    held = cad.turned([(0, -4, 0), (2, -4, 0), (2, -3, 0), (0, -3, 0)])
+    ring = math.pi * (2**2 - 1.5**2)
+    # 0.1 mm thick, and met after 2.9 mm of 10
+    assert largest_overlap(held, cad.turned([(0, -5, 0), (3, -5, 0), *lip]), 10.0, UP) == pytest.approx(ring * 0.1)
+
+
+def test_solids_that_overlap_before_are_intersected(steps):
+    import build123d as bd
+
+    post = bd.Solid.make_cylinder(2.5, 5, bd.Plane((0, 0, -4)))
+    assert largest_overlap(post, cup(), 1.0, UP, cad.overlap(post, cup())) > 1
+    assert steps
+
+
+def test_gaps_are_those_of_the_solids():
+    body = cad.turned([(0, -3, 0), (1, -3, 1), (1, 0, 0), (0, 0, 0)])
+    faces = cup().faces()
+    assert least_gap(body, faces, (0.0, 0.0)) == pytest.approx(1, abs=1e-12)
+    low = [face for face in faces if face.geom_type.name == "PLANE" and face.center().Z < -4.5]
+    assert least_gap(body, low, (0.0, 0.0)) == pytest.approx(body.distance_to(low[0]), abs=1e-12) == pytest.approx(2)
+    # about an axis that is not theirs the solids themselves are measured
+    assert least_gap(body, faces, (0.3, 0.0)) == pytest.approx(1, abs=1e-9)
+
+
+def test_a_square_foot_is_as_far_as_it_is():
+    import build123d as bd
+
+    body = cad.turned([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    frame = bd.Solid.make_box(8, 8, 1, bd.Plane((-4, -4, -2))).cut(bd.Solid.make_cylinder(2, 3, bd.Plane((0, 0, -3))))
+    foot = frame.solids()[0]
+    assert least_gap(body, foot.faces(), (0.0, 0.0)) == pytest.approx(math.sqrt(2), abs=1e-9)
+    assert least_gap(body, foot.faces(), (0.0, 0.0)) == pytest.approx(body.distance_to(foot), abs=1e-9)
+
+
+def test_faces_that_touch_may_be_left_out():
+    body = cad.turned([(0, -4, 0), (1, -4, 0), (1, 0, 0), (0, 0, 0)])
+    assert least_gap(body, cup().faces(), (0.0, 0.0)) == 0
+    assert least_gap(body, cup().faces(), (0.0, 0.0), touching=False) == pytest.approx(1, abs=1e-9)
+    assert least_gap(body, [], (0.0, 0.0)) == math.inf
+
+
+def test_a_meridian_lies_in_the_half_plane():
+    away = cad.moved(cad.turned([(0, -2, 0), (1.5, -2, 0.5), (1.9, 1, 0.2), (0, 1, 0)]), (7.0, -3.0, 2.0))
+    for face in away.faces():
+        line, exact = meridian(face, (7.0, -3.0))
+        assert exact
+        for k in range(5):
+            point = line.position_at(k / 4)
+            assert abs(point.Y) < 1e-12
+            assert point.X >= -1e-12
+        assert meridian(face, (0.0, 0.0))[1] is False
