@@ -11,9 +11,11 @@ Unchecked figures are quoted from memory and want checking against the data shee
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from geometry.cad import moved
 from geometry.design import Design
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ def bodies(design: Design) -> dict[str, Solid]:
     upright = part.rotate(bd.Axis.Y, -90)
     turned = {"S1": part, "S2": upright, "S3": upright.rotate(bd.Axis.Z, 90)}
     # copies: a name in a STEP file belongs to all that shares the same faces
-    return {name: turned[name].moved(bd.Location(place)) for name, place in places(design).items()}
+    return {name: moved(copy.deepcopy(turned[name]), place) for name, place in places(design).items()}
 
 
 def _leaded() -> Solid:
