@@ -39,7 +39,7 @@ STYLE = """
 .magnet{fill:#b9bec4;stroke:#111;stroke-width:.45}
 .part{fill:#4b5563;stroke:#111;stroke-width:.3}
 .arrow{fill:#111;stroke:none}
-text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111}
+text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111;paint-order:stroke;stroke:#fff;stroke-width:.9px}
 .title{font-size:5px;font-weight:bold}.small{font-size:2.7px}
 """
 
@@ -221,8 +221,9 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(f'<path class="thin" d="M{x:.3f} {y:.3f}L{x + dx:.3f} {y + dy:.3f}"/>')
         out.append(f'<circle class="arrow" cx="{x:.3f}" cy="{y:.3f}" r=".5"/>')
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
-    out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 0.5, view.title, anchor="middle"))
-    return "\n".join(out)
+    out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
+    # text comes last: its white rim keeps lines off it
+    return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: line.startswith("<text")))
 
 
 def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
@@ -270,11 +271,12 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     beyond = 1.2 if side in ("below", "right") else -1.2
     span, wide = q - p, 0.56 * TEXT * len(text)
     inside = span > wide + 2 * ARROW + 1
-    room = (p, q) if inside else (p - 4, q + 5 + wide)
+    # beside the right of a view text goes up, or it would meet that of a short line below
+    room = (p, q) if inside else (p - 5 - wide, q + 4) if side == "right" else (p - 4, q + 5 + wide)
     lines = [((p, e), (p, at + beyond)), ((q, f), (q, at + beyond)), ((room[0], at), (room[1], at))]
     way = 1 if inside else -1
     heads = [((p, at), way), ((q, at), -way)]
-    middle = (p + q) / 2 if inside else q + 3.2 + wide / 2
+    middle = (p + q) / 2 if inside else p - 3.2 - wide / 2 if side == "right" else q + 3.2 + wide / 2
 
     def xy(s: float, t: float) -> Point:
         return (t, s) if upright else (s, t)

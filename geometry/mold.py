@@ -61,7 +61,8 @@ class Mold:
     shrink : linear shrinkage of the silicone, a fraction; cavity and pin grow by 1/(1 - shrink), the fit does not.
     pocket_gap : radial gap between magnet and pocket; negative for a pocket that grips the magnet.
     pin_edge : fillet at the end of the pin; at most the magnet's own, so that the magnet goes down to the bottom.
-    draft : taper of the pin, wider at the base plane, degrees; the cavity needs none, for it has no undercut.
+    draft : taper of the pin, wider at the base plane, degrees. The cavity has none: it would make another beam, and
+        silicone, which thins as it is pulled, leaves upright walls; nor has the skirt, which slides with its fit.
     wall : thickness of B's wall, of A's skirt, and between the cavities of a plate.
     floor : thickness of B's foot, and least from silicone to bench.
     lid : thickness of A's lid.

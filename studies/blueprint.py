@@ -66,7 +66,8 @@ def _sensor_sheet(
         x, y, _ = where[name]
         if x or y:
             above.seen(body)
-            above.labels.append(((x, y), name, (9.0, -7.0) if "S2" in where else (-4.0, -16.0)))
+            beside = (9.0, -3.0 if y else -7.0) if "S2" in where else (-4.0, -16.0)
+            above.labels.append(((x, y), name, beside))
     if "S2" in where:
         f = design.f
         z23 = where["S2"][2]
@@ -116,13 +117,14 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
             above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
     above.dims += _square(plan, 1)
+    notes = ["printed as it stands, underside down, without supports"]
     if p.screw > 0:
         at = p.screw_at
         above.dims.append(((-at, at), (at, at), "above", 0, number(2 * at)))
-        above.labels.append(((-at, -at), f"4 x Ø{number(p.screw)}", (-8.0, 9.0)))
+        notes.insert(0, f"4 holes Ø{number(p.screw)} for screws")
     for view in (side, above, below):
         _axis(view)
-    return sheet("Base", [[side, above], [below]], ["printed as it stands, underside down, without supports"])
+    return sheet("Base", [[side, above], [below]], notes)
 
 
 def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[Solid]) -> str:
@@ -162,8 +164,8 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
             f"vent Ø{number(s.vent_diameter)}",
         )
     )
-    side.labels += [((-x - s.inner - s.wall / 2, s.lid / 2), "A", (-9.0, -9.0))]
-    side.labels += [((-x - s.R - s.wall / 2, s.bottom + 0.5 * s.floor), "B", (-12.0, 9.0))]
+    side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
+    side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
     _axis(side)
     foot_y = max(centre[1] for centre in s.centres) + s.rim
     above.dims += [((-x - s.rim, -foot_y), (x + s.rim, -foot_y), "below", 0, number(2 * (x + s.rim)))]

@@ -12,8 +12,11 @@ from geometry.cadfiles import triangulated
 if TYPE_CHECKING:
     from build123d import Solid
 
-SIZE = (800, 600)
-"""Of the picture, pixels."""
+SIZE = (1200, 900)
+"""Of the picture before its white margins are cut, pixels."""
+
+RIM = 20
+"""White that is left around the sensor, pixels."""
 
 OPENED = ("base", "silicone")
 """Parts of which only y > 0 is shown."""
@@ -47,7 +50,7 @@ def portrait(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
         plotter.add_mesh(surface, color=colour, smooth_shading=True, specular=0.2, ambient=0.25, render=False)
         edges = surface.extract_feature_edges(30, manifold_edges=False)
         if edges.n_cells:
-            plotter.add_mesh(edges, color="#222222", line_width=1.5, render=False)
+            plotter.add_mesh(edges, color="#222222", line_width=2.0, render=False)
     middle = (top + float(box.min.Z)) / 2
     camera = plotter.camera
     camera.focal_point = (0.0, 0.0, middle)
@@ -56,8 +59,17 @@ def portrait(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
     plotter.reset_camera(render=False)
     camera.zoom(1.15)
     text = BytesIO()
-    Image.fromarray(plotter.screenshot(return_img=True)).save(text, "png", compress_level=3)
+    _trimmed(Image.fromarray(plotter.screenshot(return_img=True))).save(text, "png", compress_level=3)
     return text.getvalue()
+
+
+def _trimmed(picture: Any) -> Any:
+    """The picture without most of the white around."""
+    from PIL import ImageOps
+
+    left, top, right, low = ImageOps.invert(picture.convert("L")).getbbox()
+    wide, tall = picture.size
+    return picture.crop((max(left - RIM, 0), max(top - RIM, 0), min(right + RIM, wide), min(low + RIM, tall)))
 
 
 @functools.cache

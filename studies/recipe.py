@@ -128,6 +128,11 @@ def _casting(design: Design, making: Making) -> list[str]:
     steps.append(
         f"Cut the nubs of the vents, and {out}" + (" (first cut the nub of the tip)." if m.tip_vent else ".")
     )
+    if not m.split:
+        steps[-1] += (
+            " The cavity has no draft, for it is the beam: pulled, silicone thins and lets go of the wall. Where it "
+            "sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
+        )
     lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
     shrink = (
         f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
@@ -159,7 +164,7 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
 def _checks(record: Mapping[str, Any]) -> list[str]:
     lines = ["## Checks", "", "| check | value | bound | unit |", "|---|---:|---:|---|"]
     for check in record["checks"]:
-        unit = {"1": "-", "mm2": "mm²"}.get(check["unit"], check["unit"])
+        unit = {"1": "-", "mm2": "mm²", "mm3": "mm³"}.get(check["unit"], check["unit"])
         lines.append(
             f"| {check['name']} | {check['value']:.3g} | {check['bound'].replace('|', chr(92) + '|')} | {unit} |"
         )

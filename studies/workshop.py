@@ -35,8 +35,8 @@ COLOURS = {
 
 OTHER = "darkslategray"
 
-SHARE = 2000
-"""The facets' tolerance is D over this unless it is given."""
+SHARE, FINEST = 2000, 100000
+"""The facets' tolerance is D over the first unless it is given, and at least D over the second."""
 
 PICTURE = "assembly.png"
 
@@ -135,6 +135,7 @@ def build(
     from studies import portrait
 
     mold.sizes(design, making.mold)
+    fineness(design, making)
     with files.filled(out) as folder, files.staged(folder) as stage:
         refuse_foreign(folder / ALONE)
         progress(0.0, "solids and mould")
@@ -160,9 +161,18 @@ def build(
         except RuntimeError as error:
             record["status"], record["message"] = "failed", str(error)
             return record
+        record["warnings"] += left_over(folder, stage)
         text = recipe.text(design, making, record, made.plan, PICTURE if (stage / PICTURE).exists() else "")
         files.write_text(stage / ALONE, text)
     return record
+
+
+def left_over(folder: Path, stage: Path) -> list[str]:
+    """A warning of files in the folder that an earlier run may have left, and that this one does not replace."""
+    ours = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
+    ours += ["assembly.step", PICTURE, "sensor.svg", "base.svg"]
+    old = [name for name in ours if (folder / name).exists() and not (stage / name).exists()]
+    return [f"{', '.join(old)}: left by an earlier run, not of this sensor: remove them"] if old else []
 
 
 def refuse_foreign(readme: Path) -> None:
@@ -242,8 +252,20 @@ def _write(
 
 
 def fineness(design: Design, making: Making) -> float:
-    """Tolerance of all triangles, mm."""
-    return design.D / SHARE if making.tolerance is None else making.tolerance
+    """Tolerance of all triangles, mm.
+
+    Raises
+    ------
+    BadInput
+        It would take millions of them.
+    """
+    tolerance = design.D / SHARE if making.tolerance is None else making.tolerance
+    if not tolerance >= design.D / FINEST:
+        raise BadInput(
+            f"tolerance must be at least D/{FINEST} = {design.D / FINEST:g} mm, or there are millions of triangles; "
+            f"got {tolerance:g} mm"
+        )
+    return tolerance
 
 
 def warnings(design: Design, making: Making, made: Things) -> list[str]:
