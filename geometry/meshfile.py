@@ -96,10 +96,8 @@ def _opened(path: str | Path, text: str) -> Any:
             return meshio.read(path)
     except (Exception, SystemExit) as error:
         # its readers end in whatever way a broken file leads them to
-        reason = str(error) if not isinstance(error, SystemExit) else ""
-        raise BadInput(
-            f"meshio cannot read the mesh {text} ({reason or type(error).__name__}): save it in another format"
-        ) from None
+        reason = "broken or cut short" if isinstance(error, SystemExit) else str(error) or type(error).__name__
+        raise BadInput(f"meshio cannot read the mesh {text} ({reason}): save it in another format") from None
 
 
 def _parsed(content: Any, text: str) -> _Cells:

@@ -8,7 +8,7 @@ from pathlib import Path
 from geometry.design import BadInput
 from studies import console, files
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson
+from studies.options import FAILED, GOOD, AsJson, Whole
 
 
 def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
@@ -111,7 +111,7 @@ def accuracy(
 
 
 def crosscheck(
-    *, accuracy: AccuracyName = "quick", count: int = 12, out: Path | None = None, as_json: AsJson = False
+    *, accuracy: AccuracyName = "quick", count: Whole = 12, out: Path | None = None, as_json: AsJson = False
 ) -> int:
     """The harmonic model beside tetrahedra on twelve designs; status 3 where they differ by more than both estimates.
 
@@ -149,7 +149,7 @@ def crosscheck(
 
 
 def ladder(
-    *, accuracy: AccuracyName = "quick", count: int = 10, out: Path | None = None, as_json: AsJson = False
+    *, accuracy: AccuracyName = "quick", count: Whole = 10, out: Path | None = None, as_json: AsJson = False
 ) -> int:
     """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
 

@@ -58,7 +58,7 @@ def filled(path: str | Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
     """A temporary folder inside `folder`; if all goes well its files move up, over those of the same name."""
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=folder) as temporary:
+    with tempfile.TemporaryDirectory(prefix=".writing-", dir=folder) as temporary, _named(folder):
         yield Path(temporary)
         for file in sorted(Path(temporary).iterdir()):
             os.replace(file, folder / file.name)
@@ -99,8 +99,20 @@ def atomic(path: str | Path) -> Iterator[Path]:
     file = Path(path)
     with tempfile.TemporaryDirectory(prefix=".writing-", dir=file.parent) as folder:
         temporary = Path(folder, f"part{file.suffix}")
-        yield temporary
-        os.replace(temporary, file)
+        with _named(file):
+            yield temporary
+            os.replace(temporary, file)
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """An OSError that names no file, as that of a full disk, names this one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -216,8 +228,16 @@ def nodal_pressure(body: Body) -> Any:
 
 
 def _save(path: str | Path, grid: Any) -> None:
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    # VTK writes into memory, for on a full disk it ends the whole process
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
     with atomic(path) as temporary:
-        grid.save(temporary)
+        temporary.write_text(writer.GetOutputString(), encoding="ascii")
 
 
 def _cause(error: Exception) -> str:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies import console, decoding, files, inputs, tables
-from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, judged
+from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, judged
 
 
 def decode(
@@ -115,7 +115,7 @@ def layout(
     basis: Basis = Basis(),
     search: bool = False,
     ranges: Annotated[list[str] | None, Parameter(name="--range")] = None,
-    count: int = 10,
+    count: Whole = 10,
     claim: bool = False,
     out: Path | None = None,
     sets: Sets = None,

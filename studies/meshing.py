@@ -6,7 +6,7 @@ from pathlib import Path
 
 from geometry.design import BadInput
 from studies import console, files
-from studies.options import FAILED, GOOD, AsJson
+from studies.options import FAILED, GOOD, AsJson, Whole
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
@@ -30,7 +30,7 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
     return GOOD
 
 
-def range_(*, count: int = 64, out: Path | None = None, as_json: AsJson = False) -> int:
+def range_(*, count: Whole = 64, out: Path | None = None, as_json: AsJson = False) -> int:
     """Solids, mould and meshes of designs sampled over the whole range; status 3 if one fails without a reason.
 
     Parameters

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
+from geometry.design import BadInput
 from geometry.scene import Magnet
 from studies import console
 from studies.inputs import AccuracyName
@@ -17,6 +19,16 @@ GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
 
 Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
 Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
+
+
+def _whole(type_: object, tokens: Sequence[Token]) -> int:
+    """An int without rounding: the command line's own reader makes 2 of 2.5."""
+    if not re.fullmatch(r"[+-]?[0-9]+", tokens[0].value.strip()):
+        raise BadInput(f"{tokens[0].keyword} must be a whole number; got {tokens[0].value}")
+    return int(tokens[0].value)
+
+
+Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]

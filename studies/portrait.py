@@ -67,8 +67,8 @@ def _trimmed(picture: Any) -> Any:
     """The picture without most of the white around."""
     from PIL import ImageOps
 
-    left, top, right, low = ImageOps.invert(picture.convert("L")).getbbox()
     wide, tall = picture.size
+    left, top, right, low = ImageOps.invert(picture.convert("L")).getbbox() or (0, 0, wide, tall)
     return picture.crop((max(left - RIM, 0), max(top - RIM, 0), min(right + RIM, wide), min(low + RIM, tall)))
 
 

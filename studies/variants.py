@@ -6,6 +6,9 @@ import contextlib
 import itertools
 import multiprocessing
 import os
+import shutil
+import signal
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -47,7 +50,7 @@ def batch(
         (design, point, out / "_".join(f"{key}{value:g}" for key, value in point.items()), making) for point in points
     ]
     count = min(workers or os.cpu_count() or 1, len(jobs))
-    with files.filled(out), contextlib.ExitStack() as stack:
+    with files.filled(out), _swept([folder for _, _, folder, _ in jobs]), contextlib.ExitStack() as stack:
         work: Iterator[dict[str, Any]] = map(made, jobs)
         if count > 1:
             work = stack.enter_context(_pool(count)).map(made, jobs)
@@ -63,12 +66,45 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     context = multiprocessing.get_context("forkserver" if "forkserver" in known else "spawn")
     if "forkserver" in known:
         context.set_forkserver_preload(["build123d", "trimesh"])
+        from multiprocessing import forkserver
+
+        with _uninterrupted():
+            forkserver.ensure_running()
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         try:
             yield pool
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
             raise
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that are started meanwhile are not interrupted together with this one, but ended by it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _swept(folders: Sequence[Path]) -> Iterator[None]:
+    """What processes that were ended had not yet finished is removed."""
+    try:
+        yield
+    except BaseException:
+        for folder in folders:
+            for stage in folder.glob(".writing-*"):
+                shutil.rmtree(stage, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def made(job: tuple[Design, dict[str, float], Path, Making]) -> dict[str, Any]:

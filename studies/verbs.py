@@ -25,6 +25,7 @@ from studies.options import (
     Pose,
     Sets,
     Source,
+    Whole,
     judged,
 )
 
@@ -204,7 +205,7 @@ def readings(
     level: Annotated[FieldLevel, LEVEL] = "exact",
     mode: Literal["component", "magnitude"] = "component",
     ambient: str = "0,0,0",
-    seed: int | None = None,
+    seed: Whole | None = None,
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
@@ -278,7 +279,7 @@ def modes(
     source: Source,
     /,
     *,
-    count: int = 8,
+    count: Whole = 8,
     depth: Annotated[float, DEPTH] = 0.0,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",

@@ -247,3 +247,10 @@ def test_a_negative_number_may_come_first(run, strict):
     status, _, err = run("readings", "paper", "--shift", "--tilt", "-0.1,0")
     assert status == 2
     assert "--shift" in err
+
+
+@pytest.mark.parametrize("count", ["2.5", "1e1", "two"])
+def test_a_count_is_not_rounded(run, count):
+    status, out, err = run("range", "--count", count)
+    assert (status, out) == (2, "")
+    assert err.endswith(f"--count must be a whole number; got {count}\n")

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import resource
+import signal
 
 import numpy as np
 import pytest
@@ -192,3 +194,18 @@ def test_cut_through_a_full_body(pressed):
         assert area == pytest.approx(length, rel=1e-9)
         assert outline == pytest.approx(2 + 2 * length, rel=1e-9)
         assert cut.value == pytest.approx(np.linalg.norm(cut.moved - cut.rest, axis=2), rel=1e-9, abs=1e-12)
+
+
+def test_a_mesh_on_a_full_disk_is_an_error_that_names_its_file(tmp_path):
+    """The system refuses files longer than a limit, as a full disk would."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))
+    try:
+        with pytest.raises(OSError) as caught:
+            files.write_mesh(tmp_path / "mesh.vtu", skfem.MeshTet2())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert caught.value.filename == str(tmp_path / "mesh.vtu")
+    assert not list(tmp_path.iterdir())

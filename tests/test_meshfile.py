@@ -155,7 +155,7 @@ def test_other_files_are_refused(tmp_path, points):
         meshfile.read(tmp_path / "nothing.vtu", SHAPE)
     for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
         (tmp_path / name).write_text(text)
-        with pytest.raises(BadInput, match=r"cannot read|must be of tetrahedra"):
+        with pytest.raises(BadInput, match=r"cannot read(?!.*SystemExit)|must be of tetrahedra"):
             meshfile.read(tmp_path / name, SHAPE)
     meshio.Mesh(points, [("hexahedron", np.arange(8)[None])]).write(tmp_path / "b.vtu")
     with pytest.raises(BadInput, match="must be of tetrahedra, all linear or all quadratic; got hexahedron"):

@@ -5,6 +5,10 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -74,8 +78,14 @@ def test_the_picture_shows_the_sensor_in_colour(made):
     from matplotlib.image import imread
 
     image = imread(made / "assembly.png")[..., :3]
-    assert image.shape == (portrait.SIZE[1], portrait.SIZE[0], 3)
+    tall, wide, _ = image.shape
+    assert portrait.SIZE[0] / 2 < wide <= portrait.SIZE[0]
+    assert portrait.SIZE[1] / 2 < tall <= portrait.SIZE[1]
+    # a white rim all round, and no more than that
+    rim = portrait.RIM
+    frame = image[rim:-rim, rim:-rim].min(axis=2) < 1
     assert (image[[0, -1]] == 1).all()
+    assert all(side.any() for side in (frame[0], frame[-1], frame[:, 0], frame[:, -1]))
     assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
 
 
@@ -87,6 +97,18 @@ def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp
     assert files_of(tmp_path) == {"README.md"}
     shutil.copy(made / "README.md", tmp_path)
     workshop.refuse_foreign(tmp_path / "README.md")
+
+
+def test_files_of_an_earlier_run_are_named(tmp_path):
+    old, new = tmp_path / "old", tmp_path / "new"
+    for folder in (old, new):
+        folder.mkdir()
+        (folder / "mold_b.stl").write_text("")
+    (old / "mold_b1.step").write_text("")
+    (old / "my.stl").write_text("")
+    assert workshop.left_over(new, new) == []
+    (warning,) = workshop.left_over(old, new)
+    assert warning == "mold_b1.step: left by an earlier run, not of this sensor: remove them"
 
 
 def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
@@ -135,6 +157,22 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
     assert "assembly.png" not in (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
 
 
+def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11,12,13,14,15,16"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    options = {"cwd": tmp_path, "env": environment, "start_new_session": True, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, *tokens], **options) as process:
+        while process.poll() is None and not (tmp_path / "parts" / "L9" / "README.md").exists():
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait() == 130
+    folders = [path for path in (tmp_path / "parts").iterdir() if path.name != "L9"]
+    assert len(folders) < 7
+    assert all((folder / "README.md").exists() for folder in folders)
+    assert not list(tmp_path.rglob(".writing-*"))
+
+
 def test_the_elements_of_a_batch_stay_in_the_base():
     one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
     assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
@@ -154,6 +192,7 @@ def test_the_elements_of_a_batch_stay_in_the_base():
         (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),
         (("--process", "cnc"), '"fdm"'),
         (("--tolerance", "0"), "tolerance must lie between"),
+        (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),
         (("--axis", "depth=1"), "there is no axis 'depth'"),
         (("--axis", "D=nan"), "must be a finite number"),
     ],
