@@ -254,10 +254,10 @@ def warnings(design: Design) -> list[str]:
     """What a wide flat plate would touch before the beam is pressed as deep as it is used, 3/8 D."""
     if design.hall_layout != "three":
         return []
-    room = design.L - places(design)["S2"][2] - SS495A.height / 2
+    room = round(max(design.L - places(design)["S2"][2] - SS495A.height / 2, 0.0), 9)
     if room >= PRESS * design.D:
         return []
-    return [f"a wide flat plate meets S2 and S3 at a press of {max(room, 0.0):.3g} mm: lower c or use a small plate"]
+    return [f"a wide flat plate meets S2 and S3 at a press of {room:.3g} mm: lower c or use a small plate"]
 
 
 def checks(design: Design, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import cache, curving, exact, sizing, surface
+from geometry import cache, cad, curving, exact, sizing, surface
 from geometry import zoom as zooming
 from geometry.design import BadInput, Shape
 from geometry.sizing import Floats, Ints, Sizes
@@ -35,7 +35,7 @@ Parts = Literal["regions", "hole", "none"]
 WORK_DIAMETER = 8.0
 """Diameter of the beam while it is meshed: fTetWild does not return at very small scales."""
 
-TRIES = (1.0, 0.9, 0.8)
+TRIES = (1.0, 0.9, 0.8, 0.7)
 """What the sizes are multiplied by, one after the other, until a mesh can be curved."""
 
 PASSES = 10
@@ -86,7 +86,7 @@ def tetrahedra(
         A size is not a positive number, the ring is not on the dome, or the shape has no magnet to mesh or one that
         sticks out.
     RuntimeError
-        fTetWild failed, ran out of time, or thrice gave a mesh that cannot be curved or has no edges on the ring.
+        fTetWild failed, ran out of time, or four times gave a mesh that cannot be curved or has no edges on the ring.
     """
     given = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
     for name, value in given.items():
@@ -148,7 +148,7 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
 def _makers() -> list[str]:
     """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
     code = hashlib.sha256()
-    for module in (__file__, *(str(used.__file__) for used in (curving, exact, sizing, surface, zooming))):
+    for module in (__file__, *(str(used.__file__) for used in (cad, curving, exact, sizing, surface, zooming))):
         code.update(Path(module).read_bytes())
     versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
     return [*versions, code.hexdigest()]

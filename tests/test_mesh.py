@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from skfem import MeshTet1, MeshTet2
 
 from geometry import cache, cad, curving, sizing, surface
 from geometry import mesh as meshing
@@ -267,3 +268,13 @@ def test_a_child_that_dies_or_hangs(monkeypatch):
 def test_a_collapsed_cell_has_no_shape():
     corners = np.array([[0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 0.0]])[:, :, None]
     assert radius_ratios(corners) == 0
+
+
+def test_the_base_of_cells_much_smaller_than_the_beam():
+    """Finding a facet's points in such cells, as scikit-fem does, fails to end within its tolerance."""
+    small = MeshTet1().scaled(1e-5).translated((0.4, 0.0, 0.0))
+    mesh = MeshTet2.from_mesh(small).with_boundaries({"base": lambda x: x[2] < 1e-9})
+    mesh = mesh.with_subdomains({"silicone": np.arange(mesh.nelements)})
+    found = quality(mesh, Shape(1, 10, 0, 0, 0))
+    assert found.base_error == pytest.approx(1e-10 / (math.pi * 0.25) - 1, rel=1e-12)
+    assert found.volumes["silicone"] == pytest.approx(1e-15, rel=1e-9)
