@@ -33,9 +33,9 @@ TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
 LEAST_CLAMP, CORNER = 0.012, 0.012
 """Least edge lengths at the clamp and at the magnet's sharp edge, in D: finer elements there only follow the
 singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
-FILLET, GAP = 0.75, 0.42
-"""Largest edge length at a fillet (by default), as a fraction of its radius, and in a thin layer, as one of its
-thickness."""
+FILLET, ARC, GAP = 0.75, 0.1, 0.42
+"""Largest edge length at a fillet, as a fraction of its radius (by default) and of the root of D times its radius, so
+that parabolas for arcs err by less than 1e-5 of the volume; and in a thin layer, as a fraction of its thickness."""
 TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
 """Growth of the edge length with distance from the tip and from other features, and sizes (in D) below which they
 shrink with the size, so that halving the size halves every edge length."""
@@ -149,7 +149,8 @@ def _sizing(
         if curve.name == "magnet":
             want = np.minimum(want, GAP * room(shape.without_magnet(), x))
             if curve.centre is not None:
-                want = np.minimum(want, min(ROUND_EDGE * size, fillet * abs(curve.start - curve.centre)))
+                radius = abs(curve.start - curve.centre)
+                want = np.minimum(want, min(ROUND_EDGE * size, fillet * radius, ARC * math.sqrt(radius)))
             elif shape.magnet_edge_radius < SMALLEST:
                 corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
                 want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * size)), want)
