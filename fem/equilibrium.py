@@ -298,8 +298,11 @@ def contact_end(build: Callable[..., models.Discretisation], fine: float, depth:
     """
     edge = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
-        before, edge = edge, contact_edge(build(rim=(edge, min(fine, SHARE * edge))), depth)
-        if abs(edge / before - 1) < NEAR:
+        found = contact_edge(build(rim=(edge, min(fine, SHARE * edge))), depth)
+        if not found:  # not even first touch was reached: the press on the final mesh says why
+            break
+        change, edge = found / edge - 1, found
+        if abs(change) < NEAR:
             break
     return edge
 

@@ -1,5 +1,6 @@
 """Whole solves: similarity, limits, agreement of the models, statuses."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from fem import models
+from fem import equilibrium, models
 from fem.equilibrium import solve, trace
 from fem.levels import QUICK, RULES, STANDARD
 from fem.path import Path
@@ -310,3 +311,17 @@ def test_the_error_estimate_never_vanishes():
         _, least, p, q = RULES["press"][0]
         assert state.error_estimate is not None
         assert state.error_estimate >= least * STANDARD.section_size**p / (state.response.contact_radius / 8.0) ** q
+
+
+def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):
+    monkeypatch.setattr(equilibrium, "contact_edge", lambda d, depth: 0.0)
+    assert equilibrium.contact_end(lambda rim: None, 0.01, 0.125) == pytest.approx(0.25)
+
+
+def test_the_end_of_a_contact_stays_where_it_was_found():
+    """Beside one more press on a mesh that is fine where the end was found."""
+    shape = paper().shape.scaled(1 / paper().D)
+    build = functools.partial(models.section, shape, paper().nu, "rigid", 0.16, 0.08)
+    found = equilibrium.contact_end(build, 0.02, 0.125)
+    again = equilibrium.contact_edge(build(rim=(found, 0.012)), 0.125)
+    assert found == pytest.approx(again, rel=0.01)
