@@ -29,6 +29,7 @@ SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2, 1)]
 TEXT, TITLE, NEAR, NEXT, ARROW = 3.2, 5.0, 8.0, 6.5, 2.4
 """Height of text; room of a view's title; distance of the first dimension line, of the next ones; arrow; mm."""
 
+HALO = "halo"
 STYLE = """
 .outline{fill:none;stroke:#111;stroke-width:.45;stroke-linejoin:round}
 .thin,.dim{fill:none;stroke:#111;stroke-width:.18}
@@ -39,7 +40,8 @@ STYLE = """
 .magnet{fill:#b9bec4;stroke:#111;stroke-width:.45}
 .part{fill:#4b5563;stroke:#111;stroke-width:.3}
 .arrow{fill:#111;stroke:none}
-text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111;paint-order:stroke;stroke:#fff;stroke-width:.9px}
+text{font-family:Arial,Helvetica,sans-serif;font-size:3.2px;fill:#111}
+.halo{fill:#fff;stroke:#fff;stroke-width:.9px;stroke-linejoin:round}
 .title{font-size:5px;font-weight:bold}.small{font-size:2.7px}
 """
 
@@ -222,8 +224,8 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(f'<circle class="arrow" cx="{x:.3f}" cy="{y:.3f}" r=".5"/>')
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
     out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
-    # text comes last: its white rim keeps lines off it
-    return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: line.startswith("<text")))
+    # text comes last, after its halos, which keep lines off it
+    return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", HALO not in line)))
 
 
 def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
@@ -295,5 +297,6 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
 
 
 def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", more: str = "") -> str:
-    style = f' class="{kind}"' if kind else ""
-    return f'<text{style} x="{x:.3f}" y="{y:.3f}" text-anchor="{anchor}"{more}>{escape(text)}</text>'
+    """A text on a white halo of its own; few programs know SVG 2's paint-order, which would do with one element."""
+    where = f'x="{x:.3f}" y="{y:.3f}" text-anchor="{anchor}"{more}>{escape(text)}</text>'
+    return f'<text class="{HALO} {kind}" aria-hidden="true" {where}\n<text class="{kind}" {where}'

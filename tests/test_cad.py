@@ -206,3 +206,21 @@ def test_an_assembly_keeps_names_colours_and_volumes(tmp_path):
     for child, (solid, colour) in zip(read.children, parts.values(), strict=True):
         assert child.volume == pytest.approx(solid.volume, rel=1e-12)
         assert tuple(child.color) == pytest.approx(tuple(bd.Color(colour)), abs=1e-3)
+
+
+def test_3mf_is_read_by_its_reference_library_without_a_warning(tmp_path):
+    from lib3mf import Lib3MF
+
+    (record,) = export({"magnet <1> & more": cad.magnet(Design())}, tmp_path)
+    model = Lib3MF.Wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromFile(str(tmp_path / f"{record.name}.3mf"))
+    assert reader.GetWarningCount() == 0
+    assert model.GetUnit() == Lib3MF.ModelUnit.MilliMeter
+    found = model.GetMeshObjects()
+    assert found.MoveNext()
+    body = found.GetCurrentMeshObject()
+    assert body.GetName() == record.name
+    assert body.GetTriangleCount() == record.triangles
+    assert body.IsManifoldAndOriented()

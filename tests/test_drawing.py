@@ -137,3 +137,15 @@ def test_arrows_of_a_short_dimension_point_inwards_from_outside():
     text = sheet("t", [[view]], [])
     assert 'text-anchor="middle">100<' in text
     assert text.count('class="arrow"') == 4
+
+
+def test_every_text_has_a_halo_and_is_drawn_again_over_it():
+    """Programs that do not know paint-order would draw a stroke over its own text."""
+    for text in sheets(Design(), Mold()).values():
+        shown = [node for node in ElementTree.fromstring(text).iter() if node.tag.endswith("}text")]
+        halo = ["halo" in node.attrib["class"] for node in shown]
+        assert sum(halo) == len(halo) - sum(halo) > 5
+        assert {n.text for n, h in zip(shown, halo, strict=True) if h} == {
+            n.text for n, h in zip(shown, halo, strict=True) if not h
+        }
+        assert "paint-order" not in text
