@@ -156,7 +156,7 @@ class Solver:
         return int(np.count_nonzero(self._lu.U.diagonal() < 0))
 
     def solve(self, b: Array) -> Array:
-        """Solve with the last factorisation; b and the answer have shape (n,)."""
+        """Solve with the last factorisation; b and the answer have shape (n,) or (n, m)."""
         if not self._use_pardiso:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])
@@ -169,7 +169,7 @@ class Solver:
         handle = self._handles[self._symmetric]
         handle.set_phase(phase)
         try:
-            return np.asarray(handle._call_pardiso(self._matrix, np.ascontiguousarray(b)))
+            return np.asarray(handle._call_pardiso(self._matrix, np.asfortranarray(b)))
         except wrapper.PyPardisoError as error:
             raise SingularMatrixError(f"PARDISO error {error.value}") from error
 

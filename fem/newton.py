@@ -1,4 +1,4 @@
-"""One Newton loop for every model, with line searches: every J stays positive, and contact does not flip for ever."""
+"""One Newton loop for every model: contact settles within a step (`fem.active`), searches keep every J positive."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.active import settled
 from fem.contact import Plate, watched
 from fem.linear import SingularMatrixError, Solver
 from fem.system import Assembly, State, System
@@ -54,14 +55,15 @@ def newton(
     pressed: NDArray[np.bool_] | None = None,
     *,
     most: int = MOST_ITERATIONS,
+    tolerance: float = TOLERANCE,
 ) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess; the first iteration takes the points `pressed` as those in contact.
 
-    Without that, a guess that has sunk into the plate wakes too many springs, which then fall away one by one.
+    Without that, a guess that has sunk into the plate wakes springs by the dozen, which each step has to settle.
 
     While a step leaves less than CHORD of the residual, the next one takes the same factorisation and only the
-    residual is formed anew. Converged when the residual forces are below TOLERANCE of the reactions and the residual
-    volumes below TOLERANCE of the largest displacement times the unit area (lengths are scaled by D before).
+    residual is formed anew. Converged when the residual forces are below a tolerance of the reactions and the
+    residual volumes below that of the largest displacement times the unit area (lengths are scaled by D before).
     """
     n = system.n_free + system.n_rigid
     unstable: int | None = None
@@ -74,7 +76,7 @@ def newton(
     rate = 1.0
     for iteration in range(most):
         force, volume, reference, reach = _norms(system, assembly, state, n)
-        small = force <= TOLERANCE * max(reference, NOTHING) and volume <= TOLERANCE * max(reach, NOTHING)
+        small = force <= tolerance * max(reference, NOTHING) and volume <= tolerance * max(reach, NOTHING)
         own = iteration > 0 or frozen is plate
         plate, held = watched(system.surface, state.u, plate)
         if small and own and not held:
@@ -87,6 +89,8 @@ def newton(
             step = solver.solve(assembly.residual)
         except SingularMatrixError as error:
             return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
+        if assembly.matrix is not None:
+            step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")

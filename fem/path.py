@@ -1,8 +1,9 @@
 """Following a path of loads, in units of D and E: adaptive steps, gluing, unstable directions.
 
 The plate's position is v = (depth, shear along x, shear along y). A leg goes straight from one position to another;
-its steps shrink when Newton's method fails and grow when it finds its way fast. Every step starts from the line
-through the last two states, and from the contact that their gaps lead to. A model with several harmonics has a scout
+its steps shrink when Newton's method fails and grow again, up to the longest, when it finds its way fast. Every step
+starts from a curve through the last states, and from the contact that their gaps lead to; states between are solved
+roughly. A model with several harmonics has a scout
 with one, on the same mesh, that goes ahead: where it arrives, what the others had to add before is added again, and
 Newton's method needs no steps between. If that does not converge, or finds itself unstable, the leg is gone in steps.
 """
@@ -20,16 +21,18 @@ from fem import contact, elements, friction
 from fem.contact import KAPPA, Plate
 from fem.linear import Solver
 from fem.models import Discretisation, raise_harmonics
-from fem.newton import Equilibrium, newton
+from fem.newton import TOLERANCE, Equilibrium, newton
 from fem.system import System
 
 Array = NDArray[np.float64]
 
-LONGEST_STEP = 0.125
+LONGEST_STEP = 0.25
 PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
 Those of a press are also at most a share of its depth."""
 SHORTEST_STEP = 1e-3
+ON_THE_WAY = 1e-4
+"""Tolerance of states that are only passed, without friction."""
 FAST = 7
 """Iterations up to which a step counts as easy."""
 FIRST_TOUCH = 1e-14
@@ -219,7 +222,7 @@ class Path:
         scout.tied, scout.targets, scout.gap = self.tied, self.targets, self.gap
         more = self.q - raise_harmonics(scout.d.system, self.d.system, scout.q)
         scout.iterations = 0
-        reason = scout._leg(goal)
+        reason = scout._leg(goal, passing=True)
         self.iterations += scout.iterations
         if reason or (scout.unstable or 0) != (self.unstable or 0):
             return False
@@ -232,19 +235,19 @@ class Path:
         self.q, self.energy, self.position, self._past = answer.state.q, answer.assembly.energy, goal, []
         return True
 
-    def _leg(self, goal: Array) -> str:
-        if self._leap(goal):
-            return ""
+    def _leg(self, goal: Array, *, passing: bool = False) -> str:
+        """Go to a position; if only `passing`, roughly."""
         start = self.position
         length = float(np.linalg.norm(goal - start))
-        if length == 0:
+        if length == 0 or self._leap(goal):
             return ""
         longest = self._longest((goal - start) / length, max(start[0], goal[0])) / length
         now, step = 0.0, min(longest, 1.0)
         while now < 1:
             target = 1.0 if 1 - now <= 1.001 * step else now + step
             position = goal if target == 1 else start + target * (goal - start)
-            answer = self._try(position)
+            rough = self.friction is None and (passing or target < 1)
+            answer = self._try(position, ON_THE_WAY if rough else TOLERANCE)
             if answer.converged and answer.unstable and not self.unstable and step * length > SURE_STEP:
                 # a long step may land on an unstable branch beside the stable one
                 self._past = []
@@ -260,8 +263,7 @@ class Path:
                 now = target
                 if answer.iterations <= FAST:
                     step *= 1.5
-                if self.friction is not None:
-                    step = min(step, longest)
+                step = min(step, longest)
                 continue
             self._past = []
             step = (target - now) / 2
@@ -281,7 +283,7 @@ class Path:
         self._heading = way
         return self._rub * (min(PRESS_RUB, PRESS_SHARE * depth) if way[0] else SHEAR_RUB)
 
-    def _try(self, position: Array) -> Equilibrium:
+    def _try(self, position: Array, tolerance: float) -> Equilibrium:
         share = self._shares(position)
         guess, plate = share[-1] * self.q, self.plate(position)
         for part, (_, q, _) in zip(share[:-1], self._past, strict=True):
@@ -290,7 +292,8 @@ class Path:
             there = contact.slid(self.skin, self.d.system.state(guess).u, plate if self._past else self.plate())
             self.friction = friction.expecting(self.friction, there)
             plate = replace(plate, friction=self.friction)
-        answer = newton(self.d.system, self.solver, guess, plate, self._pressed(position, share))
+        pressed = self._pressed(position, share)
+        answer = newton(self.d.system, self.solver, guess, plate, pressed, tolerance=tolerance)
         self.iterations += answer.iterations
         return answer
 

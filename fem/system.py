@@ -272,6 +272,18 @@ class System:
             blocks.append(np.zeros((len(self.surface.nodes), n, n)))
         return self.pattern.assemble(blocks)
 
+    def pushes(self, points: Index, plate: Plate) -> Array:
+        """Rows (m, n) of the unknowns' shares in the motion of skin points (m,) along the plate's normal."""
+        s = self.surface
+        assert s is not None
+        facet, point = np.divmod(points, s.weights.shape[1])
+        along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
+        where = self._reduced[s.nodes[facet]].reshape(len(points), -1)
+        rows = np.zeros((len(points), self.size))
+        kept = where >= 0
+        rows[np.nonzero(kept)[0], where[kept]] = along.reshape(len(points), -1)[kept]
+        return rows
+
     def _springs(self, state: State, plate: Plate | None, tangent: bool) -> tuple[Array, list[Array], float, bool]:
         """Nodal forces, matrices of the facets, energy of the plate's springs, and whether they are symmetric."""
         nodal = np.zeros(self.fixed.shape)

@@ -1,0 +1,73 @@
+"""A step of Newton's method with its contact settled solves the linear complementarity problem."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import active, contact, models
+from fem.contact import Plate
+from fem.linear import Solver
+from geometry.design import Design
+
+DEPTH = 0.06
+
+
+def sensor(harmonics=0):
+    shape = Design().shape.scaled(1 / 8)
+    return models.section(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).system
+
+
+def plate(stiffness=1e4):
+    return Plate(1.125 - DEPTH, stiffness, np.zeros(2))
+
+
+def plain_step(system, held, pressed):
+    """State at rest, solver and plain step with the springs of the points `pressed`."""
+    rest = system.state(np.zeros(system.size))
+    assembly = system.assemble(rest, replace(held, pressed=pressed))
+    solver = Solver()
+    solver.factorise(assembly.tangent)
+    return rest, solver, solver.solve(assembly.residual)
+
+
+def within(system, radius):
+    points = system.surface.points
+    return (np.hypot(points[..., 0], points[..., 1]) < radius) & (points[..., 2] > 1)
+
+
+@pytest.mark.parametrize("harmonics", [0, 2])
+@pytest.mark.parametrize("radius", [0.0, 0.1, 0.3])
+def test_springs_act_where_the_settled_step_presses(harmonics, radius):
+    system, held = sensor(harmonics), plate()
+    rest, solver, step = plain_step(system, held, within(system, radius))
+    q = rest.q - active.settled(system, solver, rest, step, held, within(system, radius))
+    bare = system.assemble(rest, None)
+    upper = bare.tangent.toarray()
+    K = upper + np.triu(upper, 1).T
+    g = contact.overlap(system.surface, system.state(q).u, held).ravel()
+    spring = held.stiffness * system.surface.weights.ravel() * np.maximum(g, 0)
+    pushes = system.pushes(np.arange(len(g)), held)
+    assert np.linalg.norm(K @ q + bare.residual + pushes.T @ spring) < 1e-9 * np.linalg.norm(pushes.T @ spring)
+
+
+def test_the_settled_step_does_not_depend_on_the_springs_before():
+    system, held = sensor(), plate()
+    found = []
+    for radius in (0.0, 0.15, 0.3):
+        rest, solver, step = plain_step(system, held, within(system, radius))
+        found.append(active.settled(system, solver, rest, step, held, within(system, radius)))
+    assert np.allclose(found[1:], found[0], rtol=0, atol=1e-10)
+
+
+def test_a_step_that_flips_too_many_springs_stays_plain(monkeypatch):
+    monkeypatch.setattr(active, "MOST_POINTS", 3)
+    system, held = sensor(), plate()
+    rest, solver, step = plain_step(system, held, within(system, 0.4))
+    assert active.settled(system, solver, rest, step, held, within(system, 0.4)) is step
+
+
+def test_without_a_plate_a_step_stays_plain():
+    system = sensor()
+    rest, solver, step = plain_step(system, plate(), within(system, 0.1))
+    assert active.settled(system, solver, rest, step, None) is step
