@@ -128,13 +128,13 @@ def _damped(
     scale: tuple[float, float],
 ) -> tuple[State, Assembly]:
     """The best of a full step and of its half and quarter, by the residual."""
-    tried = [(_merit(assembly, n, scale), state, assembly)]
+    tried = [(_merit(assembly, n, scale), state)]
     for back in (0.5, 0.75):
         shorter = system.admissible(state.q + back * step)
         if shorter is not None:
-            there = system.assemble(shorter, plate)
-            tried.append((_merit(there, n, scale), shorter, there))
-    return min(tried, key=lambda one: one[0])[1:]
+            tried.append((_merit(system.assemble(shorter, plate, tangent=False), n, scale), shorter))
+    best = min(tried, key=lambda one: one[0])[1]
+    return best, assembly if best is state else system.assemble(best, plate)
 
 
 def _search(system: System, state: State, step: Array) -> State | None:

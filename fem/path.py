@@ -26,7 +26,8 @@ from fem.system import System
 
 Array = NDArray[np.float64]
 
-LONGEST_STEP = 0.25
+LONGEST_STEP, SOLID_STEP = 0.25, 0.125
+"""Longest steps over D without friction, on sections and in tetrahedra, which distort more where a glued patch ends."""
 PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
 Those of a press are also at most a share of its depth."""
@@ -277,7 +278,7 @@ class Path:
         Where the direction is a new one, all that touches is expected to stick at first.
         """
         if self.friction is None:
-            return LONGEST_STEP
+            return SOLID_STEP if self.d.model in ("half", "full") else LONGEST_STEP
         if way @ self._heading < 1 - 1e-9:
             self.friction = friction.turned_back(self.friction)
         self._heading = way
