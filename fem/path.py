@@ -27,7 +27,7 @@ from fem.system import System
 Array = NDArray[np.float64]
 
 LONGEST_STEP, SOLID_STEP = 0.25, 0.125
-"""Longest steps over D without friction, on sections and in tetrahedra, which distort more where a glued patch ends."""
+"""Longest steps over D without friction, on sections and in tetrahedra: these distort more where a patch ends."""
 PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
 Those of a press are also at most a share of its depth."""
