@@ -126,7 +126,8 @@ def section(
 
 
 def _pairs(x: Points) -> Floats:
-    return np.column_stack([x.real, x.imag])
+    """The same numbers as real and imaginary parts, shape (n, 2)."""
+    return np.ascontiguousarray(x).view(np.float64).reshape(-1, 2)
 
 
 def _sizing(
@@ -203,26 +204,33 @@ def _border(curves: list[Curve], cuts: list[Floats]) -> _Border:
 
 def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
     """Points inside, shape (n,), spaced by the local size: leaves of a quadtree, thinned out from the border on."""
-    side, leaves = 0.5, []
+    side, leaves, lengths = 0.5, [], []
     cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
     while len(cells):
-        coarse = sizing(cells) < side / 0.3
+        wanted = sizing(cells)
+        coarse = wanted < side / 0.3
         leaves.append(cells[~coarse])
+        lengths.append(wanted[~coarse])
         side /= 2
         cells = (cells[coarse, None] + side / 2 * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])).ravel()
-    x = np.concatenate(leaves)
-    x = x[room(domain, x) > 0]
-    far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / sizing(x)
-    return _thinned(x[np.argsort(far, kind="stable")][np.count_nonzero(far <= SPACING) :], sizing)
+    x, length = np.concatenate(leaves), np.concatenate(lengths)
+    inside = room(domain, x) > 0
+    x, length = x[inside], length[inside]
+    far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / length
+    order = np.argsort(far, kind="stable")[np.count_nonzero(far <= SPACING) :]
+    return _thinned(x[order], length[order])
 
 
-def _thinned(x: Points, sizing: _Sizing) -> Points:
+def _thinned(x: Points, length: Floats) -> Points:
     """The points, first come first served, that keep their distance from those before."""
-    taken = bytearray(len(x))
-    for i, others in enumerate(cKDTree(_pairs(x)).query_ball_point(_pairs(x), SPACING * sizing(x))):
-        taken[i] = not any(map(taken.__getitem__, others))
-    kept: Points = x[np.frombuffer(taken, dtype=bool)]
-    return kept
+    kept, nearest = [], (SPACING * length) ** 2
+    # of those left the first is far enough from all that were kept; in squares, as they are cheapest
+    while len(x):
+        kept.append(x[0])
+        r, z = x.real - x[0].real, x.imag - x[0].imag
+        far = r * r + z * z > nearest
+        x, nearest = x[far], nearest[far]
+    return np.array(kept, dtype=np.complex128)
 
 
 def _delaunay(x: Points, sizing: _Sizing) -> Ints:
@@ -262,7 +270,8 @@ def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) ->
         across = bars[np.isin(bars, outer).any(axis=1) & np.isin(bars, core).any(axis=1)]
         if not len(across):
             break
-        inner = np.concatenate([inner, _thinned(border.node[across].mean(axis=1), sizing)])
+        middle = border.node[across].mean(axis=1)
+        inner = np.concatenate([inner, _thinned(middle, sizing(middle))])
     return inner[_clear(border, inner)]
 
 
