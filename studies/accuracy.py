@@ -77,6 +77,7 @@ def tasks(*, quick: bool = False) -> list[Task]:
     found = [_task(n, m, "press", name) for name in names for m in magnets for n in numbers]
     checked = [trials.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
     found += [Task(trial, trials.reference(trial.scene)) for trial in checked]
+    found += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
     for magnet in magnets:
         found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
         found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
@@ -142,7 +143,8 @@ def _followed(trial: Trial, accuracy: Accuracy) -> list[State]:
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
     """What a solve depends on, as text."""
-    unused: dict[str, Any] = {"name": "", "rub": 0}
+    unused: dict[str, Any] = {"name": ""}
+    unused |= {"section_patch": 0} if trial.scene == "friction" else {"rub": 0}
     unused |= {"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {}
     unused |= {"harmonics": 0, "section_patch": 0} if trial.scene == "press" else {}
     loads = [dataclasses.astuple(load) for load in trial.loads]

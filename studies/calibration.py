@@ -14,7 +14,14 @@ from studies.accuracy import COVERAGE, GOALS, QUANTITIES, SHARP, SHARPNESS, Row
 from studies.compare import write_table
 from studies.files import atomic, write_text
 
-LOOKS = {"press": "#0072B2", "pressed": "#56B4E9", "stick": "#D55E00", "grip": "#009E73", "half": "#CC79A7"}
+LOOKS = {
+    "press": "#0072B2",
+    "pressed": "#56B4E9",
+    "stick": "#D55E00",
+    "grip": "#009E73",
+    "friction": "#E69F00",
+    "half": "#CC79A7",
+}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
 LEAST = 1e-3
 """Least true error in the picture, %; smaller ones are drawn there."""
@@ -175,7 +182,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
 
 
 def _references(fineness: int) -> list[str]:
-    scenes = (("press", "press"), ("stick and grip", "stick"))
+    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"))
     return [f"- {name}: `{trials.reference(scene, fineness)}`" for name, scene in scenes]
 
 

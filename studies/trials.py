@@ -23,6 +23,8 @@ DEPTHS = (0.03, 0.1, 0.25)
 """Depths of a press over D; all shrink alike where the deepest has no room."""
 STICK = (0.1, (0.0, 0.05, 0.15))
 """Depth at most, and shears of the glued plate, over D."""
+RUB = (0.1, (0.0, 0.04, 0.25), 0.4)
+"""Depth at most, and shears of the rubbing plate, over D: partial and full slip; coefficient of friction."""
 GRIP = (0.2, 0.15)
 """Height and shear of a grip over D."""
 THINNEST = 0.06
@@ -36,7 +38,7 @@ class Trial:
     Attributes
     ----------
     number : of the design; 0 is the paper's.
-    scene : press, stick or grip.
+    scene : press, stick, friction or grip.
     """
 
     number: int
@@ -67,6 +69,9 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     elif scene == "stick":
         depth = _rounded(min(STICK[0] * D, room))
         loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction="stick") for x in STICK[1])
+    elif scene == "friction":
+        depth = _rounded(min(RUB[0] * D, room))
+        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction=RUB[2]) for x in RUB[1])
     else:
         loads = (Load(grip=_rounded(GRIP[0] * D), shear_x=_rounded(GRIP[1] * D)),)
     return Trial(number, design, magnet, scene, model, loads)
@@ -117,5 +122,8 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
     name = ("rough", "reference", "finer")[fineness]
     if scene == "press":
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
+    if scene == "friction":
+        size, harmonics, rub = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]
+        return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, rub)
     size, patch, harmonics = ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6))[fineness]
     return Accuracy(name, size, 0.05, patch, 0.02, harmonics)

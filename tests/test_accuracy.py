@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -41,13 +42,20 @@ def test_there_are_twelve_designs_and_half_of_them_are_odd():
     assert max(d.nu for d in designs) > 0.4999
 
 
-@pytest.mark.parametrize("scene", ["press", "stick", "grip"])
+@pytest.mark.parametrize("scene", ["press", "stick", "friction", "grip"])
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_loads_leave_room_for_the_magnet(scene, magnet):
     for n, design in enumerate(trials.designs()):
         above = design.R - design.magnet_height / 2 if magnet == "rigid" else design.L
         loads = trials.trial(n, magnet, scene, "auto").loads
         assert all(load.depth <= 0.3001 * above for load in loads)
+
+
+def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
+    for scene, same in (("friction", False), ("stick", True)):
+        trial = trials.trial(0, "rigid", scene, "auto")
+        keys = {accuracy.key(trial, replace(QUICK, rub=rub)) for rub in (1.0, 0.5)}
+        assert (len(keys) == 1) is same
 
 
 def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
