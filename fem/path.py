@@ -40,7 +40,11 @@ FIRST_TOUCH = 1e-14
 MOST_LEAP = 12
 """Iterations for following the scout."""
 SURE_STEP = 0.01
-"""Steps over D that first meet an unstable direction are halved down to this before it is believed."""
+"""Steps over D that first meet an unstable direction, or crush silicone, are halved to this before it is believed."""
+CRUSHED = 0.25
+"""Volume ratio J below which silicone counts as crushed. A coarse mesh has equilibria, of higher energy, with an
+element folded flat (J of 0.1 to 0.2 at its points), which a long step may land on; at the edges of a glued patch or a
+magnet J stays above 0.35."""
 ONSET_HALVINGS = 3
 
 
@@ -92,6 +96,7 @@ class Path:
         self.energy = 0.0
         self.iterations = 0
         self.unstable: int | None = None
+        self._crushed = False
         self.onset: tuple[Array, Array] | None = None
         self._high: System | None = None
         self.tied: NDArray[np.bool_] | None = None
@@ -231,7 +236,8 @@ class Path:
         pressed = None if self.grip else contact.overlap(self.skin, self.d.system.state(guess).u, plate) > 0
         answer = newton(self.d.system, self.solver, guess, plate, pressed, most=MOST_LEAP)
         self.iterations += answer.iterations
-        if not answer.converged or (answer.unstable or 0) != (self.unstable or 0):
+        sound = (answer.unstable or 0) == (self.unstable or 0) and crushed(answer) == self._crushed
+        if not answer.converged or not sound:
             return False
         self.q, self.energy, self.position, self._past = answer.state.q, answer.assembly.energy, goal, []
         return True
@@ -249,7 +255,8 @@ class Path:
             position = goal if target == 1 else start + target * (goal - start)
             rough = self.friction is None and (passing or target < 1)
             answer = self._try(position, ON_THE_WAY if rough else TOLERANCE)
-            if answer.converged and answer.unstable and not self.unstable and step * length > SURE_STEP:
+            doubtful = (answer.unstable and not self.unstable) or (crushed(answer) and not self._crushed)
+            if answer.converged and doubtful and step * length > SURE_STEP:
                 # a long step may land on an unstable branch beside the stable one
                 self._past = []
                 step = (target - now) / 2
@@ -261,6 +268,7 @@ class Path:
                     self.friction, lost = contact.rubbed(self.skin, answer.state.u, self.plate(position))
                     self.dissipated += lost
                 self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
+                self._crushed = crushed(answer)
                 now = target
                 if answer.iterations <= FAST:
                     step *= 1.5
@@ -350,3 +358,8 @@ class Path:
             else:
                 stable, q = middle, between.state.q
         self.onset = (stable, unstable)
+
+
+def crushed(answer: Equilibrium) -> bool:
+    """Whether somewhere J < CRUSHED."""
+    return any(Jm1.min() < CRUSHED - 1 for _, Jm1 in answer.state.strains)
