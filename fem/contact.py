@@ -226,7 +226,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     Beside a smooth contact the gap opens as (r - a)^(3/2), so gap^(2/3) is smooth there: a quadratic in r through
     the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), is followed to its zero. That is
     far less sensitive to the mesh than the last point under pressure. r is the distance from the centre of
-    pressure, over all directions: the patch of a sheared tip is answered by its mean radius.
+    pressure, over all directions. For the patch of a sheared tip see `patch_radius`.
 
     Where too few points lie there, the radius is that of a Hertz contact with the second moment of the pressure,
     a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, 2 % too small at 0.43 D.
@@ -253,3 +253,19 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
             return by_moment
         radius *= 1 + float(root)
     return radius
+
+
+def patch_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Radius of the circle with the area of the patch under pressure, which is not round once the tip is sheared.
+
+    The area is that of the convex hull of the points' places on the plate; half a skin has its mirror image beside.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    x = along(surface, u, plate)[overlap(surface, u, plate) > 0]
+    if surface.points[..., 1].min() > -1e-9:
+        x = np.concatenate([x, x * [1, -1]])
+    try:
+        return float(np.sqrt(ConvexHull(x).volume / np.pi)) if len(x) > 2 else 0.0
+    except QhullError:  # all on one line
+        return 0.0

@@ -154,18 +154,20 @@ def _walk(
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, loads, accuracy, design.D)
+            yield state if companion is None else _with_estimates(state, companion, loads, accuracy, magnet, design.D)
 
 
 def _with_estimates(
-    state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy, D: float
+    state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, D: float
 ) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt = estimates(state.response, companion.response, state.load, loads, accuracy, state.model, D)
+    force, shift, tilt = estimates(
+        state.response, companion.response, state.load, loads, accuracy, state.model, magnet, D
+    )
     return replace(
         state,
         seconds=seconds,

@@ -119,11 +119,12 @@ def read(
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
+    radius = contact.patch_radius if path.sheared else contact.contact_radius
     response = Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
         tilt=float(tilt_xy[0]),
-        contact_radius=0.0 if path.grip else contact.contact_radius(path.skin, state.u, plate) * D,
+        contact_radius=0.0 if path.grip else radius(path.skin, state.u, plate) * D,
         tilt_y=float(tilt_xy[1]),
     )
     status, message = _judge(path, design, load, reason, response, watch)

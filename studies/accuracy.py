@@ -238,7 +238,8 @@ def _numbers(role: str, state: State) -> Row:
 def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> Row:
     """True errors and estimates, NaN where there is nothing to be relative to."""
     one, other, truth = found[""], found["companion_"], found["reference_"]
-    estimated = levels.estimates(one, other, load, task.trial.loads, task.level, model, task.trial.design.D)
+    trial = task.trial
+    estimated = levels.estimates(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design.D)
     pairs = [(one.force, truth.force), (one.shift, truth.shift), ((one.tilt,), (truth.tilt,))]
     row: Row = {}
     for name, (a, b), estimate in zip(QUANTITIES, pairs, estimated, strict=True):

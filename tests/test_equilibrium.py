@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from fem import equilibrium, models, path
+from fem import equilibrium, levels, models, path
 from fem.equilibrium import solve, trace
-from fem.levels import QUICK, RULES, STANDARD
+from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.scene import Load, Response
 
 ROUGH = replace(QUICK, solid_size=0.17)
 
@@ -306,11 +306,45 @@ def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
 
 
 def test_the_error_estimate_never_vanishes():
-    for depth in (0.5, 1.0, 2.0):
-        state = solve(paper(), Load(depth=depth), STANDARD)
-        _, least, p, q = RULES["press"][0]
-        assert state.error_estimate is not None
-        assert state.error_estimate >= least * STANDARD.section_size**p / (state.response.contact_radius / 8.0) ** q
+    """Not even where an answer and its companion happen to agree."""
+    r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
+    load = Load(depth=1.0)
+    for magnet in ("rigid", "ignored"):
+        force, shift, tilt = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, 8.0)
+        assert min(force, shift, tilt) > 1e-4
+
+
+def test_a_tilt_that_is_noise_has_no_estimate():
+    """Of tetrahedra, under a press that is upright; that of a tilted plate has one."""
+    one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
+    other = replace(one, tilt=-2e-3)
+    for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
+        tilt = levels.estimates(one, other, load, [load], STANDARD, "half", "rigid", 8.0)[2]
+        assert (tilt is not None) is known
+
+
+def test_a_single_harmonic_is_held_against_two():
+    assert levels.coarser(replace(STANDARD, harmonics=1)).harmonics == 2
+    load = Load(depth=1.5, shear_x=2.0, friction="stick")
+    rough = solve(paper(), load, replace(QUICK, harmonics=1))
+    better = solve(paper(), load, replace(QUICK, harmonics=3))
+    off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
+    assert off > 0.01
+    assert rough.error_estimate > 0.8 * off
+
+
+def test_the_error_estimate_grows_with_the_difference_to_the_companion():
+    load = Load(depth=1.0, shear_x=1.0, friction="stick")
+    r = Response((1.0, 0.0, 3.0), (0.5, 0.0, -0.5), 0.2, 1.5)
+
+    def found(difference):
+        other = replace(
+            r, force=(1.0, 0.0, 3.0 + difference), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
+        )
+        return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", 8.0)
+
+    assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
+    assert max(found(1e-3)) < 0.01
 
 
 def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):
@@ -345,3 +379,10 @@ def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
     halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
     assert halved.newton_iterations > plain.newton_iterations
     assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
+
+
+def test_the_radius_of_a_sheared_patch_starts_from_that_of_the_press():
+    loads = [Load(depth=1.5, shear_x=x, friction="stick") for x in (0.0, 0.01, 1.0)]
+    pressed, sheared, far = (s.response.contact_radius for s in trace(paper(), loads, QUICK, estimate=False))
+    assert sheared == pytest.approx(pressed, rel=0.02)
+    assert far == pytest.approx(pressed, rel=0.1)
