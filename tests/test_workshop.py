@@ -89,6 +89,18 @@ def test_the_picture_shows_the_sensor_in_colour(made):
     assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
 
 
+def test_a_picture_that_cannot_be_drawn_costs_the_picture_only(run, tmp_path, monkeypatch, strict):
+    ends = "import os, sys; print('no driver', file=sys.stderr); sys.stdin.buffer.read(); os._exit(7)"
+    monkeypatch.setattr(portrait, "COMMAND", (sys.executable, "-c", ends))
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 0
+    assert "warning: no picture: drawing ended with exit code 7 (no driver)" in err
+    assert strict(out)[0]["warnings"]
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts") == written | SHEETS - {"assembly.png"}
+    assert "assembly.png" not in (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
+
+
 def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp_path):
     (tmp_path / "README.md").write_text("# My project\n")
     status, out, err = run("cad", "paper", "--out", tmp_path)
