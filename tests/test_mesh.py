@@ -210,6 +210,42 @@ def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
     assert tried == pytest.approx([1.0, 0.9, 0.8, 0.7])
 
 
+@pytest.mark.parametrize("push", [0.98, 1.02, 1.3])
+def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
+    """The middle of a cube pushed to a side and through it: its cells are flat, then inside out."""
+    mesh = MeshTet1.init_tensor(*3 * [np.linspace(1, 3, 3)])
+    apart = {name: np.zeros(27, dtype=bool) for name in ("base", "skin")}
+    whole = curving.shapes(mesh.p[:, mesh.t])
+    flip = mesh.t.copy()
+    flip[:, whole < 0] = flip[:, whole < 0][[0, 2, 1, 3]]
+    (middle,) = np.flatnonzero((mesh.p == 2).all(axis=0))
+    p = mesh.p.copy()
+    p[0, middle] += push
+    assert curving.shapes(p[:, flip]).min() < curving.LEAST_SHAPE
+    mended = curving.mended(p, flip, apart, PAPER)
+    assert curving.shapes(mended[:, flip]).min() > 3 * curving.LEAST_SHAPE
+    # whatever is well shaped stays to the last bit
+    assert curving.mended(mended, flip, apart, PAPER) is mended
+
+
+def test_mending_keeps_vertices_on_their_surfaces(half):
+    """A vertex of the skin pushed over its neighbours comes back along the skin; edges of the magnet stay."""
+    mesh = MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
+    on = {name: np.isin(np.arange(mesh.nvertices), mesh.facets[:, part]) for name, part in mesh.boundaries.items()}
+    on["edge"] = on["magnet"]
+    free = on["skin"] & ~on["base"] & ~on["symmetry"]
+    vertex = np.flatnonzero(free & (mesh.p[2] < 4))[0]
+    cell = mesh.t[:, (mesh.t == vertex).any(axis=0)]
+    nearest = min(np.setdiff1d(cell[:, 0], vertex), key=lambda v: np.linalg.norm(mesh.p[:, v] - mesh.p[:, vertex]))
+    p = mesh.p.copy()
+    p[:, vertex] = p[:, nearest]
+    mended = curving.mended(p, mesh.t, on, PAPER)
+    assert curving.shapes(mended[:, mesh.t]).min() > curving.LEAST_SHAPE
+    assert np.abs(skin_distance(mended[:, on["skin"]], PAPER)).max() < 1e-9
+    assert np.abs(mended[1, on["symmetry"]]).max() == 0
+    assert (mended[:, on["magnet"]] == p[:, on["magnet"]]).all()
+
+
 def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
     monkeypatch.setattr(curving, "LEAST_JACOBIAN", 0.4)
     straight = meshing.MeshTet1(
