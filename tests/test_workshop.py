@@ -199,6 +199,8 @@ def test_the_elements_of_a_batch_stay_in_the_base():
         (("--mold", "skirt=9"), "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
         (("--mold", "wal=3"), "did you mean wall?"),
         (("--mold", "wall"), "--mold takes KEY=VALUE"),
+        (("--mold", "wall=1", "--mold", "wall = 2"), "--mold wall is given twice, as 1 and 2: give it once"),
+        (("--set", "L=9", "--set", "L=10"), "--set L is given twice"),
         (("--mold", "vents=2.5"), "vents must be a whole number"),
         (("--mold", "process=sla"), "give --process"),
         (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),
