@@ -104,7 +104,7 @@ def parse_numbers(name: str, text: str) -> list[float]:
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
     """Fields of a dataclass of numbers from texts KEY=VALUE; a number without a point is a whole one."""
     names = [spec.name for spec in dataclasses.fields(kind)]
-    given = pairs(option, texts, f"{names[1]}=1")
+    given = pairs(option, texts, f"{names[-1]}=2")
     _known(option, given, names)
     return {key: int(value) if value.isdecimal() else _number(key, value) for key, value in given.items()}
 

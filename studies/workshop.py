@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -141,6 +142,8 @@ def build(
         refuse_foreign(folder / ALONE)
         draw = stack.enter_context(portrait.painter()) if picture else None
         progress(0.0, "solids and mould")
+        with console.unbroken():
+            importlib.import_module("build123d")
         made = things(design, making)
         record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
         record["warnings"] = [*design.warnings(), *warnings(design, making, made)]

@@ -15,7 +15,7 @@ import pytest
 from geometry.base import Base, plan
 from geometry.design import paper
 from geometry.printing import Check
-from studies import portrait, recipe, workshop
+from studies import console, portrait, recipe, workshop
 from studies.sweep import varied
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -183,6 +183,20 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     assert len(folders) < 7
     assert all((folder / "README.md").exists() for folder in folders)
     assert not list(tmp_path.rglob(".writing-*"))
+
+
+def test_an_interrupt_waits_for_what_must_not_be_broken():
+    reached = []
+
+    def work():
+        with console.unbroken():
+            os.kill(os.getpid(), signal.SIGINT)
+            reached.append("end")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached == ["end"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_the_elements_of_a_batch_stay_in_the_base():
