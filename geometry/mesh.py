@@ -242,7 +242,7 @@ def _tetwild(
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size or timeout") from None
+            raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size") from None
         if ended.returncode or not found.exists():
             cause = (ended.stderr.strip().splitlines() or ["no message"])[-1]
             raise RuntimeError(f"fTetWild failed with exit code {ended.returncode} ({cause}): try another size")
