@@ -54,7 +54,7 @@ TOLERANCES = (0.1, 0.02, 0.004, 0.001)
 LONG, SHORT = 12, 4
 """Variants of the two batches that are timed."""
 
-RUNS = 5
+RUNS = 3
 """Of the whole command."""
 
 
