@@ -108,7 +108,8 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     top = p[2].argmax()
     if math.hypot(p[0, top], p[1, top]) < max(0.01 * shape.R, 0.3 * sizes.tip):
         p[:, top] = 0, 0, shape.L  # what a plate touches first
-    if radius_ratios(p[:, mesh.t]).min() < LEAST_SHAPE:
+    p = mended(p, mesh.t, {name: mask[:n] for name, mask in on.items()})
+    if shapes(p[:, mesh.t]).min() < LEAST_SHAPE:
         return None
     x = exact.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
     x[:, :n] = p
@@ -129,9 +130,47 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
         if found is None or not found[1].any():
             break
         x, kept = found[0].doflocs.copy(), kept | found[1]
-    if found is None or any(abs(fit.missing(found[0].doflocs)) > VOLUME * fit.volume for fit in fits):
+    if found is None:
+        return None
+    inner = fits[1].volume if "magnet" in on else 0.0
+    right = {"silicone": fits[0].volume - inner, "magnet": inner}
+    # by the cells, since facets that fold over would deceive a sum over facets
+    if any(abs(volume - right[name]) > VOLUME * right[name] for name, volume in volumes(found[0]).items()):
         return None
     return found[0]
+
+
+def volumes(mesh: MeshTet2) -> dict[str, float]:
+    """The volume of each region, by its curved cells."""
+    weights = get_quadrature(ElementTetP2().refdom, 4)[1]
+    cells = weights @ determinants(mesh.doflocs, mesh.dofs.element_dofs)[4:]
+    return {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
+
+
+def mended(p: Floats, t: Ints, on: Masks) -> Floats:
+    """The vertices p, shape (3, n), where cells are flat moved to where the worst cell around them is best.
+
+    fTetWild leaves flat cells at a magnet's edge, between three vertices of it and one beside, and putting vertices
+    on the surfaces flattens some more. Only vertices inside and on the plane of symmetry move, and none if no cell is
+    too flat.
+    """
+    if shapes(p[:, t]).min() >= LEAST_SHAPE:
+        return p
+    p, ways = p.copy(), np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]])).reshape(3, -1)
+    fixed = on["base"] | on["skin"] | on.get("magnet", False)
+    for reach in np.repeat([0.2, 0.1, 0.05, 0.2, 0.1, 0.05], 3):
+        flat = np.flatnonzero(shapes(p[:, t]) < 3 * LEAST_SHAPE)
+        for vertex in np.setdiff1d(t[:, flat], np.flatnonzero(fixed)):
+            cells = t[:, (t == vertex).any(axis=0)]
+            step = reach * np.linalg.norm(p[:, cells] - p[:, [vertex], None], axis=0).max()
+            places = p[:, [vertex]] + step * ways
+            if "symmetry" in on and on["symmetry"][vertex]:
+                places[1] = 0
+            around = np.repeat(p[:, cells, None], ways.shape[1], axis=3)
+            around = np.where(cells[None, :, :, None] == vertex, places[:, None, None], around)
+            worst = shapes(around.reshape(3, 4, -1)).reshape(cells.shape[1], -1).min(axis=0)
+            p[:, vertex] = places[:, worst.argmax()]
+    return p
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +302,12 @@ def determinants(x: Floats, nodes: Ints) -> Floats:
     slopes = np.stack([element.lbasis(points, k)[1] for k in range(10)])
     jacobian = np.einsum("ikc,kjq->qcij", x[:, nodes], slopes, optimize=True)
     return np.asarray(np.linalg.det(jacobian))
+
+
+def shapes(corners: Floats) -> Floats:
+    """`radius_ratios`, negative for cells that are turned inside out; corners of shape (3, 4, cells)."""
+    a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    return np.asarray(np.sign((a * np.cross(b, c, axis=0)).sum(axis=0)) * radius_ratios(corners))
 
 
 def radius_ratios(corners: Floats) -> Floats:

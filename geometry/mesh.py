@@ -35,7 +35,7 @@ Parts = Literal["regions", "hole", "none"]
 WORK_DIAMETER = 8.0
 """Diameter of the beam while it is meshed: fTetWild does not return at very small scales."""
 
-TRIES = (1.0, 0.9, 0.8, 0.7)
+TRIES = (1.0, 0.97, 0.94, 0.9, 0.8, 0.7)
 """What the sizes are multiplied by, one after the other, until a mesh can be curved."""
 
 PASSES = 10
@@ -86,7 +86,7 @@ def tetrahedra(
         A size is not a positive number, the ring is not on the dome, or the shape has no magnet to mesh or one that
         sticks out.
     RuntimeError
-        fTetWild failed, ran out of time, or four times gave a mesh that cannot be curved or has no edges on the ring.
+        fTetWild failed, ran out of time, or six times gave a mesh that cannot be curved or has no edges on the ring.
     """
     given = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
     for name, value in given.items():
@@ -242,7 +242,7 @@ def _tetwild(
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size or timeout") from None
+            raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size") from None
         if ended.returncode or not found.exists():
             cause = (ended.stderr.strip().splitlines() or ["no message"])[-1]
             raise RuntimeError(f"fTetWild failed with exit code {ended.returncode} ({cause}): try another size")

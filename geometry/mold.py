@@ -184,7 +184,7 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     wall = process.wall if mold.wall is None else mold.wall
     floor, lid = (wall if value is None else value for value in (mold.floor, mold.lid))
     fit = process.fit if mold.fit is None else mold.fit
-    if not fit <= left:
+    if pin_radius > 0 and not fit <= left:
         raise BadInput(
             f"fit must not exceed the {left:.3g} mm of silicone between pin and cavity, or they touch "
             f"when A is pushed aside; got {fit:g} mm: set a smaller fit, if the printer can hold it, or take a "

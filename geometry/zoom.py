@@ -8,7 +8,8 @@ distances s of the enlarged body become rho, bearings stay:
     rho = room (s / room)^q     core < s < room  with q = 1 + log(factor) / log(room / core)
     rho = s                     s >= room        base, side and dome stay as they are
 
-so that cells between core and room become longer by q along the radius.
+so that cells between core and room become longer by q along the radius. The core is a fifth of the room, or for
+magnets that are not small enough to be enlarged much by that, as much more as makes q = 2.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from geometry.design import Shape
 from geometry.sizing import Floats
 
 CORE, MARGIN, ROOM = 0.2, 1.5, 0.9
-"""Radius of the enlarged core over the room, of the core over the magnet's reach, and the room over what there is."""
+"""Least radius of the enlarged core over the room, and core over the magnet's reach, and room over what there is."""
 LEAST = 1.5
 """Magnets that would be enlarged by less stay as they are."""
 
@@ -52,7 +53,8 @@ class Zoom:
         near = (shape.H, ROOM * min(shape.R, shape.H), math.hypot(a, b))
         low = (0.0, ROOM * shape.R, math.hypot(a, shape.H + b))
         pole, room, reach = max(near, low, key=lambda one: one[1] / one[2] if one[2] else 0.0)
-        factor = CORE * room / (MARGIN * reach) if shape.has_magnet else 0.0
+        core = room * max(CORE, math.sqrt(MARGIN * reach / room))
+        factor = core / (MARGIN * reach) if shape.has_magnet else 0.0
         if not factor >= LEAST:
             return cls(shape, shape.H, shape.H, 1.0, 0.0, 0.0)
         enlarged = replace(
@@ -61,7 +63,7 @@ class Zoom:
             magnet_height=factor * shape.magnet_height,
             magnet_edge_radius=factor * shape.magnet_edge_radius,
         )
-        return cls(enlarged, pole + factor * (shape.H - pole), pole, factor, CORE * room, room)
+        return cls(enlarged, pole + factor * (shape.H - pole), pole, factor, core, room)
 
     def back(self, points: Floats) -> Floats:
         """Points of the enlarged body, shape (3, n), at their places in the true one."""

@@ -1,20 +1,28 @@
 """Files, written whole or not at all, and the meshes and fields in them.
 
-A file gets a temporary name in its own folder and is renamed when it is complete.
+A file gets a temporary name in its own folder and is renamed when it is complete. The name tells machine and process:
+what a process that was killed has left is removed by the next one that writes into the folder.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import glob
 import json
 import math
 import os
+import platform
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput
+
+WRITING = ".writing-"
+"""How the name of a temporary folder begins; machine and process follow."""
 
 if TYPE_CHECKING:
     import skfem
@@ -58,7 +66,7 @@ def filled(path: str | Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
     """A temporary folder inside `folder`; if all goes well its files move up, over those of the same name."""
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=folder) as temporary, _named(folder):
+    with _temporary(folder) as temporary, _named(folder):
         yield Path(temporary)
         for file in sorted(Path(temporary).iterdir()):
             os.replace(file, folder / file.name)
@@ -97,11 +105,41 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
 def atomic(path: str | Path) -> Iterator[Path]:
     """A temporary name of the same ending in the same folder, to be written; it becomes `path` if all goes well."""
     file = Path(path)
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=file.parent) as folder:
+    with _temporary(file.parent) as folder:
         temporary = Path(folder, f"part{file.suffix}")
         with _named(file):
             yield temporary
             os.replace(temporary, file)
+
+
+def _temporary(folder: Path) -> tempfile.TemporaryDirectory[str]:
+    """A folder for what is being written into another."""
+    _tidied(folder.absolute())
+    return tempfile.TemporaryDirectory(prefix=f"{WRITING}{platform.node()}-{os.getpid()}-", dir=folder)
+
+
+@functools.cache
+def _tidied(folder: Path) -> None:
+    """Remove, once in a process, what processes that are gone have left in a folder.
+
+    Those on other machines may be writing into the same folder: what they write is left alone.
+    """
+    for left in folder.glob(f"{WRITING}{glob.escape(platform.node())}-*"):
+        process = left.name.rsplit("-", 2)[1]
+        if process.isdecimal() and not _runs(int(process)):
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of this number may still run; always, where the system cannot be asked."""
+    try:
+        if os.name == "posix":
+            os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 @contextlib.contextmanager

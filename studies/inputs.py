@@ -71,8 +71,8 @@ def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigi
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
     """The design of a study, with overrides KEY=VALUE."""
-    changed = [f"{key}={value}" for key, value in study.fields.items()]
-    return read_design(study.design, [*changed, *sets], magnet=magnet)
+    base, values = _preset_or_file(study.design)
+    return _made(base, {**values, **study.fields, **_overrides(sets)}, magnet)
 
 
 def parse_axes(axes: Sequence[str]) -> dict[str, list[float]]:
@@ -104,14 +104,21 @@ def parse_numbers(name: str, text: str) -> list[float]:
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
     """Fields of a dataclass of numbers from texts KEY=VALUE; a number without a point is a whole one."""
     names = [spec.name for spec in dataclasses.fields(kind)]
-    found: dict[str, Any] = {}
+    given = pairs(option, texts, f"{names[-1]}=2")
+    _known(option, given, names)
+    return {key: int(value) if value.isdecimal() else _number(key, value) for key, value in given.items()}
+
+
+def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
+    """What an option that is given once for each key says, from texts KEY=VALUE."""
+    found: dict[str, str] = {}
     for text in texts:
-        key, equals, value = text.partition("=")
-        key, value = key.strip(), value.strip()
+        key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key:
-            raise BadInput(f"{option} takes KEY=VALUE, such as {names[1]}=1; got {text!r}")
-        _known(option, [key], names)
-        found[key] = int(value) if value.isdecimal() else _number(key, value)
+            raise BadInput(f"{option} takes KEY=VALUE, such as {example}; got {text!r}")
+        if key in found:
+            raise BadInput(f"{option} {key} is given twice, as {found[key]} and {value}: give it once")
+        found[key] = value
     return found
 
 
@@ -168,15 +175,9 @@ def _made(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
 
 
 def _overrides(sets: Sequence[str]) -> dict[str, Value]:
-    found: dict[str, Value] = {}
-    for text in sets:
-        key, equals, value = text.partition("=")
-        key = key.strip()
-        if not equals or not key:
-            raise BadInput(f"--set takes KEY=VALUE, such as D=10; got {text!r}")
-        _known("--set", [key], _FIELDS)
-        found[key] = value.strip() if _KINDS[key] is str else _number(key, value.strip())
-    return found
+    given = pairs("--set", sets, "D=10")
+    _known("--set", given, _FIELDS)
+    return {key: value if _KINDS[key] is str else _number(key, value) for key, value in given.items()}
 
 
 def _number(name: str, text: str) -> float:

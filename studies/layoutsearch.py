@@ -58,12 +58,11 @@ def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float,
     {'f': (5.0, 5.0), 'l0': (5.5, 13.0), 'c': (0.0, 2.0)}
     """
     found = ranges(design)
-    for text in texts:
-        name, equals, values = (part.strip() for part in text.partition("="))
-        if not equals or name not in found:
+    for name, values in inputs.pairs("--range", texts, "f=5,8").items():
+        if name not in found:
             raise BadInput(
                 f"--range takes NAME=LOW,HIGH in mm with NAME one of {', '.join(found)}"
-                f" (the layout is {design.hall_layout}); got {text!r}"
+                f" (the layout is {design.hall_layout}); got {name}={values}"
             )
         numbers = inputs.parse_numbers(f"--range {name}", values)
         if len(numbers) > 2 or not numbers[0] <= numbers[-1]:

@@ -1,13 +1,21 @@
-"""A picture of the assembled sensor, the front half of beam and base cut away."""
+"""A picture of the assembled sensor, the front half of beam and base cut away.
+
+VTK and pyvista take as long to import as the CAD kernel does to make and check everything, and a graphics driver may
+take a process down with it. So the picture is drawn by a process of its own, `python -m studies.portrait`: it is
+started early, imports meanwhile, and draws what then comes in.
+"""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Mapping
+import contextlib
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from geometry.cadfiles import triangulated
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -24,34 +32,74 @@ OPENED = ("base", "silicone")
 CLOSE = 600
 """The facets' distance from the surface is this much less than the sensor's size."""
 
+COMMAND = (sys.executable, "-m", "studies.portrait")
+"""What draws: parts come in, a PNG file goes out."""
 
-def portrait(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
-    """The picture as a PNG file's bytes.
 
-    Parameters
-    ----------
-    parts : solids in the sensor's frame, each with its colour; base and silicone are cut open, others shown whole.
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What is drawn of a part: vertices, shape (n, 3), mm; faces, shape (m, 3); colour; only y > 0, or all."""
+
+    vertices: Any
+    faces: Any
+    colour: str
+    opened: bool
+
+
+@contextlib.contextmanager
+def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]]], bytes]]:
+    """A process that gets ready to draw one picture, and a function that has it drawn.
+
+    The function takes solids in the sensor's frame by name, each with its colour, and gives the bytes of a PNG file;
+    base and silicone are cut open, others shown whole. It raises a RuntimeError if the process fails.
     """
+    here, pipe = Path(__file__).parent.parent, subprocess.PIPE
+    with subprocess.Popen(COMMAND, cwd=here, stdin=pipe, stdout=pipe, stderr=pipe) as process:
+
+        def drawn(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
+            found, said = process.communicate(pickle.dumps(_faceted(parts)))
+            if process.returncode:
+                last = (said.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+                raise RuntimeError(f"drawing ended with exit code {process.returncode} ({last})")
+            return found
+
+        try:
+            yield drawn
+        finally:
+            process.kill()
+
+
+def _faceted(parts: Mapping[str, tuple[Solid, str]]) -> list[Part]:
+    """The parts as triangles."""
+    import numpy as np
+
+    from geometry.cadfiles import triangulated
+
+    size, found = max(parts["base"][0].bounding_box(optimal=False).size), []
+    for name, (solid, colour) in parts.items():
+        mesh = triangulated(solid, size / CLOSE, 0.2)
+        found.append(Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), colour, name in OPENED))
+    return found
+
+
+def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
+    """The picture as a PNG file's bytes; the size of what is shown is that of the widest part."""
     import numpy as np
     import pyvista as pv
     from PIL import Image
 
-    box = parts["base"][0].bounding_box(optimal=False)
-    size = max(box.size)
-    plotter, top = _plotter(), 0.0
-    plotter.clear_actors()
-    for name, (solid, colour) in parts.items():
-        mesh = triangulated(solid, size / CLOSE, 0.2)
-        top = max(top, float(mesh.vertices[:, 2].max()))
-        surface = pv.PolyData.from_regular_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-        if name in OPENED:
+    size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if part.opened)
+    for part in parts:
+        surface = pv.PolyData.from_regular_faces(part.vertices, part.faces)
+        if part.opened:
             surface = surface.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
         surface = surface.compute_normals(split_vertices=True, feature_angle=30)
-        plotter.add_mesh(surface, color=colour, smooth_shading=True, specular=0.2, ambient=0.25, render=False)
+        plotter.add_mesh(surface, color=part.colour, smooth_shading=True, specular=0.2, ambient=0.25, render=False)
         edges = surface.extract_feature_edges(30, manifold_edges=False)
         if edges.n_cells:
             plotter.add_mesh(edges, color="#222222", line_width=2.0, render=False)
-    middle = (top + float(box.min.Z)) / 2
+    heights = [float(z) for part in parts for z in (part.vertices[:, 2].min(), part.vertices[:, 2].max())]
+    middle = (max(heights) + min(heights)) / 2
     camera = plotter.camera
     camera.focal_point = (0.0, 0.0, middle)
     camera.position = (0.45 * size, -1.6 * size, middle + 1.1 * size)
@@ -72,9 +120,8 @@ def _trimmed(picture: Any) -> Any:
     return picture.crop((max(left - RIM, 0), max(top - RIM, 0), min(right + RIM, wide), min(low + RIM, tall)))
 
 
-@functools.cache
 def _plotter() -> Any:
-    """One plotter for all pictures of a process: most of a picture's time goes into making it."""
+    """An empty stage; most of a picture's time goes into making it."""
     import pyvista as pv
 
     from studies.pictures import quiet
@@ -85,3 +132,13 @@ def _plotter() -> Any:
     plotter.enable_anti_aliasing("msaa", multi_samples=4)
     plotter.enable_parallel_projection()
     return plotter
+
+
+def main() -> None:
+    """Draw what comes in."""
+    plotter = _plotter()
+    sys.stdout.buffer.write(portrait(pickle.load(sys.stdin.buffer), plotter))
+
+
+if __name__ == "__main__":
+    main()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -124,7 +126,7 @@ def build(
 
     Parameters
     ----------
-    picture : whether to draw one; it takes about as long as all the rest of a design.
+    picture : whether to draw one; it takes as long as all the rest of a design, beside it.
 
     Raises
     ------
@@ -136,9 +138,12 @@ def build(
 
     mold.sizes(design, making.mold)
     fineness(design, making)
-    with files.filled(out) as folder, files.staged(folder) as stage:
+    with files.filled(out) as folder, files.staged(folder) as stage, contextlib.ExitStack() as stack:
         refuse_foreign(folder / ALONE)
+        draw = stack.enter_context(portrait.painter()) if picture else None
         progress(0.0, "solids and mould")
+        with console.unbroken():
+            importlib.import_module("build123d")
         made = things(design, making)
         record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
         record["warnings"] = [*design.warnings(), *warnings(design, making, made)]
@@ -155,12 +160,15 @@ def build(
                     "no file is written: change the design or the mould"
                 )
             record["parts"] = _write(design, making, made, shapes, stage, progress)
-            if picture and made.plan:
-                progress(0.8, "picture")
-                (stage / PICTURE).write_bytes(portrait.portrait(coloured(made)))
         except RuntimeError as error:
             record["status"], record["message"] = "failed", str(error)
             return record
+        if draw and made.plan:
+            progress(0.8, "picture")
+            try:
+                (stage / PICTURE).write_bytes(draw(coloured(made)))
+            except RuntimeError as error:
+                record["warnings"].append(f"no picture: {error}")
         record["warnings"] += left_over(folder, stage)
         text = recipe.text(design, making, record, made.plan, PICTURE if (stage / PICTURE).exists() else "")
         files.write_text(stage / ALONE, text)

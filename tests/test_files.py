@@ -4,6 +4,9 @@ import dataclasses
 import math
 import resource
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -209,3 +212,24 @@ def test_a_mesh_on_a_full_disk_is_an_error_that_names_its_file(tmp_path):
         signal.signal(signal.SIGXFSZ, handler)
     assert caught.value.filename == str(tmp_path / "mesh.vtu")
     assert not list(tmp_path.iterdir())
+
+
+def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
+    code = (
+        "import os, signal, sys; from pathlib import Path; from studies import files\n"
+        "with files.staged(Path(sys.argv[1])) as stage:\n"
+        "    (stage / 'part').write_text('half'); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    root = Path(__file__).parent.parent
+    killed = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=root, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    elsewhere = tmp_path / ".writing-another-machine-1-abc"
+    elsewhere.mkdir()
+    with files.staged(tmp_path) as mine:
+        assert not left.exists()
+        # who is at work here or elsewhere is not disturbed
+        files._tidied.cache_clear()
+        files.write_text(tmp_path / "text.txt", "whole")
+        assert mine.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [elsewhere.name, "text.txt"]

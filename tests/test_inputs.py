@@ -26,7 +26,7 @@ def refused(*parts):
 
 def test_preset_and_overrides():
     assert read_design("paper") == paper()
-    assert read_design("paper", ["D = 10", "L=12", "D=9"]) == dataclasses.replace(paper(), D=9.0, L=12.0)
+    assert read_design("paper", ["D = 9", "L=12"]) == dataclasses.replace(paper(), D=9.0, L=12.0)
 
 
 def test_file_fills_from_the_preset(toml):

@@ -1,5 +1,6 @@
 """The tetrahedral mesh lies on the exact surfaces, conforms at the magnet, and fTetWild never sees bad input."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -207,7 +208,57 @@ def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
     monkeypatch.setattr(curving, "curved", lambda mesh, sizes, true: None)
     with pytest.raises(RuntimeError, match="folds over, flattens"):
         tetrahedra(PAPER, 1.0)
-    assert tried == pytest.approx([1.0, 0.9, 0.8, 0.7])
+    assert tried == pytest.approx([1.0, 0.97, 0.94, 0.9, 0.8, 0.7])
+
+
+@pytest.mark.parametrize("push", [0.98, 1.02, 1.3])
+def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
+    """The middle of a cube pushed to a side and through it: its cells are flat, then inside out."""
+    mesh = MeshTet1.init_tensor(*3 * [np.linspace(1, 3, 3)])
+    apart = {name: np.zeros(27, dtype=bool) for name in ("base", "skin")}
+    whole = curving.shapes(mesh.p[:, mesh.t])
+    flip = mesh.t.copy()
+    flip[:, whole < 0] = flip[:, whole < 0][[0, 2, 1, 3]]
+    (middle,) = np.flatnonzero((mesh.p == 2).all(axis=0))
+    p = mesh.p.copy()
+    p[0, middle] += push
+    assert curving.shapes(p[:, flip]).min() < curving.LEAST_SHAPE
+    mended = curving.mended(p, flip, apart)
+    assert curving.shapes(mended[:, flip]).min() > 3 * curving.LEAST_SHAPE
+    # whatever is well shaped stays to the last bit
+    assert curving.mended(mended, flip, apart) is mended
+
+
+def test_mending_moves_nothing_on_the_surfaces(half):
+    """A vertex inside and one of the plane of symmetry, each put on a neighbour, come back; all else stays."""
+    mesh = MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
+    on = {name: np.isin(np.arange(mesh.nvertices), mesh.facets[:, part]) for name, part in mesh.boundaries.items()}
+    held = on["base"] | on["skin"] | on["magnet"]
+    p = mesh.p.copy()
+    for free in (~held & ~on["symmetry"], ~held & on["symmetry"]):
+        vertex = np.flatnonzero(free)[0]
+        near = np.setdiff1d(mesh.t[:, (mesh.t == vertex).any(axis=0)], vertex)
+        p[:, vertex] = p[:, near[np.linalg.norm(mesh.p[:, near] - mesh.p[:, [vertex]], axis=0).argmin()]]
+    assert curving.shapes(p[:, mesh.t]).min() < curving.LEAST_SHAPE
+    mended = curving.mended(p, mesh.t, on)
+    assert curving.shapes(mended[:, mesh.t]).min() > curving.LEAST_SHAPE
+    assert (mended[:, held] == mesh.p[:, held]).all()
+    assert np.abs(mended[1, on["symmetry"]]).max() == 0
+
+
+def test_a_magnet_whose_facets_fold_is_not_taken_for_its_volume(half):
+    """Cells of another volume than the exact one are refused, whatever the facets around them add up to."""
+    cells = curving.volumes(half)
+    assert cells["magnet"] == pytest.approx(cad.magnet_volume(PAPER) / 2, rel=1e-5)
+    straight = MeshTet1(
+        half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
+    )
+    # a cell of the magnet is called silicone: the facets of the interface stay
+    magnet = straight.subdomains["magnet"]
+    parts = {"magnet": magnet[1:], "silicone": np.append(straight.subdomains["silicone"], magnet[0])}
+    sizes = Sizes.of(PAPER, 1.2, None)
+    assert curving.curved(straight, sizes, PAPER) is not None
+    assert curving.curved(dataclasses.replace(straight, _subdomains=parts), sizes, PAPER) is None
 
 
 def test_relaxing_rescues_a_curved_cell(half, monkeypatch):

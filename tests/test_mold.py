@@ -221,6 +221,11 @@ def test_a_pocket_that_does_not_fit_is_found():
     assert {"magnet's end over the pocket's", "magnet beside its pocket"} <= set(found)
 
 
+def test_without_a_pin_a_loose_lid_meets_nothing():
+    bare = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+    assert sizes(Design(D=0.1, L=1.0, **bare), Mold(fit=0.3, vent_diameter=0.01)).fit == 0.3
+
+
 def test_a_lid_too_loose_for_a_thin_wall_is_refused():
     design = Design(D=1, L=0.8, magnet_diameter=0.4, magnet_height=0.2, magnet_edge_radius=0.02)
     with pytest.raises(BadInput, match=r"fit must not exceed the 0\.\d+ mm of silicone .* got 0\.35 mm"):

@@ -15,7 +15,7 @@ import pytest
 from geometry.base import Base, plan
 from geometry.design import paper
 from geometry.printing import Check
-from studies import portrait, recipe, workshop
+from studies import console, portrait, recipe, workshop
 from studies.sweep import varied
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -87,6 +87,18 @@ def test_the_picture_shows_the_sensor_in_colour(made):
     assert (image[[0, -1]] == 1).all()
     assert all(side.any() for side in (frame[0], frame[-1], frame[:, 0], frame[:, -1]))
     assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
+
+
+def test_a_picture_that_cannot_be_drawn_costs_the_picture_only(run, tmp_path, monkeypatch, strict):
+    ends = "import os, sys; print('no driver', file=sys.stderr); sys.stdin.buffer.read(); os._exit(7)"
+    monkeypatch.setattr(portrait, "COMMAND", (sys.executable, "-c", ends))
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 0
+    assert "warning: no picture: drawing ended with exit code 7 (no driver)" in err
+    assert strict(out)[0]["warnings"]
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts") == written | SHEETS - {"assembly.png"}
+    assert "assembly.png" not in (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
 
 
 def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp_path):
@@ -173,6 +185,20 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     assert not list(tmp_path.rglob(".writing-*"))
 
 
+def test_an_interrupt_waits_for_what_must_not_be_broken():
+    reached = []
+
+    def work():
+        with console.unbroken():
+            os.kill(os.getpid(), signal.SIGINT)
+            reached.append("end")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached == ["end"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_the_elements_of_a_batch_stay_in_the_base():
     one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
     assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
@@ -187,6 +213,8 @@ def test_the_elements_of_a_batch_stay_in_the_base():
         (("--mold", "skirt=9"), "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
         (("--mold", "wal=3"), "did you mean wall?"),
         (("--mold", "wall"), "--mold takes KEY=VALUE"),
+        (("--mold", "wall=1", "--mold", "wall = 2"), "--mold wall is given twice, as 1 and 2: give it once"),
+        (("--set", "L=9", "--set", "L=10"), "--set L is given twice"),
         (("--mold", "vents=2.5"), "vents must be a whole number"),
         (("--mold", "process=sla"), "give --process"),
         (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),

@@ -50,3 +50,10 @@ def test_similar_shapes_are_enlarged_alike():
     one, other = Zoom.of(SMALL), Zoom.of(SMALL.scaled(0.1))
     assert other.factor == pytest.approx(one.factor)
     assert other.centre == pytest.approx(0.1 * one.centre)
+
+
+def test_a_magnet_near_the_base_is_enlarged_as_far_as_doubles_cells():
+    """The design of `magtip range` whose magnet of D/100 lies D/15 over the base."""
+    zoom = Zoom.of(Shape(50, 28.337, 0.5046, 1.122, 0.006252))
+    assert zoom.factor == pytest.approx(zoom.room / zoom.core)
+    assert zoom.factor == pytest.approx(1.96, abs=0.01)
