@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,14 +57,14 @@ def grid_of(
     return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
 
 
-def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, Any]]:
-    """Run a sweep."""
+def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str, Any]]:
+    """The rows of a sweep, each as soon as it is solved."""
     from fem.levels import LEVELS
     from studies import sweep as work
 
     level = LEVELS[grid.accuracy]
     with files.results(out) as folder:
-        rows: list[dict[str, Any]] = work.run(
+        yield from work.run(
             grid.design,
             grid.axes,
             folder,
@@ -72,7 +73,6 @@ def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, An
             accuracy=level,
             progress=progress,
         )
-    return rows
 
 
 def compared(row: dict[str, Any]) -> dict[str, Any]:

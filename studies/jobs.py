@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -102,15 +102,21 @@ def sweep(
     accuracy
         Of the finite elements; standard by default.
     out
-        Folder of the table and the plot.
+        Folder of the table and the plot, and of the solves, from which a sweep that was stopped goes on.
     """
     case = grids.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
     if case.magnet == "rigid":
         _say_what_is_ignored(case.design)
-    with console.progress(as_json=as_json) as progress:
-        rows = grids.sweep(case, out, progress)
-    shown = rows if as_json else [grids.compared(row) for row in rows]
-    console.report(shown, as_json=as_json, title="Sweep")
+    rows: list[dict[str, Any]] = []
+    try:
+        with console.progress(as_json=as_json) as progress:
+            for row in grids.sweep(case, out, progress):
+                rows.append(row)
+                if as_json:
+                    console.report([row], as_json=True)
+    finally:
+        if not as_json:
+            console.report([grids.compared(row) for row in rows], as_json=False, title="Sweep")
     failed = [row for row in rows if row["status"] != "ok"]
     for reason in dict.fromkeys(row["message"] for row in failed if row["message"]):
         console.say(f"magtip: {sum(row['message'] == reason for row in failed)} of {len(rows)} cases: {reason}")
