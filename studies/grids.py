@@ -75,10 +75,13 @@ def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str
         )
 
 
+CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
+"""Keys of what a row of a comparison or a sweep is of."""
+
+
 def compared(row: dict[str, Any]) -> dict[str, Any]:
     """What a table on the screen shows of a row of a comparison or a sweep; the rest is in the files."""
-    load = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
     judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
     keys = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
     errors = ("force_error_percent", "force_x_error_percent", "fem_tilt_rad", "status")
-    return {key: row[key] for key in (*load, *keys, *errors) if key in row}
+    return {key: row[key] for key in (*CASE, *keys, *errors) if key in row}

@@ -68,6 +68,7 @@ def compare(
     else:
         for name in ("press", "shear"):
             console.report([grids.compared(row) for row in summary[name]], as_json=False, title=name.capitalize())
+            _print_remarks(summary[name])
     return judged([*summary["press"], *summary["shear"]])
 
 
@@ -117,9 +118,12 @@ def sweep(
     finally:
         if not as_json:
             console.report([grids.compared(row) for row in rows], as_json=False, title="Sweep")
+            _print_remarks([row for row in rows if row["status"] == "ok"])
     failed = [row for row in rows if row["status"] != "ok"]
-    for reason in dict.fromkeys(row["message"] for row in failed if row["message"]):
-        console.say(f"magtip: {sum(row['message'] == reason for row in failed)} of {len(rows)} cases: {reason}")
+    for reason in console.remarks(failed, grids.CASE):
+        console.say(f"magtip: {reason}")
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
 
 
@@ -143,6 +147,11 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
         if record["warning"]:
             console.say(f"Warning: {record['warning']}.")
     return GOOD
+
+
+def _print_remarks(rows: list[dict[str, Any]]) -> None:
+    for remark in console.remarks(rows, grids.CASE):
+        print(remark)
 
 
 def _say_what_is_ignored(design: Design) -> None:

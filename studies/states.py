@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from fem.solution import Solution
 
 MOST_STEPS = 1000
+MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
+"""Keys that tell the states of a path apart."""
 
 
 def loads_of(motion: Motion) -> list[Load]:

@@ -169,8 +169,14 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
     >>> varied(paper(), {"L": 11.0}).l0
     9.2
     """
+    # what is wrong with these fields comes before what follows from them
+    dataclasses.replace(base, **fields)  # type: ignore[arg-type]
     height = fields.get("L", base.L) - fields.get("D", base.D) / 2
     changed: dict[str, Any] = {**fields, "l0": base.l0 + height - base.H}
+    if not changed["l0"] > base.magnet_height / 2:
+        raise BadInput(
+            "S1, which stays where it is in the base, would meet the magnet: take a larger L or a smaller D"
+        )
     return dataclasses.replace(base, **changed)
 
 

@@ -94,6 +94,12 @@ def test_the_hall_elements_stay_where_they_are():
         assert np.allclose(before, after, atol=1e-12)
 
 
+def test_a_refusal_speaks_of_what_was_given():
+    for fields, reason in (({"D": 50.0}, "L must exceed"), ({"D": 8.0, "L": 4.5}, "S1")):
+        with pytest.raises(BadInput, match=reason):
+            sweep.varied(replace(BARE, l0=2.0), fields)
+
+
 def test_cases_that_cannot_be_solved_stay_rows():
     axes = {"D": [3.0, 8.0], "depth": [1.0, 7.0]}
     rows = run(paper(), axes, None, depth=1.0, accuracy=QUICK)
