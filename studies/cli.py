@@ -104,6 +104,6 @@ def main(tokens: list[str] | None = None) -> int:
         console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
         return BAD
     except KeyboardInterrupt as stop:
-        console.say(f"magtip: interrupted; {stop or 'files that are complete stay'}")
+        console.say(f"magtip: interrupted; {str(stop) or 'files that are complete stay'}")
         return INTERRUPTED
     return int(status or GOOD)

@@ -209,12 +209,12 @@ def _heading(key: str) -> tuple[str, str]:
     """What a key names, and the unit its values are shown in.
 
     >>> _heading("stiffness_N_per_mm"), _heading("shift_per_mm"), _heading("depth_mm")
-    (('stiffness', 'N/mm'), ('shift', '1/mm'), ('depth', 'mm'))
+    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
     """
     name, _, last = key.rpartition("_")
     if name.endswith("_per"):
         above, unit = _heading(name.removesuffix("_per"))
-        return above, f"{unit or 1}/{last}"
+        return above, f"{unit or last}/{last}"
     if name and last in UNITS:
         return name.replace("_", " "), UNITS[last][0]
     return key.replace("_", " "), ""

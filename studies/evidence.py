@@ -91,6 +91,8 @@ def accuracy(
     minutes
         Begin no further solve after this time, and report what there is.
     """
+    if minutes is not None and not minutes >= 0:
+        raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies import accuracy as work
     from studies import calibration
     from studies.extremes import versions

@@ -48,6 +48,9 @@ def grid_of(
             raise BadInput("a sweep needs a study's TOML file with a table [axes], or --axis NAME=a,b,c")
         magnet, values = magnet or "rigid", inputs.parse_axes(axes)
         varied = inputs.read_design(source or design or "paper", sets, magnet=magnet)
+    for name, _, value in (text.partition("=") for text in sets):
+        if name.strip() in values:
+            raise BadInput(f"{name.strip()} is an axis and set to {value.strip()} too: leave one of them out")
     if "depth" in values and depth is not None:
         raise BadInput("the depth is an axis and given by itself too: leave one of them out")
     if "depth" not in values and depth is None:

@@ -9,12 +9,13 @@ from cyclopts import Parameter
 
 from geometry.design import Design
 from geometry.scene import Magnet
-from studies import console, files, grids, inputs
+from studies import console, files, grids
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson, Sets, Source, judged
+from studies.options import FAILED, GOOD, AsJson, Sets, Source, design_of, judged, say_what_is_idle
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
-Data = Annotated[str, Parameter(name="FILE", help="CSV: stretch or strain, and nominal_stress_MPa, _kPa or _Pa.")]
+COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
+Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:
@@ -56,7 +57,7 @@ def compare(
     accuracy
         Of the finite elements.
     """
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     from fem.levels import LEVELS
     from studies import compare as work
 
@@ -106,6 +107,7 @@ def sweep(
         Folder of the table and the plot, and of the solves, from which a sweep that was stopped goes on.
     """
     case = grids.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
+    say_what_is_idle(case.design)
     if case.magnet == "rigid":
         _say_what_is_ignored(case.design)
     rows: list[dict[str, Any]] = []
@@ -146,6 +148,9 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
     for record in records:
         if record["warning"]:
             console.say(f"Warning: {record['warning']}.")
+    if not any(record["chosen"] for record in records):
+        console.say("magtip: there is no design.toml, for no fit has an E that a design may have")
+        return FAILED
     return GOOD
 
 
