@@ -39,7 +39,7 @@ def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     Parameters
     ----------
     quick
-        On coarser meshes and without the half model: half a minute instead of several.
+        On coarser meshes and without tetrahedra: a minute instead of several.
     out
         Folder of friction.csv, FRICTION.md and friction.png.
     """
