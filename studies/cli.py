@@ -103,7 +103,7 @@ def main(tokens: list[str] | None = None) -> int:
         name = repr(error.filename) if error.filename else "a file"
         console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
         return BAD
-    except KeyboardInterrupt:
-        console.say("magtip: interrupted; files that are complete stay")
+    except KeyboardInterrupt as stop:
+        console.say(f"magtip: interrupted; {str(stop) or 'files that are complete stay'}")
         return INTERRUPTED
     return int(status or GOOD)

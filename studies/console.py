@@ -29,6 +29,12 @@ UNITS = {
 }
 """Unit that a key's last word stands for, as it is shown, and its size in it."""
 
+MOST_NAMED = 6
+"""Of the records that a message is of."""
+
+NUMBER = 10
+"""Columns of a number such as -0.0001234."""
+
 WIDTH = 160
 """Columns of a table that is not shown in a terminal."""
 
@@ -77,6 +83,33 @@ def stream(
     return printed
 
 
+def remarks(records: Sequence[Mapping[str, Any]], keys: Iterable[str]) -> list[str]:
+    """Each message of the records once, with the records that it belongs to, told apart by those keys that vary.
+
+    >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "gives way"}], ["depth_mm"])
+    ['depth 2 mm: gives way']
+    """
+    there = [key for key in keys if any(key in record for record in records)]
+    varying = [key for key in there if len({record.get(key) for record in records}) > 1] or there[:1]
+    places: dict[str, list[Mapping[str, Any]]] = {}
+    for record in records:
+        if record.get("message"):
+            places.setdefault(record["message"], []).append(record)
+    return [f"{_places(found, varying)}: {message}" for message, found in places.items()]
+
+
+def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
+    """The first few of the records by their keys."""
+    heads = [_heading(key) for key in keys]
+    cells = [[_text(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
+    more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
+    if len(keys) == 1:
+        ((name, unit),) = heads
+        return f"{name} {', '.join(cell for (cell,) in cells)} {unit}{more}"
+    each = [[f"{n} {text} {unit}".strip() for (n, unit), text in zip(heads, row, strict=True)] for row in cells]
+    return "; ".join(", ".join(parts) for parts in each) + more
+
+
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; the heads ["", "unit", "value"] stand for name, value and unit side by side."""
     headed = list(heads) != ["", "unit", "value"]
@@ -98,15 +131,20 @@ def _print_table(
     from rich.text import Text
 
     shown = Table(title=title or None, box=box.SIMPLE, show_header=headed, show_edge=edged, title_justify="left")
-    for head, width in zip(heads, widths, strict=True):
-        shown.add_column(head, overflow="fold", width=width)
+    words = [" ".join(cells).split() for cells in zip(heads, *rows, strict=True)]
+    # a cell may be broken between numbers, not within one
+    least = [
+        width or min(max(map(len, found), default=1), 2 * NUMBER) for width, found in zip(widths, words, strict=True)
+    ]
+    for head, width, narrowest in zip(heads, widths, least, strict=True):
+        shown.add_column(head, overflow="fold", width=width, min_width=narrowest)
     for row in rows:
         shown.add_row(*map(Text, row))
     terminal = sys.stdout.isatty()
     space = shutil.get_terminal_size().columns if terminal else WIDTH
     text = io.StringIO()
-    # fixed columns are not squeezed: a narrow terminal wraps their rows
-    space = max(space, sum((width or 0) + 3 for width in widths))
+    # columns are not squeezed further: a narrow terminal wraps their rows
+    space = max(space, sum(width + 3 for width in least))
     Console(file=text, width=space, force_terminal=terminal, highlight=False).print(shown)
     # a bar on standard error moves aside for what is printed, not for what a console writes
     print(text.getvalue(), end="", flush=True)
@@ -114,7 +152,7 @@ def _print_table(
 
 def _width(key: str, value: Any) -> int:
     """Columns that a key's values take in rows that are printed one by one."""
-    return 13 if key == "status" else 26 if isinstance(value, (list, tuple)) else 8
+    return 13 if key == "status" else 26 if isinstance(value, (list, tuple)) else NUMBER
 
 
 def say(text: str) -> None:
@@ -173,12 +211,12 @@ def _heading(key: str) -> tuple[str, str]:
     """What a key names, and the unit its values are shown in.
 
     >>> _heading("stiffness_N_per_mm"), _heading("shift_per_mm"), _heading("depth_mm")
-    (('stiffness', 'N/mm'), ('shift', '1/mm'), ('depth', 'mm'))
+    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
     """
     name, _, last = key.rpartition("_")
     if name.endswith("_per"):
         above, unit = _heading(name.removesuffix("_per"))
-        return above, f"{unit or 1}/{last}"
+        return above, f"{unit or last}/{last}"
     if name and last in UNITS:
         return name.replace("_", " "), UNITS[last][0]
     return key.replace("_", " "), ""

@@ -39,7 +39,7 @@ def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     Parameters
     ----------
     quick
-        On coarser meshes and without the half model: half a minute instead of several.
+        On coarser meshes and without tetrahedra: a minute instead of several.
     out
         Folder of friction.csv, FRICTION.md and friction.png.
     """
@@ -91,6 +91,8 @@ def accuracy(
     minutes
         Begin no further solve after this time, and report what there is.
     """
+    if minutes is not None and not minutes >= 0:
+        raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies import accuracy as work
     from studies import calibration
     from studies.extremes import versions

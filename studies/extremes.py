@@ -2,7 +2,8 @@
 
 A right answer is one that its check measures within the bound. Where a scene may stop short, the last good state is
 solved again by itself: force and energy must agree to 1e-6, and the message must name the load that was reached.
-A path that turns unstable on the way may end in one of several equilibria; it has to name the depth of the onset.
+A path that turns unstable on the way may end in one of several equilibria; it has to name the depth of the onset, and
+where it differs from what it is compared with, that is what it is judged by.
 A frictionless press that gives way must hold less energy than the symmetric press. The column `inside out` is the
 share of the silicone's volume where det F <= 0 between the points of integration (section meshes only).
 """
@@ -80,12 +81,17 @@ def _row(scene: Scene, finding: Finding | None, status: str, message: str, secon
     right = measured <= bound if finding else status == "bad_input"
     warned = status in ("unstable", "not_converged") and "unstable since" in message
     response = end.response if end else None
+    check = finding.check if finding else "refused, in one sentence" if status == "bad_input" else "none"
+    if warned and not right:
+        # equilibria part at the onset: what they differ by is told, and not judged
+        differs = f" ({check}: {measured:.3g}, not judged beyond it)" if finding else ""
+        check, measured, bound = f"the message names the depth of the onset{differs}", NAN, NAN
     return {
         "scene": scene.name,
         "status": status,
         "message": message,
         "seconds": seconds,
-        "check": finding.check if finding else "refused, in one sentence" if status == "bad_input" else "none",
+        "check": check,
         "measured": measured,
         "bound": bound if finding else NAN,
         "passed": bool((right and status in scene.ends) or warned),

@@ -7,7 +7,8 @@ size among them,
     AICc = n ln(SSE / n) + 2 k + 2 k (k + 1) / (n - k - 1),
 
 which takes errors as independent: a slow drift of the machine makes the larger laws look better than they are.
-Residuals of less than 1e-9 of the largest stress count as none, and n <= k + 1 ranks last.
+Residuals of less than 1e-9 of the largest stress count as none, and n <= k + 1 ranks last. So do laws with a number
+at a bound of the search: the criterion does not hold there, for the best fit lies beyond or a number is undetermined.
 
 A law is called stable at a homogeneous stretch if, the body being incompressible and its free directions without
 stress, d(tau) : d(h) > 0 for every change of the principal stretches (Drucker; tau Kirchhoff stress, h logarithmic
@@ -50,6 +51,9 @@ STARTS: dict[str, list[tuple[float, ...]]] = {
 MODES = {"uniaxial": (1.0, -0.5, -0.5), "equibiaxial": (0.5, 0.5, -1.0), "planar": (1.0, 0.0, -1.0)}
 """Logarithmic strains of each mode over their measure; the last direction is free of stress."""
 
+AT_BOUND = 1e-6
+"""Distance of a number from its bound, over its range, that counts as none."""
+
 RANGE = (0.3, 4.0)
 """Stretches between which stability is looked for."""
 
@@ -64,7 +68,8 @@ class Fit:
     rms : root mean square of the residual, MPa; `share` is that over the largest stress.
     stable : least and largest stretch of each of `MODES` between which the law is stable, 1 among them.
     everywhere : whether it is stable in all of `RANGE` and of the data.
-    warning : if the data themselves leave the stable range.
+    bounded : names of the numbers that ended at a bound of the search.
+    warning : if the data themselves leave the stable range, or a number is bounded.
     """
 
     law: str
@@ -75,6 +80,7 @@ class Fit:
     aicc: float
     stable: dict[str, tuple[float, float]]
     everywhere: bool
+    bounded: tuple[str, ...]
     warning: str
 
 
@@ -120,7 +126,7 @@ def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
     mu = float(unit @ data.stress) / float(unit @ unit)
     if not mu > 0:
         raise BadInput("the stress falls where the stretch grows: tension must be positive in both columns")
-    return sorted((_fitted(name, data, mu, nu) for name in LAWS), key=lambda found: found.aicc)
+    return sorted((_fitted(name, data, mu, nu) for name in LAWS), key=lambda f: (bool(f.bounded), f.aicc))
 
 
 def _fitted(name: str, data: Specimen, mu: float, nu: float) -> Fit:
@@ -149,6 +155,9 @@ def _fitted(name: str, data: Specimen, mu: float, nu: float) -> Fit:
     rms = largest * math.sqrt(float(np.mean(residual(np.array([best[0], *values])) ** 2)))
     stable = stable_ranges(name, values, (float(data.stretch.min()), float(data.stretch.max())))
     low_stretch, high_stretch = stable["uniaxial"]
+    bounded = tuple(
+        name for name, value in numbers.items() if _at_bound(value, specs[name]["low"], specs[name]["high"])
+    )
     warning = ""
     if not (low_stretch <= data.stretch.min() and data.stretch.max() <= high_stretch):
         warning = f"the data leave the stable range of {name}, stretch {low_stretch:.3g} to {high_stretch:.3g}"
@@ -161,8 +170,18 @@ def _fitted(name: str, data: Specimen, mu: float, nu: float) -> Fit:
         aicc=aicc(len(data.stress), len(best) + 1, max(rms / largest, EXACT)),
         stable=stable,
         everywhere=all(low <= RANGE[0] and high >= RANGE[1] for low, high in stable.values()) and not warning,
-        warning=warning,
+        bounded=bounded,
+        warning="; ".join(filter(None, (warning, _said_of(bounded, numbers)))),
     )
+
+
+def _at_bound(value: float, low: float, high: float) -> bool:
+    return min(value - low, high - value) <= AT_BOUND * (high - low)
+
+
+def _said_of(bounded: tuple[str, ...], numbers: dict[str, float]) -> str:
+    where = " and ".join(f"{name} = {numbers[name]:.4g}" for name in bounded)
+    return f"{where} at a bound of the search: no optimum, ranked last" if where else ""
 
 
 def _tidy(name: str, numbers: list[float]) -> list[float]:
@@ -225,21 +244,34 @@ def run(path: str, nu: float, folder: Path | None) -> list[dict[str, Any]]:
     Returns
     -------
     A record for each law, the best first; `chosen` marks the one in design.toml, the best that is stable throughout.
+    Where E is none that a design may have, a warning says so, and where that leaves no law there is no design.toml.
     """
     data = read(path)
     fits = fit(data, nu)
-    chosen = next(found for found in fits if found.everywhere)
+    low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
+    possible = [low <= found.E <= high for found in fits]
+    chosen = next(
+        (found for found, fits_in in zip(fits, possible, strict=True) if fits_in and found.everywhere), None
+    )
     records = [record(found, rank, found is chosen) for rank, found in enumerate(fits, start=1)]
+    for row, fits_in in zip(records, possible, strict=True):
+        if not fits_in:
+            unit = data.column.rpartition("_")[2]
+            text = (
+                f"{row['law']}: E = {row['E_MPa']:.4g} MPa is none that a design may have, {low:g} to {high:g} MPa:"
+                f" check that the column {data.column} is in {unit}"
+            )
+            row["warning"] = "; ".join(filter(None, (row["warning"], text)))
     if folder is not None:
         from studies import plots
         from studies.compare import write_table
 
-        design = design_text(path, chosen, nu)
         write_table(folder / "fit.csv", [flat(row) for row in records])
         smooth = np.geomspace(data.stretch.min(), data.stretch.max(), 300)
         curves = {found.law: [_model(found, x, nu).tolist() for x in (smooth, data.stretch)] for found in fits}
         plots.fit(folder / "fit.png", data.stretch.tolist(), data.stress.tolist(), smooth.tolist(), curves)
-        write_text(folder / "design.toml", design)
+        if chosen is not None:
+            write_text(folder / "design.toml", design_text(path, chosen, nu))
     return records
 
 
@@ -273,15 +305,8 @@ def flat(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def design_text(path: str, found: Fit, nu: float) -> str:
-    """The fit as a design file.
-
-    Raises
-    ------
-    BadInput
-        E is not that of a silicone that `Design` takes.
-    """
+    """The fit as a design file."""
     values: dict[str, Any] = {"E": found.E, "nu": nu, "law": found.law, **found.numbers}
-    Design(**values)
     lines = [
         f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,9 @@ def grid_of(
             raise BadInput("a sweep needs a study's TOML file with a table [axes], or --axis NAME=a,b,c")
         magnet, values = magnet or "rigid", inputs.parse_axes(axes)
         varied = inputs.read_design(source or design or "paper", sets, magnet=magnet)
+    for name, _, value in (text.partition("=") for text in sets):
+        if name.strip() in values:
+            raise BadInput(f"{name.strip()} is an axis and set to {value.strip()} too: leave one of them out")
     if "depth" in values and depth is not None:
         raise BadInput("the depth is an axis and given by itself too: leave one of them out")
     if "depth" not in values and depth is None:
@@ -56,14 +60,14 @@ def grid_of(
     return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
 
 
-def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, Any]]:
-    """Run a sweep."""
+def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str, Any]]:
+    """The rows of a sweep, each as soon as it is solved."""
     from fem.levels import LEVELS
     from studies import sweep as work
 
     level = LEVELS[grid.accuracy]
     with files.results(out) as folder:
-        rows: list[dict[str, Any]] = work.run(
+        yield from work.run(
             grid.design,
             grid.axes,
             folder,
@@ -72,13 +76,15 @@ def sweep(grid: Grid, out: Path | None, progress: Progress) -> list[dict[str, An
             accuracy=level,
             progress=progress,
         )
-    return rows
+
+
+CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
+"""Keys of what a row of a comparison or a sweep is of."""
 
 
 def compared(row: dict[str, Any]) -> dict[str, Any]:
     """What a table on the screen shows of a row of a comparison or a sweep; the rest is in the files."""
-    load = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
     judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
     keys = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
     errors = ("force_error_percent", "force_x_error_percent", "fem_tilt_rad", "status")
-    return {key: row[key] for key in (*load, *keys, *errors) if key in row}
+    return {key: row[key] for key in (*CASE, *keys, *errors) if key in row}

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies import console, decoding, files, inputs, tables
-from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, judged
+from studies import console, decoding, files, tables
+from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, design_of, judged
 
 
 def decode(
@@ -51,7 +51,7 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out is for --file FILE.csv: leave it out")
-    coder = decoding.prepare(inputs.read_design(source, sets or []), level, responses, ignore_tilt=ignore_tilt)
+    coder = decoding.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     if readings is not None:
         record = decoding.one(coder, readings, units)
         console.report([record], as_json=as_json, title="Decoded")
@@ -96,7 +96,7 @@ def table(
     plane
         The table of two dimensions that is enough where the magnet does not tilt: B_rho and B_z over (rho, Z).
     """
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     target = files.check_output_file(out, ".npy")
     model, grid = tables.plan(given, step, level, responses)
     if plane:
@@ -139,7 +139,7 @@ def layout(
     from studies import layout as work
     from studies import layoutfiles as texts
 
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     if ranges and not search:
         raise BadInput("--range says where to search: add --search")
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from geometry.design import Design
 from geometry.scene import Magnet
-from studies import console, files, grids, inputs
+from studies import console, files, grids
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson, Sets, Source, judged
+from studies.options import FAILED, GOOD, AsJson, Sets, Source, design_of, judged, say_what_is_idle
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
-Data = Annotated[str, Parameter(name="FILE", help="CSV: stretch or strain, and nominal_stress_MPa, _kPa or _Pa.")]
+COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
+Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:
@@ -56,7 +57,7 @@ def compare(
     accuracy
         Of the finite elements.
     """
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     from fem.levels import LEVELS
     from studies import compare as work
 
@@ -68,6 +69,7 @@ def compare(
     else:
         for name in ("press", "shear"):
             console.report([grids.compared(row) for row in summary[name]], as_json=False, title=name.capitalize())
+            _print_remarks(summary[name])
     return judged([*summary["press"], *summary["shear"]])
 
 
@@ -102,18 +104,28 @@ def sweep(
     accuracy
         Of the finite elements; standard by default.
     out
-        Folder of the table and the plot.
+        Folder of the table and the plot, and of the solves, from which a sweep that was stopped goes on.
     """
     case = grids.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
+    say_what_is_idle(case.design)
     if case.magnet == "rigid":
         _say_what_is_ignored(case.design)
-    with console.progress(as_json=as_json) as progress:
-        rows = grids.sweep(case, out, progress)
-    shown = rows if as_json else [grids.compared(row) for row in rows]
-    console.report(shown, as_json=as_json, title="Sweep")
+    rows: list[dict[str, Any]] = []
+    try:
+        with console.progress(as_json=as_json) as progress:
+            for row in grids.sweep(case, out, progress):
+                rows.append(row)
+                if as_json:
+                    console.report([row], as_json=True)
+    finally:
+        if not as_json:
+            console.report([grids.compared(row) for row in rows], as_json=False, title="Sweep")
+            _print_remarks([row for row in rows if row["status"] == "ok"])
     failed = [row for row in rows if row["status"] != "ok"]
-    for reason in dict.fromkeys(row["message"] for row in failed if row["message"]):
-        console.say(f"magtip: {sum(row['message'] == reason for row in failed)} of {len(rows)} cases: {reason}")
+    for reason in console.remarks(failed, grids.CASE):
+        console.say(f"magtip: {reason}")
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
 
 
@@ -136,7 +148,15 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
     for record in records:
         if record["warning"]:
             console.say(f"Warning: {record['warning']}.")
+    if not any(record["chosen"] for record in records):
+        console.say("magtip: there is no design.toml, for no fit has an E that a design may have")
+        return FAILED
     return GOOD
+
+
+def _print_remarks(rows: list[dict[str, Any]]) -> None:
+    for remark in console.remarks(rows, grids.CASE):
+        print(remark)
 
 
 def _say_what_is_ignored(design: Design) -> None:

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
-from geometry.design import BadInput
+from geometry.design import BadInput, Design
 from geometry.scene import Magnet
-from studies import console
+from studies import console, inputs
 from studies.inputs import AccuracyName
 
 GOOD, BAD, FAILED, INTERRUPTED, BROKEN_PIPE = 0, 2, 3, 130, 141
@@ -65,7 +65,7 @@ class Motion:
 
     depth: Annotated[float | None, DEPTH] = None
     depths: str | None = None
-    steps: float | None = None
+    steps: Whole | None = None
     shear: Annotated[float | None, SHEAR] = None
     shear_y: Annotated[float | None, SHEAR_Y] = None
     plate_tilt: float = 0.0
@@ -109,7 +109,7 @@ class Method:
 
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     model: Model = "auto"
-    harmonics: float | None = None
+    harmonics: Whole | None = None
     mesh: Path | None = None
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
 
@@ -138,6 +138,20 @@ class Basis:
     ignore_tilt: bool = False
     mode: Literal["component", "magnitude"] = "component"
     clearance: float = 0.0
+
+
+def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:
+    """The design of `inputs.read_design`; what of it has no effect is said."""
+    found = inputs.read_design(source, sets or [], magnet=magnet)
+    say_what_is_idle(found)
+    return found
+
+
+def say_what_is_idle(design: Design) -> None:
+    """A warning for each field that is set in vain."""
+    for warning in design.warnings():
+        if "has no effect" in warning:
+            console.say(f"magtip: warning: {warning}")
 
 
 def judged(records: Sequence[dict[str, Any]]) -> int:

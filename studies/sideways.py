@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from analytic import buckling
-from geometry.design import Design
+from geometry.design import BadInput, Design
 from geometry.scene import Magnet
 from studies.console import Progress
+
+PER_MM = ("stiffness_N_per_mm", "shift_per_mm", "tilt_rad_per_mm")
 
 
 def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> dict[str, Any]:
@@ -40,15 +42,47 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
         "guided_stable_to_mm": guided.stable_to,
         "guided_euler_N": buckling.euler(design, buckling.GUIDED),
     }
-    if depth is not None:
-        progress(0.8, f"shear at depth {depth:g} mm")
-        small = stability.small_shear(design, depth, magnet, accuracy=level)
-        record |= {
-            "depth_mm": depth,
-            "force_N": [0.0, 0.0, small.force],
-            "contact_radius_mm": small.contact_radius,
-            "stiffness_N_per_mm": small.stiffness,
-            "shift_per_mm": small.shift,
-            "tilt_rad_per_mm": small.tilt,
-        }
-    return record
+    return record if depth is None else record | _at(design, magnet, accuracy, depth, record, progress)
+
+
+def _at(
+    design: Design, magnet: Magnet, accuracy: str, depth: float, record: dict[str, Any], progress: Progress
+) -> dict[str, Any]:
+    """What the record says of a small shear at a depth; with status not_converged if the press does not reach it."""
+    from fem import stability
+    from fem.levels import LEVELS
+
+    progress(0.8, f"shear at depth {depth:g} mm")
+    said = [record["message"]] if record["message"] else []
+    try:
+        small = stability.small_shear(design, depth, magnet, accuracy=LEVELS[accuracy])
+    except BadInput as error:
+        none = dict.fromkeys(("force_N", "contact_radius_mm", *PER_MM))
+        return {"status": "not_converged", "message": "; ".join([*said, str(error)]), "depth_mm": depth} | none
+    free, guided = record["critical_depth_mm"], record["guided_critical_depth_mm"]
+    if guided is not None and depth > guided:
+        said.append(f"at depth {depth:g} mm the straight press is unstable even if its tip is guided")
+    elif free is not None and depth > free:
+        said.append(
+            f"at depth {depth:g} mm the straight press is unstable where its tip is free to slide: stiffness, shift"
+            " and tilt are those of a tip glued to the plate"
+        )
+    elif depth > record["stable_to_mm"]:
+        limit = record["stable_to_mm"]
+        said.append(f"at depth {depth:g} mm stability is unknown: it was looked at up to {limit:.4g} mm")
+    return {
+        "message": "; ".join(said),
+        "depth_mm": depth,
+        "force_N": [0.0, 0.0, small.force],
+        "contact_radius_mm": small.contact_radius,
+        **dict(zip(PER_MM, (small.stiffness, small.shift, small.tilt), strict=True)),
+    }
+
+
+def shown(record: dict[str, Any]) -> dict[str, Any]:
+    """The record for a person to read: where nothing was found, up to which depth it was looked for."""
+    texts = {}
+    for name in ("", "guided_"):
+        if record[f"{name}critical_depth_mm"] is None:
+            texts[f"{name}critical_depth_mm"] = f"none up to {record[f'{name}stable_to_mm']:.5g}"
+    return record | texts

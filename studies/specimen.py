@@ -28,10 +28,14 @@ LOWEST, HIGHEST, MOST_STRESS = 0.05, 20.0, 1e5
 
 @dataclass(frozen=True, slots=True)
 class Specimen:
-    """Points of a uniaxial test, in the file's order: stretch, shape (n,), and nominal stress, shape (n,), MPa."""
+    """Points of a uniaxial test, in the file's order: stretch, shape (n,), and nominal stress, shape (n,), MPa.
+
+    `column` is the file's name of the stress.
+    """
 
     stretch: Array
     stress: Array
+    column: str = "nominal_stress_MPa"
 
 
 def read(path: str) -> Specimen:
@@ -70,7 +74,7 @@ def read(path: str) -> Specimen:
     for name, values in ((header[along], stretch), (header[across], stress)):
         if min(values) == max(values):
             raise BadInput(f"{path!r}, column {name}: all {len(values)} values are the same: give a curve")
-    return Specimen(np.array(stretch), np.array(stress))
+    return Specimen(np.array(stretch), np.array(stress), header[across])
 
 
 def _rows(path: str) -> Iterator[tuple[int, list[str]]]:
@@ -105,6 +109,9 @@ def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) ->
     if found:
         return found[0]
     for name in header:
+        units = [other for other in wanted if name and other.casefold().startswith(f"{name.casefold()}_")]
+        if units:
+            raise BadInput(f"{path!r}, line {line}: the column {name!r} lacks its unit: name it {' or '.join(units)}")
         remedy = nearest(name, wanted)
         if name and remedy.startswith("did"):
             raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: {remedy}")

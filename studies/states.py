@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from fem.solution import Solution
 
 MOST_STEPS = 1000
+MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
+"""Keys that tell the states of a path apart."""
 
 
 def loads_of(motion: Motion) -> list[Load]:
@@ -89,12 +91,12 @@ def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Li
         raise BadInput(f"--friction must be none, stick or a coefficient of 0 or more; got {text!r}") from None
 
 
-def _count(steps: float | None) -> int:
+def _count(steps: int | None) -> int:
     if steps is None:
         return 1
-    if not (1 <= steps <= MOST_STEPS and steps == int(steps)):
-        raise BadInput(f"--steps must be a whole number between 1 and {MOST_STEPS}; got {steps:g}")
-    return int(steps)
+    if not 1 <= steps <= MOST_STEPS:
+        raise BadInput(f"--steps must be a whole number between 1 and {MOST_STEPS}; got {steps}")
+    return steps
 
 
 def columns(loads: list[Load]) -> list[str]:
@@ -173,14 +175,14 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
     if harmonics is None:
         return level
     most = equilibrium.MOST_HARMONICS
-    if not (0 <= harmonics <= most and harmonics == int(harmonics)):
-        raise BadInput(f"--harmonics must be a whole number between 0 and {most}; got {harmonics:g}")
+    if not 0 <= harmonics <= most:
+        raise BadInput(f"--harmonics must be a whole number between 0 and {most}; got {harmonics}")
     model = equilibrium.choose_model(loads, method.model)
     if model != "harmonic":
         raise BadInput(f"--harmonics goes with model harmonic; these loads get {model}: add --model harmonic")
     if harmonics == 0 and any(load.shear_x or load.shear_y for load in loads):
         raise BadInput("--harmonics 0 is a body of revolution, which cannot carry a shear: give 1 or more")
-    return replace(level, harmonics=int(harmonics))
+    return replace(level, harmonics=harmonics)
 
 
 def _records(

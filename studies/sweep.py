@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,10 @@ from typing import Any
 from fem.levels import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, Response, check_load
-from studies.compare import NAN, Outcome, Progress, Row, follow, formulas, part, percent, reading, write_table
+from studies import kept
+from studies.compare import NAN, Progress, Row, follow, formulas, part, percent, reading, write_table
 from studies.fields import columns
+from studies.kept import Kept
 
 DIGITS = 12
 """Decimal digits of lengths over D that must agree for two cases to be one problem."""
@@ -63,6 +66,25 @@ class Solved:
     seconds: float
 
 
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Cases that are one path of presses.
+
+    Attributes
+    ----------
+    number : of the solve, from 1.
+    first : the design that is solved for all of them.
+    path : depths over D, rising, and the same in mm of `first`.
+    key : all that the path's states depend on, as text.
+    """
+
+    number: int
+    first: Design
+    members: list[Case]
+    path: dict[float, float]
+    key: str
+
+
 def run(
     design: Design,
     axes: Mapping[str, Sequence[float]],
@@ -72,13 +94,14 @@ def run(
     magnet: Magnet = "rigid",
     accuracy: Accuracy = STANDARD,
     progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """All combinations of the axes; writes sweep.csv and sweep.png into an existing folder.
+) -> Iterator[Row]:
+    """All combinations of the axes, each as soon as it is solved; at the end sweep.csv and sweep.png are written.
 
     Parameters
     ----------
     axes : values of any of D, L, f, E and depth; the first axis is that of the plot.
-    folder : where to; None writes nothing.
+    folder : where to, an existing one; None writes nothing. Solves are kept there as they are done, and those that
+        the same code has kept there, in this sweep or another, are not done again.
     depth : of the press where it is not an axis, mm.
     magnet : a design without one is solved as all silicone, whatever is asked for.
 
@@ -87,6 +110,13 @@ def run(
     A row for each case, the last axis varying fastest. A case that cannot be solved keeps its row, with NaN for
     figures, a status and a message. `solve` numbers the solve that a row comes from (0: none), `seconds` is the time
     that solve took to get to the row's state; a state that several rows share is counted in each.
+
+    Raises
+    ------
+    BadInput
+        At once, if an axis is unknown or there are too many cases.
+    KeyboardInterrupt
+        With a text that says how many cases are kept, if it is interrupted.
     """
     unknown = [name for name in axes if name != "depth" and name not in UNITS]
     if unknown or not axes:
@@ -96,14 +126,28 @@ def run(
         raise BadInput(f"a sweep may have {MOST_CASES} cases; these axes make {count}: take fewer values")
     magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
-    solved = _solve(cases, magnet, accuracy, progress)
-    rows = [_row(case, outcome, *columns(design)) for case, outcome in zip(cases, solved, strict=True)]
+    return _rows(cases, axes, columns(design), folder, magnet, accuracy, progress)
+
+
+def _rows(
+    cases: Sequence[Case],
+    axes: Mapping[str, Sequence[float]],
+    named: tuple[Sequence[str], str],
+    folder: Path | None,
+    magnet: Magnet,
+    accuracy: Accuracy,
+    progress: Progress | None,
+) -> Iterator[Row]:
+    store = kept.opened(folder)
+    rows = []
+    for case, solved in zip(cases, _solve(cases, magnet, accuracy, progress, store), strict=True):
+        rows.append(_row(case, solved, *named))
+        yield rows[-1]
     if folder is not None:
         from studies import plots
 
         write_table(folder / "sweep.csv", rows)
         plots.sweep(folder / "sweep.png", rows, axes)
-    return rows
 
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:
@@ -125,8 +169,14 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
     >>> varied(paper(), {"L": 11.0}).l0
     9.2
     """
+    # what is wrong with these fields comes before what follows from them
+    dataclasses.replace(base, **fields)  # type: ignore[arg-type]
     height = fields.get("L", base.L) - fields.get("D", base.D) / 2
     changed: dict[str, Any] = {**fields, "l0": base.l0 + height - base.H}
+    if not changed["l0"] > base.magnet_height / 2:
+        raise BadInput(
+            "S1, which stays where it is in the base, would meet the magnet: take a larger L or a smaller D"
+        )
     return dataclasses.replace(base, **changed)
 
 
@@ -137,46 +187,93 @@ def _key(design: Design, magnet: Magnet) -> Key:
     return (*(round(length, DIGITS) for length in scaled), design.nu, design.law, *design.law_numbers)
 
 
-def _solve(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None) -> list[Solved]:
-    """One path for each group of cases that are the same problem."""
-    solved = [Solved(None, "bad_input", case.message, NAN, 0, 0.0) for case in cases]
-    groups: dict[Key, list[int]] = {}
-    for i, case in enumerate(cases):
+def _solve(
+    cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None, store: Kept
+) -> Iterator[Solved]:
+    """What became of each case, in order: one path for each group of cases that are the same problem."""
+    problems = _problems(cases, magnet, accuracy)
+    of = {id(case): problem for problem in problems for case in problem.members}
+    for case in cases:
+        if case.design is None:
+            yield Solved(None, "bad_input", case.message, NAN, 0, 0.0)
+            continue
+        problem = of[id(case)]
+        if problem.key not in store.known:
+            low, high = (problem.number - 1) / len(problems), problem.number / len(problems)
+            share = part(progress, low, high, f"solve {problem.number} of {len(problems)}")
+            try:
+                store.keep(problem.key, _states(problem, accuracy, magnet, share))
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt(_left(cases, problems, store)) from None
+        yield _scaled(store.known[problem.key], problem, case)
+
+
+def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list[Problem]:
+    groups: dict[Key, list[Case]] = {}
+    for case in cases:
         if case.design is not None:
-            groups.setdefault(_key(case.design, magnet), []).append(i)
-    for number, members in enumerate(groups.values(), start=1):
-        share = part(progress, (number - 1) / len(groups), number / len(groups), f"solve {number} of {len(groups)}")
-        first = cases[members[0]].design
+            groups.setdefault(_key(case.design, magnet), []).append(case)
+    found = []
+    for number, (key, members) in enumerate(groups.items(), start=1):
+        first = members[0].design
         assert first is not None
         depths: dict[float, float] = {}
-        for i in members:
-            depths.setdefault(_relative_depth(cases[i]), cases[i].depth * (first.D / cases[i].values["D"]))
-        path = sorted(depths)
-        outcomes = follow(first, [Load(depth=depths[relative]) for relative in path], accuracy, magnet, share)
-        for i in members:
-            solved[i] = _scaled(outcomes[path.index(_relative_depth(cases[i]))], number, first, cases[i])
-    return solved
+        for case in members:
+            depths.setdefault(_relative_depth(case), case.depth * (first.D / case.values["D"]))
+        path = dict(sorted(depths.items()))
+        text = json.dumps([magnet, *key, list(path), dataclasses.astuple(accuracy)])
+        found.append(Problem(number, first, members, path, text))
+    return found
+
+
+def _states(problem: Problem, accuracy: Accuracy, magnet: Magnet, progress: Progress | None) -> dict[str, Any]:
+    """D and E of the design that is solved, mm and MPa, and what became of each depth of the path."""
+    first = problem.first
+    outcomes = follow(first, [Load(depth=depth) for depth in problem.path.values()], accuracy, magnet, progress)
+    return {
+        "D": first.D,
+        "E": first.E,
+        "states": [
+            {
+                "status": outcome.status,
+                "message": outcome.message,
+                "response": None if outcome.response is None else dataclasses.asdict(outcome.response),
+                "error_estimate": None if math.isnan(outcome.error_estimate) else outcome.error_estimate,
+                "seconds": outcome.solution.seconds if outcome.solution else 0.0,
+            }
+            for outcome in outcomes
+        ],
+    }
+
+
+def _left(cases: Sequence[Case], problems: Sequence[Problem], store: Kept) -> str:
+    """What an interruption leaves."""
+    if store.file is None:
+        return "add --out DIR, and what is solved is kept there"
+    done = sum(len(problem.members) for problem in problems if problem.key in store.known)
+    return f"{done} of {len(cases)} cases are kept in {store.file}; the same command goes on from there"
 
 
 def _relative_depth(case: Case) -> float:
     return round(case.depth / case.values["D"], DIGITS)
 
 
-def _scaled(outcome: Outcome, number: int, first: Design, case: Case) -> Solved:
-    """The outcome for `first` in the units of a case of the same problem."""
-    seconds = outcome.solution.seconds if outcome.solution else 0.0
-    message = outcome.message
-    if outcome.response is None:
-        if case.values["D"] != first.D:
-            message = f"solved at D = {first.D:g} mm: {message}"
-        return Solved(None, outcome.status, message, NAN, number, seconds)
-    length = case.values["D"] / first.D
-    force = case.values["E"] / first.E * length**2
-    pose = outcome.response
+def _scaled(found: dict[str, Any], problem: Problem, case: Case) -> Solved:
+    """A state of a path in the units of a case of the same problem."""
+    state = found["states"][list(problem.path).index(_relative_depth(case))]
+    estimate = NAN if state["error_estimate"] is None else state["error_estimate"]
+    about = state["status"], state["message"]
+    if state["message"] and case.values["D"] != found["D"]:
+        about = state["status"], f"solved at D = {found['D']:g} mm: {state['message']}"
+    if state["response"] is None:
+        return Solved(None, *about, NAN, problem.number, state["seconds"])
+    length = case.values["D"] / found["D"]
+    force = case.values["E"] / found["E"] * length**2
+    pose = Response(**state["response"])
     x, y, z = (length * value for value in pose.shift)
     fx, fy, fz = (force * value for value in pose.force)
     response = Response((fx, fy, fz), (x, y, z), pose.tilt, length * pose.contact_radius)
-    return Solved(response, outcome.status, message, outcome.error_estimate, number, seconds)
+    return Solved(response, *about, estimate, problem.number, state["seconds"])
 
 
 def _row(case: Case, solved: Solved, names: Sequence[str], unit: str) -> Row:

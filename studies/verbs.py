@@ -26,6 +26,7 @@ from studies.options import (
     Sets,
     Source,
     Whole,
+    design_of,
     judged,
 )
 
@@ -70,7 +71,7 @@ def cad(
     """
     from studies import variants, workshop
 
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     making = workshop.making_of(process, mold or [], base or [], tolerance)
     axes = variants.axes_of(axis or [])
     with console.progress(as_json=as_json) as progress:
@@ -103,7 +104,7 @@ def mesh(
     half
         Only the half at y >= 0.
     """
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     with console.progress(as_json=as_json) as progress:
         record = describe.build_mesh(given, out, size, progress, half=half)
     console.report([record], as_json=as_json, title="Mesh")
@@ -132,13 +133,16 @@ def solve(
     picture
         A .png file for the deformed section of the last state.
     """
-    given = inputs.read_design(source, sets or [], magnet=method.magnet)
+    given = design_of(source, sets, method.magnet)
     loads = states.loads_of(motion)
     title, keys = "Finite elements", states.columns(loads)
     with console.progress(as_json=as_json) as progress:
         reached = states.solve(given, loads, method, out=out, picture=picture, progress=progress)
         with contextlib.closing(reached):
             records = console.stream(reached, as_json=as_json, title=title, keys=keys, count=len(loads))
+    if len(loads) > 1 and not as_json:
+        for remark in console.remarks(records, states.MOVED):
+            print(remark)
     return judged(records)
 
 
@@ -160,7 +164,7 @@ def analytic(
     level
         Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
     """
-    record = states.analytic(inputs.read_design(source, sets or []), depth, (shear, shear_y), level)
+    record = states.analytic(design_of(source, sets), depth, (shear, shear_y), level)
     _report(record, "Formulas", as_json=as_json)
     return GOOD
 
@@ -192,7 +196,7 @@ def field(
     out
         The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
     """
-    given = inputs.read_design(source, sets or [])
+    given = design_of(source, sets)
     fields.add_field(given, points, pose, level, out)
     return GOOD
 
@@ -220,7 +224,7 @@ def readings(
     seed
         Draw one sample of the elements' noise with this seed; none by default.
     """
-    record = fields.readings(inputs.read_design(source, sets or []), pose, level, mode, ambient, seed)
+    record = fields.readings(design_of(source, sets), pose, level, mode, ambient, seed)
     _report(record, "Readings", as_json=as_json)
     return GOOD
 
@@ -246,22 +250,25 @@ def stability(
     out
         Folder of their table, plot and STABILITY.md.
     """
-    given = inputs.read_design(source, sets or [], magnet=magnet)
+    given = design_of(source, sets, magnet)
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
-        return _stability_map(given, magnet, accuracy, inputs.parse_numbers("slenderness", slenderness), out, as_json)
+        return _stability_map(given, magnet, accuracy, slenderness, out, as_json)
     if out is not None:
         raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
     with console.progress(as_json=as_json) as progress:
         record = sideways.run(given, magnet, accuracy, depth, progress)
-    console.report([record], as_json=as_json, title="Stability")
+    console.report([record if as_json else sideways.shown(record)], as_json=as_json, title="Stability")
     return judged([record])
 
 
 def _stability_map(
-    given: Design, magnet: Magnet, accuracy: str, ratios: list[float], out: Path | None, as_json: bool
+    given: Design, magnet: Magnet, accuracy: str, slenderness: str, out: Path | None, as_json: bool
 ) -> int:
+    ratios = inputs.parse_numbers("--slenderness", slenderness)
+    if not min(ratios) > 0.5:
+        raise BadInput(f"--slenderness must exceed 0.5, for L exceeds the tip radius D/2; got {min(ratios):g}")
     from studies import slenderness as work
     from studies.extremes import versions
 
@@ -293,7 +300,7 @@ def modes(
     count
         How many, pairs of bending or ovalling modes counted once.
     """
-    given = inputs.read_design(source, sets or [], magnet=magnet)
+    given = design_of(source, sets, magnet)
     record = vibration.run(given, magnet, count, depth, accuracy)
     console.report([record], as_json=as_json, title="Natural frequencies")
     return judged([record])

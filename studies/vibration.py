@@ -4,26 +4,45 @@ from __future__ import annotations
 
 from typing import Any
 
-from geometry.design import Design
-from geometry.scene import Magnet
+from geometry.design import BadInput, Design
+from geometry.scene import Load, Magnet, check_load
 
 BAND = 600.0
 """Up to where the paper used its sensor, Hz (section IV.C)."""
 
 
 def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str) -> dict[str, Any]:
-    """One record: frequencies in rising order with their shapes, and the spring-mass formula."""
-    from fem.levels import LEVELS
-    from fem.modes import modes, spring_mass
+    """One record: frequencies in rising order with their shapes, and the spring-mass formula.
 
-    found = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
+    The status is failed where the press does not reach the depth, or is not stable there.
+
+    Raises
+    ------
+    BadInput
+        The count or the depth does not fit.
+    """
+    from fem.levels import LEVELS
+    from fem.modes import MOST, modes, spring_mass
+
+    if not 1 <= count <= MOST:
+        raise BadInput(f"--count must be between 1 and {MOST}; got {count}")
+    check_load(design, Load(depth=depth), magnet)
+    frequencies: tuple[float, ...] = ()
+    shapes: tuple[str, ...] = ()
+    status = "ok"
+    try:
+        found = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
+        frequencies, shapes = found.frequency, found.shape
+        message = _verdict(frequencies, shapes)
+    except BadInput as error:
+        status, message = "failed", str(error)
     alone, loaded = spring_mass(design)
     return {
-        "status": "ok",
-        "message": _verdict(found.frequency, found.shape),
+        "status": status,
+        "message": message,
         "depth_mm": depth,
-        "frequency_Hz": list(found.frequency),
-        "shape": list(found.shape),
+        "frequency_Hz": list(frequencies),
+        "shape": list(shapes),
         "spring_mass_Hz": alone,
         "spring_mass_with_magnet_Hz": loaded,
     }
@@ -39,4 +58,6 @@ def _verdict(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:
     true_to = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
     flat = ", ".join(f"{true_to[shape]:.0f} Hz for {shape} motion" for shape in true_to)
     below = f"below {BAND:.0f} Hz: {', '.join(inside)}" if inside else f"no mode below {BAND:.0f} Hz"
+    if max(frequencies) < BAND:
+        below += f" and perhaps more, for only modes up to {max(frequencies):.0f} Hz were looked for"
     return f"{below}; without damping, readings are true to 5 % up to {flat}" if flat else below

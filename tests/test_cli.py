@@ -1,6 +1,7 @@
 """The command line: its contract of flags, JSON keys and exit statuses, and one sentence for all bad input."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -92,6 +93,14 @@ BAD = [
     ("sweep", "paper", "--axis", "depth=1", "--depth", 1),
     ("sweep", "paper", "--axis", "D=6,8", "--depth", "nan"),
     ("sweep", "paper", "--design", "paper", "--axis", "D=6,8", "--depth", 1),
+    ("sweep", "paper", "--axis", "D=8", "--depth", 1, "--set", "D=9"),
+    ("accuracy", "--quick", "--minutes", -1),
+    ("accuracy", "--quick", "--minutes", "nan"),
+    ("stability", "paper", "--slenderness", 0),
+    ("stability", "paper", "--slenderness", -1),
+    ("stability", "paper", "--slenderness", "nan"),
+    ("stability", "paper", "--depth", 7),
+    ("modes", "paper", "--depth", 7),
     ("compare", "papre"),
     ("compare", "paper", "--out", "/proc/results"),
     ("demo", "--out", "/proc/results"),
@@ -254,3 +263,15 @@ def test_a_count_is_not_rounded(run, count):
     status, out, err = run("range", "--count", count)
     assert (status, out) == (2, "")
     assert err.endswith(f"--count must be a whole number; got {count}\n")
+
+
+@pytest.mark.parametrize("verb", [("analytic", "--depth", 1), ("readings",), ("decode", "--readings", "3,3,3")])
+def test_what_is_set_in_vain_is_said(run, verb):
+    status, _, err = run(verb[0], "paper", *verb[1:], "--set", "mooney_share=0.5", "--json")
+    assert (status, err) == (0, "magtip: warning: mooney_share has no effect: the law is neo-hookean\n")
+
+
+def test_options_that_take_whole_numbers_say_so(run):
+    text = run("solve", "--help")[1]
+    for option in ("--steps", "--harmonics"):
+        assert re.search(rf"{option} +INT", text)

@@ -116,6 +116,20 @@ def test_a_state_that_is_not_what_a_fresh_solve_gives_fails(pressed):
     assert judges.stopped(scene, replace(stop, message="no convergence")).measured == math.inf
 
 
+def test_what_was_judged_is_what_is_printed(pressed):
+    said = "stopped at depth 1 mm: no convergence; unstable since a depth between 0.8 and 0.9 mm"
+    state = replace(pressed, status="not_converged", message=said)
+    finding = judges.Finding(state, "last good state against a fresh solve to it", 0.01, 1e-6)
+    row = extremes._row(SMALL, finding, state.status, said, 1.0)
+    assert row["passed"]
+    assert math.isnan(row["measured"])
+    assert "the message names the depth of the onset (last good state" in extremes.line(row)
+    assert "at most" not in extremes.line(row)
+    silent = extremes._row(SMALL, finding, state.status, "stopped at depth 1 mm", 1.0)
+    assert not silent["passed"]
+    assert "0.01, at most 1e-06" in extremes.line(silent)
+
+
 def test_a_tip_that_gives_way_must_hold_less_energy(pressed):
     for factor in (0.5, 1.5):
         finding = judges.stopped(SMALL, replace(pressed, status="unstable", energy=factor * pressed.energy))

@@ -35,6 +35,10 @@ def test_units_comments_other_columns_and_order(tmp_path):
         (GOOD.replace("stretch", "time"), ["line 1", "a column stretch or strain", "time"]),
         (GOOD.replace("stretch", "Stretch"), ["line 1", "'Stretch'", "did you mean stretch?"]),
         (GOOD.replace("_MPa", "_mpa"), ["line 1", "'nominal_stress_mpa'", "did you mean nominal_stress_MPa?"]),
+        (
+            GOOD.replace("_MPa", ""),
+            ["nominal_stress_MPa or nominal_stress_kPa or nominal_stress_Pa", "lacks its unit"],
+        ),
         (GOOD.replace("stretch,", "stretch,strain,"), ["line 1", "stretch and strain", "keep one"]),
         (GOOD.replace("stretch,", "stretch,stretch,"), ["line 1", "stretch and stretch", "keep one"]),
         (GOOD.replace("1.2,0.2", "1.2,nan"), ["line 4, column nominal_stress_MPa", "finite", "'nan'"]),

@@ -106,6 +106,13 @@ def test_table_of_several_states_has_a_row_for_each(run):
     assert out.count("Finite elements") == 1
 
 
+def test_a_table_of_states_ends_with_their_messages(run):
+    status, out, _ = run("solve", "paper", "--set", "L=24", "--depths", "0.0005,2,3", *QUICK)
+    assert status == 0
+    assert out.splitlines()[-1].startswith("depth 2, 3 mm: a tip that is free to slide")
+    assert " 0.0005 " in out
+
+
 @pytest.mark.parametrize("verb", [("sweep", "--axis", "depth=0.5"), ("compare",)], ids=lambda verb: verb[0])
 def test_a_design_without_a_magnet_is_all_silicone(run, monkeypatch, strict, verb):
     from studies import compare
@@ -229,7 +236,7 @@ def test_sweep_of_a_study(run, fake, tmp_path, strict):
     failed = {"D_mm": 3.0, "status": "not_converged", "message": "stopped at 2 mm"}
     calls = fake("sweep", [failed, {"D_mm": 8.0, "status": "ok", "message": ""}])
     status, out, err = run("sweep", "study.toml", "--set", "E=2", "--out", "rows", "--json")
-    assert (status, err) == (0, "magtip: 1 of 2 cases: stopped at 2 mm\n")
+    assert (status, err) == (0, "magtip: D 3 mm: stopped at 2 mm\nmagtip: 1 of 2 cases failed\n")
     assert [row["status"] for row in strict(out)] == ["not_converged", "ok"]
     design, axes, folder, options = calls[0]
     assert (design.E, axes, folder.name) == (2.0, {"D": [3.0, 8.0]}, "rows")

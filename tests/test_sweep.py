@@ -1,6 +1,7 @@
 import csv
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,13 @@ from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load
-from studies import sweep
+from studies import kept, sweep
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
+
+
+def run(*args, **options):
+    return list(sweep.run(*args, **options))
 
 
 @pytest.fixture
@@ -31,7 +36,7 @@ def traced(monkeypatch):
 
 def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(traced, tmp_path):
     axes = {"D": [4.0, 8.0], "L": [4.5, 9.0], "E": [1.0, 3.0], "depth": [0.25, 0.5]}
-    rows = sweep.run(BARE, axes, tmp_path, depth=9.9, magnet="ignored", accuracy=QUICK)
+    rows = run(BARE, axes, tmp_path, depth=9.9, magnet="ignored", accuracy=QUICK)
     columns = ("D_mm", "L_mm", "E_MPa", "depth_mm")
     assert [tuple(row[name] for name in columns) for row in rows] == list(itertools.product(*axes.values()))
     assert {row["status"] for row in rows} == {"ok"}
@@ -45,7 +50,7 @@ def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(tr
     assert len(table) == len(rows)
     assert float(table[5]["fem_force_N"]) == pytest.approx(rows[5]["fem_force_N"], rel=1e-5)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.csv", "sweep.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["solves.jsonl", "sweep.csv", "sweep.png"]
 
 
 def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(traced):
@@ -55,7 +60,7 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
     del traced[:]
     case = sweep.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
     small = sweep.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
-    solved = sweep._solve([small, case], "rigid", QUICK, None)
+    solved = list(sweep._solve([small, case], "rigid", QUICK, None, kept.opened(None)))
     assert len(traced) == 1
     for got, want in ((solved[1].response, own[1].response),):
         assert got.force == pytest.approx(want.force, rel=1e-9)
@@ -65,7 +70,7 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
 
 
 def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
-    rows = sweep.run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, None, depth=1.0, accuracy=QUICK)
+    rows = run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, None, depth=1.0, accuracy=QUICK)
     assert len(traced) == 1
     soft, soft_far, hard, _ = rows
     assert hard["fem_force_N"] == pytest.approx(4 * soft["fem_force_N"], rel=1e-12)
@@ -89,9 +94,15 @@ def test_the_hall_elements_stay_where_they_are():
         assert np.allclose(before, after, atol=1e-12)
 
 
+def test_a_refusal_speaks_of_what_was_given():
+    for fields, reason in (({"D": 50.0}, "L must exceed"), ({"D": 8.0, "L": 4.5}, "S1")):
+        with pytest.raises(BadInput, match=reason):
+            sweep.varied(replace(BARE, l0=2.0), fields)
+
+
 def test_cases_that_cannot_be_solved_stay_rows():
     axes = {"D": [3.0, 8.0], "depth": [1.0, 7.0]}
-    rows = sweep.run(paper(), axes, None, depth=1.0, accuracy=QUICK)
+    rows = run(paper(), axes, None, depth=1.0, accuracy=QUICK)
     assert [row["status"] for row in rows] == ["bad_input", "bad_input", "ok", "bad_input"]
     assert "magnet" in rows[0]["message"]
     assert "depth" in rows[3]["message"]
@@ -103,7 +114,7 @@ def test_cases_that_cannot_be_solved_stay_rows():
 
 
 def test_the_formulas_end_at_the_tip_radius():
-    rows = sweep.run(BARE, {"depth": [1.0, 4.2]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+    rows = run(BARE, {"depth": [1.0, 4.2]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
     assert [row["status"] for row in rows] == ["ok", "ok"]
     assert math.isfinite(rows[1]["fem_force_N"])
     assert math.isnan(rows[1]["analytic_force_N"])
@@ -121,7 +132,7 @@ def test_a_solve_that_stops_keeps_what_it_reached(monkeypatch):
         return [found[0], dataclasses.replace(found[1], status="not_converged", message="stopped at depth 0.7 mm")]
 
     monkeypatch.setattr(equilibrium, "trace", stops)
-    rows = sweep.run(BARE, {"depth": [1.5, 0.5, 1.0]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+    rows = run(BARE, {"depth": [1.5, 0.5, 1.0]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
     assert [row["status"] for row in rows] == ["not_converged", "ok", "not_converged"]
     assert math.isnan(rows[0]["fem_force_N"])
     assert math.isfinite(rows[0]["analytic_force_N"])
@@ -131,13 +142,13 @@ def test_a_solve_that_stops_keeps_what_it_reached(monkeypatch):
 def test_unknown_axes_are_refused():
     for axes in ({}, {"nu": [0.4]}):
         with pytest.raises(BadInput, match="axes"):
-            sweep.run(paper(), axes, None, depth=1.0)
+            run(paper(), axes, None, depth=1.0)
 
 
 def test_progress_never_falls_and_stays_within_its_range():
     seen = []
     axes = {"L": [9.0, 10.0]}
-    sweep.run(BARE, axes, None, depth=0.5, magnet="ignored", accuracy=QUICK, progress=lambda f, _: seen.append(f))
+    run(BARE, axes, None, depth=0.5, magnet="ignored", accuracy=QUICK, progress=lambda f, _: seen.append(f))
     assert seen == sorted(seen)
     assert 0 <= seen[0] <= seen[-1] <= 1
 
@@ -160,4 +171,58 @@ def test_designs_of_different_laws_do_not_share_a_solve():
 def test_a_sweep_of_too_many_cases_is_refused_before_it_starts():
     many = [0.5 + k / 1e4 for k in range(200)]
     with pytest.raises(BadInput, match="40000"):
-        sweep.run(paper(), {"D": many, "depth": many}, None, depth=1.0)
+        run(paper(), {"D": many, "depth": many}, None, depth=1.0)
+
+
+AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
+GIVEN = {"depth": 0.0, "magnet": "ignored", "accuracy": QUICK}
+
+
+def test_a_sweep_that_was_interrupted_goes_on(traced, tmp_path, monkeypatch):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    going = sweep.run(BARE, AXES, tmp_path, **GIVEN)
+    reached = [next(going), next(going)]
+    with monkeypatch.context() as patch:
+        patch.setattr(equilibrium, "trace", interrupted)
+        with pytest.raises(KeyboardInterrupt, match=r"2 of 4 cases are kept in .*solves.jsonl; the same command"):
+            next(going)
+    assert [path.name for path in tmp_path.iterdir()] == ["solves.jsonl"]
+    again = run(BARE, AXES, tmp_path, **GIVEN)
+    assert len(traced) == 2
+    assert str(again[:2]) == str(reached)
+    # a sweep that overlaps, in another order, takes what it needs
+    other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.0]}, tmp_path, **GIVEN)
+    assert len(traced) == 3
+    assert other[1]["fem_force_N"] == again[3]["fem_force_N"]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: text.replace('"status": "ok"', '"status": "OK"', 1),
+        lambda text: text.replace(kept.code(), "0123456789abcdef"),
+        lambda text: "\x00" + text,
+    ],
+)
+def test_kept_solves_that_are_damaged_or_of_other_code_are_done_again(traced, tmp_path, damage):
+    axes = {"depth": [0.5]}
+    want = run(BARE, axes, tmp_path, **GIVEN)
+    file = tmp_path / "solves.jsonl"
+    good = file.read_text("utf-8")
+    file.write_text(damage(good), "utf-8")
+    got = run(BARE, axes, tmp_path, **GIVEN)
+    assert len(traced) == 2
+    assert got[0]["fem_force_N"] == want[0]["fem_force_N"]
+    assert file.read_text("utf-8").count("\n") == 1
+    run(BARE, axes, tmp_path, **GIVEN)
+    assert len(traced) == 2
+
+
+def test_another_accuracy_or_magnet_is_another_solve(traced, tmp_path):
+    axes = {"depth": [0.5]}
+    for change in ({}, {"accuracy": replace(QUICK, section_size=0.2)}, {"magnet": "rigid"}):
+        run(paper(), axes, tmp_path, **GIVEN | change)
+    assert len(traced) == 3

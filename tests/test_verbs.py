@@ -1,5 +1,7 @@
 """The verbs stability and modes."""
 
+from geometry.design import BadInput
+
 
 def test_stability_says_when_and_how_stiff(run, strict):
     status, out, _ = run("stability", "paper", "--set", "L=24", "--depth", 0.5, "--accuracy", "quick", "--json")
@@ -29,3 +31,40 @@ def test_bad_modes_are_a_sentence(run):
     ):
         status, out, err = run(*tokens)
         assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, strict, monkeypatch):
+    from fem import modes, stability
+
+    def stops(*_, **__):
+        raise BadInput("the press stops at depth 6.2 mm: take a smaller depth")
+
+    monkeypatch.setattr(stability, "critical", lambda *_, **__: stability.Critical(0.9, 1.0, 0.89, ""))
+    monkeypatch.setattr(stability, "small_shear", stops)
+    monkeypatch.setattr(modes, "modes", stops)
+    for verb, kept in (("stability", "critical_depth_mm"), ("modes", "spring_mass_Hz")):
+        status, out, err = run(verb, "paper", "--depth", 6.99, "--json")
+        (record,) = strict(out)
+        assert (status, record["status"] != "ok") == (3, True)
+        assert record[kept] > 0
+        assert "take a smaller depth" in record["message"]
+        assert "take a smaller depth" in err
+
+
+def test_only_modes_that_were_computed_are_claimed(run, strict):
+    message = strict(run("modes", "paper", "--count", 1, "--accuracy", "quick", "--json")[1])[0]["message"]
+    assert "perhaps more" in message
+
+
+def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
+    from fem import stability
+    from geometry.design import paper
+    from studies import sideways
+
+    found = {False: stability.Critical(0.9, 1.0, 0.9, ""), True: stability.Critical(None, None, 3.5, "")}
+    monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
+    monkeypatch.setattr(stability, "small_shear", lambda *_, **__: stability.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
+    said = [sideways.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]
+    assert said[0]["message"] == ""
+    assert "unstable" in said[1]["message"]
+    assert sideways.shown(said[0])["guided_critical_depth_mm"] == "none up to 3.5"
