@@ -17,6 +17,7 @@ Row = Mapping[str, Any]
 
 FEM, HOMOGENEOUS, ANALYTIC, OTHER = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
 COLOURS = (FEM, ANALYTIC, HOMOGENEOUS, OTHER, "#E69F00", "#56B4E9", "#000000")
+SHARED = "#999999"
 
 STYLE = {
     "font.size": 12,
@@ -89,7 +90,7 @@ def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
             _lines(axis, way, rows, readings, f"{name}_mT")
             _label(axis, letter, f"reading of {name.replace('_', ' ')} (mT)")
             _volts(axis, design)
-            axis.set_xlabel("shear of the plate (mm)")
+            axis.set_xlabel(f"shear at depth {rows[0]['depth_mm']:.3g} mm (mm)")
         _legend(figure, axes, ("fem", "fem_homogeneous", "untilted", "analytic"))
 
 
@@ -97,7 +98,7 @@ def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[flo
     """Force of both models and the formula's error against the first axis.
 
     A column of panels for each value of one axis (the depth, if it has at most four), a colour for each value of the
-    next, a marker for each combination of what is left.
+    next, a marker for each combination of what is left, and grey or dots for lines that coincide.
     """
     from matplotlib.lines import Line2D
 
@@ -108,19 +109,19 @@ def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[flo
     found = [row for row in rows if not (math.isnan(row["fem_force_N"]) and math.isnan(row["analytic_force_N"]))]
     colour = _looks("color", [(v,) for v in sorted(set(axes[others[0]]))] if others else [()])
     marker = _looks("marker", sorted({tuple(row[_column(n)] for n in others[1:]) for row in found}) or [()])
+    shared = False
     with _figure(path, 2, len(columns)) as (figure, panels):
         for k, value in enumerate(columns):
             force, error = panels[k], panels[k + len(columns)]
+            lines = []
             for hue, shape in itertools.product(colour, marker):
                 wanted = dict(zip(others, (*hue, *shape), strict=True)) | ({panel: value} if panel else {})
                 line = [row for row in found if all(row[_column(n)] == v for n, v in wanted.items())]
-                _sweep_lines(
-                    force,
-                    error,
-                    sorted(line, key=lambda row: row[_column(first)]),
-                    _column(first),
-                    {"color": colour[hue], "marker": marker[shape]},
-                )
+                line.sort(key=lambda row: row[_column(first)])
+                lines.append((line, {"color": colour[hue], "marker": marker[shape]}))
+            both, off = {"fem_force_N": "-", "analytic_force_N": "--"}, {"force_error_percent": "-"}
+            shared |= _sweep_lines(force, lines, _column(first), both)
+            shared |= _sweep_lines(error, lines, _column(first), off, markerfacecolor="white")
             _bands(error)
             error.set_xlabel(f"{_symbol(first)} ({_unit(first).strip()})")
             if panel:
@@ -140,6 +141,8 @@ def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[flo
                 text = ", ".join(f"{_symbol(n)} = {v:.4g}{_unit(n)}" for n, v in zip(name, key, strict=True))
                 own = {"color": look} if values is colour else {"color": "#555555", "marker": look, "linestyle": ""}
                 handles.append(Line2D([], [], label=text, **own))
+        if shared:
+            handles.append(Line2D([], [], color=SHARED, marker=".", label="these coincide"))
         lost = len(rows) - sum(not math.isnan(row["fem_force_N"]) for row in rows)
         if lost:
             figure.supxlabel(f"{lost} of {len(rows)} cases have no FEM result", fontsize=10, color="#555555")
@@ -235,11 +238,30 @@ def _looks(kind: str, keys: Sequence[tuple[float, ...]]) -> dict[tuple[float, ..
     return {key: choice[k % len(choice)] for k, key in enumerate(keys)}
 
 
-def _sweep_lines(force: Any, error: Any, rows: Sequence[Row], x_name: str, look: Mapping[str, Any]) -> None:
-    x = [row[x_name] for row in rows]
-    force.plot(x, [row["fem_force_N"] for row in rows], **look)
-    force.plot(x, [row["analytic_force_N"] for row in rows], linestyle="--", color=look["color"])
-    error.plot(x, [row["force_error_percent"] for row in rows], markerfacecolor="white", **look)
+def _sweep_lines(
+    axis: Any,
+    lines: Sequence[tuple[Sequence[Row], dict[str, Any]]],
+    x_name: str,
+    names: Mapping[str, str],
+    **look: Any,
+) -> bool:
+    """A line for each list of rows and each name. Those that coincide are one, without what they differ in: grey if
+    that is the colour, with dots if it is the marker. Returns whether any do.
+    """
+    same: dict[Any, list[tuple[Sequence[Row], dict[str, Any]]]] = {}
+    for rows, own in lines:
+        # to seven digits, with NaN equal to itself
+        points = tuple(f"{row[name]:.6e}" for row in rows for name in (x_name, *names))
+        same.setdefault(points, []).append((rows, own))
+    for alike in same.values():
+        rows, own = alike[0]
+        for key, neutral in (("color", SHARED), ("marker", ".")):
+            if len({other[key] for _, other in alike}) > 1:
+                own = own | {key: neutral}
+        for name, dashes in names.items():
+            marked = own | look if dashes == "-" else {"color": own["color"], "linestyle": dashes}
+            axis.plot([row[x_name] for row in rows], [row[name] for row in rows], **marked)
+    return any(len(alike) > 1 and alike[0][0] for alike in same.values())
 
 
 def _column(axis: str) -> str:

@@ -137,8 +137,9 @@ def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
         for name, (label, look) in looks.items():
             depth = [_over(row[f"{name}_depth_mm"], row["L_mm"]) for row in good]
             force = [_over(row[f"{name}_force_N" if "critical" in name else f"{name}_N"], scale) for row in good]
-            left.plot(x, depth, **look)
-            right.plot(x, force, label=label, **look)
+            if any(math.isfinite(value) for value in (*depth, *force)):
+                left.plot(x, depth, **look)
+                right.plot(x, force, label=label, **look)
         left.set(xscale="log", yscale="log", xlabel="L/D (1)", ylabel="critical depth / L (1)")
         right.set(xscale="log", yscale="log", xlabel="L/D (1)", ylabel="critical force / E D² (1)")
         left.set_ylim(top=1)
@@ -146,7 +147,8 @@ def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
         left.set_xticks([0.6, 1, 2, 3, 5, 10], ["0.6", "1", "2", "3", "5", "10"], minor=False)
         left.minorticks_off()
         right.minorticks_off()
-        figure.legend(loc="outside upper center", ncols=3, frameon=False)
+        if right.lines:
+            figure.legend(loc="outside upper center", ncols=3, frameon=False)
         figure.savefig(temporary, dpi=200)
 
 

@@ -68,3 +68,23 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     assert said[0]["message"] == ""
     assert "unstable" in said[1]["message"]
     assert sideways.shown(said[0])["guided_critical_depth_mm"] == "none up to 3.5"
+
+
+def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
+    from matplotlib.figure import Figure
+
+    from geometry.design import paper
+    from studies import slenderness
+
+    shown = []
+    real = Figure.legend
+    monkeypatch.setattr(Figure, "legend", lambda self, *a, **k: shown.append(real(self, *a, **k)))
+    names = ("euler", "engesser", "haringx")
+    row = {"status": "ok", "L_over_D": 2.0, "L_mm": 16.0, "critical_depth_mm": 2.0, "critical_force_N": 3.0}
+    row |= {"guided_critical_depth_mm": None, "guided_critical_force_N": None}
+    row |= {f"{name}_{key}": 1.0 for name in names for key in ("N", "depth_mm")}
+    slenderness.picture(tmp_path / "some.png", paper(), [row])
+    slenderness.picture(tmp_path / "none.png", paper(), [{"status": "refused"}])
+    (labels,) = [[text.get_text() for text in legend.get_texts()] for legend in shown]
+    assert "FEM, free tip" in labels
+    assert "FEM, guided tip" not in labels
