@@ -1,7 +1,7 @@
 """Solves that a stopped study need not do again: a line of JSON for each in a file, as soon as it is done.
 
 A line holds a digest of the code that made it, what the solve depends on as text, its states, and a digest of all
-that. Lines that are damaged, or that other code made, are not read, and are gone once a further solve is kept.
+that. Lines that are damaged, or that other code or another study made, are not read, and stay.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from studies.files import json_line, write_text
+from studies.files import json_line
 
 NAME = "solves.jsonl"
 
@@ -34,7 +34,7 @@ class Kept:
 
 
 def opened(folder: Path | None) -> Kept:
-    """What the present code has left in the folder's file; lines that cannot be used leave it."""
+    """What the present code has left in the folder's file; a last line that was cut short is ended."""
     if folder is None:
         return Kept(None)
     file = folder / NAME
@@ -42,17 +42,17 @@ def opened(folder: Path | None) -> Kept:
     if not file.exists():
         return found
     text = file.read_bytes().decode("utf-8", errors="replace")
-    for line in text.splitlines(keepends=True):
+    for line in text.split("\n"):
         try:
             record = json.loads(line)
             key, states = record["key"], record["states"]
         except (ValueError, TypeError, KeyError):
             continue
-        if isinstance(key, str) and line == _line(key, states):
+        if isinstance(key, str) and f"{line}\n" == _line(key, states):
             found.known[key] = states
-    kept = "".join(_line(key, states) for key, states in found.known.items())
-    if kept != text:
-        write_text(file, kept)
+    if text and not text.endswith("\n"):
+        with file.open("a", encoding="utf-8", newline="\n") as end:
+            end.write("\n")
     return found
 
 
