@@ -70,7 +70,7 @@ def _sizes(name: str, *values: float) -> tuple[Row, ...]:
 
 RUB = ({"depth": DEPTH_MM, "friction": 0.5}, {"depth": DEPTH_MM, "shear_x": 5.0, "friction": 0.5})
 
-SECTIONS = (0.25, 0.2, 0.16, 0.14, 0.12, 0.1, 0.08, 0.06)
+SECTIONS = (0.25, 0.22, 0.2, 0.19, 0.18, 0.16, 0.14, 0.12, 0.1, 0.08, 0.06)
 FINE = ("axisymmetric", {"section_size": 0.018})
 FINE_SHEAR = ("harmonic", {"section_size": 0.05, "section_patch": 0.0015, "harmonics": 5})
 SOLIDS = _sizes("solid_size", 0.25, 0.2, 0.16, 0.14, 0.12)
