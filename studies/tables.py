@@ -80,8 +80,8 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
     room = shutil.disk_usage(out.parent).free + (part.stat().st_size if part.exists() else 0)
     if size > room:
         raise BadInput(f"the table takes {size / 1e6:.0f} MB and the disk has {room / 1e6:.0f}: raise --step")
-    if size > 1e7:
-        magnet.compiled()
+    # from the start, or the kernel would be loaded on the way, and a table that went on would differ in its last bits
+    magnet.compiled()
     with part.open("r+b" if done else "w+b") as stream:
         if not done:
             header = {"descr": "<f8", "fortran_order": False, "shape": shape}

@@ -52,7 +52,7 @@ def test_report_says_where_a_formula_holds(tmp_path):
 
 
 def test_a_length_that_cannot_be_is_a_row(capsys):
-    status = cli.main(["stability", "paper", "--slenderness", "0.3", "--json"])
+    status = cli.main(["stability", "paper", "--slenderness", "0.51", "--json"])
     record = json.loads(capsys.readouterr().out)
     assert (status, record["status"], record["critical_depth_mm"]) == (3, "refused", None)
     assert "L" in record["message"]
