@@ -38,7 +38,7 @@ def settled(
     plate: Plate | None,
     pressed: NDArray[np.bool_] | None = None,
 ) -> Array:
-    """A step (n,) from a state q to q - step with contact settled; `step` itself where that does not pay.
+    """A step (n,) from a state q to q - step with contact settled; `step` itself where that does not pay or come out.
 
     Parameters
     ----------
@@ -75,15 +75,20 @@ def settled(
 
 
 def _exchanged(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Array | None:
-    """Forces e (m,) of the springs that flip, from the compliance (m, m); None if the set goes on changing."""
+    """Forces e (m,) of the springs that flip, from the compliance (m, m).
+
+    None if the set goes on changing, or the body would give way without the springs that go.
+    """
     pressed = plain > 0
     for _ in range(MOST_EXCHANGES):
         flipped = np.flatnonzero(pressed != was)
         spring = np.where(was, hard, -hard)[flipped]
         force = np.zeros(len(plain))
-        force[flipped] = spring * np.linalg.solve(
-            np.eye(len(flipped)) - G[np.ix_(flipped, flipped)] * spring, plain[flipped]
-        )
+        coupled = np.eye(len(flipped)) - G[np.ix_(flipped, flipped)] * spring
+        try:
+            force[flipped] = spring * np.linalg.solve(coupled, plain[flipped])
+        except np.linalg.LinAlgError:
+            return None
         after = plain + G @ force > 0
         if np.array_equal(after, pressed):
             return force

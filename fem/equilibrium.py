@@ -112,7 +112,8 @@ def walk(
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
         change once it has sheared. With Coulomb friction the answer depends on the way: the plate may come and go.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less. RULES say how they follow from the difference, which may vanish by chance.
+        COARSER and with one harmonic less, or two beside one. `fem.levels.RULES` say how they follow from the
+        difference.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
     mesh : tetrahedra in units of D to solve on, as `fem.models.solid` takes them; then nothing is estimated.

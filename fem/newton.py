@@ -87,10 +87,10 @@ def newton(
                 negative = solver.negative()
                 unstable = None if negative is None else negative - system.n_pressure
             step = solver.solve(assembly.residual)
+            if assembly.matrix is not None:
+                step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
         except SingularMatrixError as error:
             return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
-        if assembly.matrix is not None:
-            step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")

@@ -71,3 +71,9 @@ def test_without_a_plate_a_step_stays_plain():
     system = sensor()
     rest, solver, step = plain_step(system, plate(), within(system, 0.1))
     assert active.settled(system, solver, rest, step, None) is step
+
+
+def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
+    """A unit compliance against a spring of stiffness 1 that goes: what is left has no stiffness."""
+    found = active._exchanged(np.ones((1, 1)), -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
+    assert found is None
