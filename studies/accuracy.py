@@ -10,11 +10,10 @@ States that did not end well, or whose error exceeds JUMP, are listed and left o
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +23,7 @@ from fem.equilibrium import Model
 from fem.levels import LEVELS, Accuracy
 from geometry import cache
 from geometry.scene import Load, Magnet, Response
-from studies import trials
-from studies.files import json_line
+from studies import kept, trials
 from studies.trials import Trial
 
 Progress = Callable[[float, str], None]
@@ -98,21 +96,17 @@ def run(
     """
     end = time.monotonic() + 60 * minutes
     chosen = tasks(quick=quick)
-    store = None if folder is None else folder / "solves.jsonl"
-    known = {} if store is None else dict(_read(store))
+    store = kept.opened(None if folder is None else folder / "solves.jsonl", code())
     needed = {key(*solve): solve for task in chosen for solve in task.solves.values()}
     for i, (name, (trial, accuracy)) in enumerate(needed.items()):
-        if name in known:
+        if name in store.known:
             continue
         if time.monotonic() > end:
             break
         if progress is not None:
             progress(i / len(needed), f"{trial.name}, {accuracy.name}")
-        known[name] = follow(trial, accuracy)
-        if store is not None:
-            with store.open("a", encoding="utf-8") as file:
-                file.write(json_line({"code": code(), "key": name, "states": known[name]}) + "\n")
-    return [row for task in chosen for row in rows_of(task, known)]
+        store.keep(name, follow(trial, accuracy))
+    return [row for task in chosen for row in rows_of(task, store.known)]
 
 
 def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
@@ -154,24 +148,7 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
 
 def code() -> str:
     """A digest of the modules that solve; the numbers of `fem.levels` are in the keys of the solves."""
-    root = Path(__file__).parents[1]
-    files = sorted(file for folder in ("geometry", "fem") for file in (root / folder).glob("*.py"))
-    files = [file for file in files if file.name != "levels.py"]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
-
-
-def _read(store: Path) -> Iterator[tuple[str, list[State]]]:
-    """The solves in a file that the present code made; a line cut short is left out."""
-    if not store.exists():
-        return
-    present = code()
-    for line in store.read_text("utf-8").splitlines():
-        try:
-            record = json.loads(line)
-        except ValueError:
-            continue
-        if record["code"] == present:
-            yield record["key"], record["states"]
+    return kept.digest(file for file in kept.modules("geometry", "fem") if file.name != "levels.py")
 
 
 def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import json
 import math
 import os
@@ -25,7 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
-from studies.files import json_line, write_text
+from studies import kept
+from studies.files import write_text
 
 Progress = Callable[[float, str], None]
 Row = dict[str, Any]
@@ -77,38 +77,20 @@ def _down(value: float) -> float:
 
 def run(count: int, folder: Path | None, progress: Progress) -> Iterator[Row]:
     """A row for each design as it ends; those in the folder's rows.jsonl by the same code are not done again."""
-    store = None if folder is None else folder / "rows.jsonl"
-    known = {} if store is None else _read(store)
+    store = kept.opened(None if folder is None else folder / "rows.jsonl", code())
     with tempfile.TemporaryDirectory() as cache:
         for number, values in enumerate(samples(count)):
             progress(number / count, f"design {number}")
             name = json.dumps([number, *values.values()])
-            if name not in known:
-                known[name] = examine(number, values, Path(cache))
-                if store is not None:
-                    with store.open("a", encoding="utf-8") as file:
-                        file.write(json_line({"code": code(), "key": name, "row": known[name]}) + "\n")
-            yield known[name]
+            if name not in store.known:
+                store.keep(name, examine(number, values, Path(cache)))
+            yield store.known[name]
 
 
 @functools.cache
 def code() -> str:
     """A digest of what is studied, and of this study."""
-    files = sorted((Path(__file__).parents[1] / "geometry").glob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in [*files, Path(__file__)])).hexdigest()[:16]
-
-
-def _read(store: Path) -> dict[str, Row]:
-    """The rows that the present code made; a line cut short is left out."""
-    found, present = {}, code()
-    for line in store.read_text("utf-8").splitlines() if store.exists() else []:
-        try:
-            record = json.loads(line)
-        except ValueError:
-            continue
-        if record["code"] == present:
-            found[record["key"]] = record["row"]
-    return found
+    return kept.digest([*kept.modules("geometry"), Path(__file__)])
 
 
 def examine(number: int, values: dict[str, float], cache: Path) -> Row:

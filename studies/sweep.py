@@ -10,6 +10,7 @@ becomes l0 + H' - H. The magnet keeps its size, so a case that it does not fit i
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import json
 import math
@@ -21,7 +22,7 @@ from typing import Any
 from fem.levels import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, Response, check_load
-from studies import kept
+from studies import compare, kept
 from studies.compare import NAN, Progress, Row, follow, formulas, part, percent, reading, write_table
 from studies.fields import columns
 from studies.kept import Kept
@@ -138,7 +139,7 @@ def _rows(
     accuracy: Accuracy,
     progress: Progress | None,
 ) -> Iterator[Row]:
-    store = kept.opened(folder)
+    store = kept.opened(None if folder is None else folder / "solves.jsonl", code())
     rows = []
     for case, solved in zip(cases, _solve(cases, magnet, accuracy, progress, store), strict=True):
         rows.append(_row(case, solved, *named))
@@ -148,6 +149,12 @@ def _rows(
 
         write_table(folder / "sweep.csv", rows)
         plots.sweep(folder / "sweep.png", rows, axes)
+
+
+@functools.cache
+def code() -> str:
+    """A digest of the modules that a solve and what is kept of it come from."""
+    return kept.digest([*kept.modules("geometry", "fem"), Path(compare.__file__), Path(__file__)])
 
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:

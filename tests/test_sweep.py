@@ -61,7 +61,7 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
     del traced[:]
     case = sweep.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
     small = sweep.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
-    solved = list(sweep._solve([small, case], "rigid", QUICK, None, kept.opened(None)))
+    solved = list(sweep._solve([small, case], "rigid", QUICK, None, kept.opened(None, "")))
     assert len(traced) == 1
     for got, want in ((solved[1].response, own[1].response),):
         assert got.force == pytest.approx(want.force, rel=1e-9)
@@ -204,7 +204,7 @@ def test_a_sweep_that_was_interrupted_goes_on(traced, tmp_path, monkeypatch):
     [
         lambda text: text[: len(text) // 2],
         lambda text: text.replace('"status": "ok"', '"status": "OK"', 1),
-        lambda text: text.replace(kept.code(), "0123456789abcdef"),
+        lambda text: text.replace(sweep.code(), "0123456789abcdef"),
         lambda text: "\x00" + text,
     ],
 )
