@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import os
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,36 +28,94 @@ class SingularMatrixError(ArithmeticError):
     """The factorisation met a pivot it could not divide by."""
 
 
+@dataclass(frozen=True, slots=True)
+class Side:
+    """Rows or columns of a group of m element matrices: k unknowns, which lie in b blocks that are coupled whole.
+
+    Attributes
+    ----------
+    unknowns : (m, k) their numbers; -1 marks an eliminated one.
+    blocks : (m, b) numbers of the blocks.
+    local : (k,) which of the b blocks an unknown lies in.
+    """
+
+    unknowns: Index
+    blocks: Index
+    local: Index
+
+    @classmethod
+    def of(cls, numbers: Index, cells: Index, first: int = 0) -> Side:
+        """Of the unknowns `numbers`, shape (n, fields), of cells' nodes (m, a), whose blocks count from `first` on.
+
+        An element's unknowns have the fields first.
+        """
+        unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(len(cells), -1)
+        return cls(unknowns, first + cells, np.tile(np.arange(cells.shape[1]), numbers.shape[1]))
+
+    def beside(self, other: Side) -> Side:
+        """These unknowns and, after them, others of the same elements; one row of those serves all."""
+        m, b = self.blocks.shape
+        unknowns, blocks = (np.broadcast_to(x, (m, x.shape[1])) for x in (other.unknowns, other.blocks))
+        return Side(
+            np.hstack([self.unknowns, unknowns]),
+            np.hstack([self.blocks, blocks]),
+            np.append(self.local, b + other.local),
+        )
+
+    def __getitem__(self, part: slice) -> Side:
+        return Side(self.unknowns[part], self.blocks[part], self.local)
+
+
 class Pattern:
     """The upper triangle of a symmetric sparse matrix assembled from dense element matrices.
 
     Parameters
     ----------
-    groups : for each group of elements the indices of its rows (m, k) and columns (m, l); -1 marks an eliminated one.
-    size : number of unknowns.
+    groups : rows and columns of each group of elements.
+    sizes : (blocks,) numbers of unknowns of the blocks, which are numbered one block after the other.
     """
 
-    def __init__(self, groups: list[tuple[Index, Index]], size: int) -> None:
-        keys = []
+    def __init__(self, groups: list[tuple[Side, Side]], sizes: Index) -> None:
+        count, first = len(sizes), np.cumsum(sizes) - sizes
+        pairs = [row.blocks[:, :, None] * count + column.blocks[:, None, :] for row, column in groups]
+        keys = np.concatenate([np.arange(count) * (count + 1), *(pair.ravel() for pair in pairs)])
+        above = keys // count <= keys % count
+        unique, inverse = np.unique(keys[above], return_inverse=True)
+        rows, columns = np.divmod(unique, count)
+        begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
+        start = np.cumsum(width) - width
+        # where a pair of blocks begins in the first row of its block
+        offset = np.zeros(len(keys), dtype=np.int64)
+        offset[above] = (start - start[begin[rows]])[inverse]
+        block = np.repeat(np.arange(count), sizes)
+        inside = np.arange(len(block)) - first[block]
+        length = np.add.reduceat(width, begin)[block] - inside
+        ends = np.cumsum(length)
+        # the rows of a block share their columns, less those below the diagonal
+        shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
+        place = np.repeat(start[begin[block]] + inside - ends + length, length) + np.arange(int(length.sum()))
+        self.size = len(block)
+        self._columns = shared[place].astype(np.int32)
+        self._pointers = np.append(0, ends).astype(np.int32)
         self._places: list[Index] = []
-        for row, column in groups:
-            shape = (*row.shape, column.shape[1])
-            rows = np.broadcast_to(row[:, :, None], shape)
-            columns = np.broadcast_to(column[:, None, :], shape)
-            mask = (rows >= 0) & (columns >= rows)
-            keys.append(rows[mask] * size + columns[mask])
-            self._places.append(np.flatnonzero(mask))
-        diagonal = np.arange(size, dtype=np.int64) * (size + 1)
-        unique, inverse = np.unique(np.concatenate([diagonal, *keys]), return_inverse=True)
-        self._inverse = inverse[size:]
-        self._columns = (unique % size).astype(np.int32)
-        self._pointers = np.searchsorted(unique, np.arange(size + 1, dtype=np.int64) * size).astype(np.int32)
-        self.size = size
+        entries, done = [], count
+        for (row, column), pair in zip(groups, pairs, strict=True):
+            m, b, c = pair.shape
+            own = offset[done : done + pair.size].reshape(m, b * c)
+            done += pair.size
+            i, k = row.unknowns[:, :, None], column.unknowns[:, None, :]
+            self._places.append(np.flatnonzero((i >= 0) & (k >= i)))
+            local = row.local[:, None] * c + column.local
+            at = own.take(local.ravel(), axis=1).reshape(m, *local.shape)
+            at += (ends - length - inside)[i]
+            at += inside[k]
+            entries.append(at.ravel()[self._places[-1]])
+        self._entries = np.concatenate(entries)
 
     def assemble(self, blocks: list[Array]) -> sp.csr_matrix:
         """Sum element matrices, one array (m, k, l) per group, into the upper triangle."""
         values = np.concatenate([block.ravel()[at] for block, at in zip(blocks, self._places, strict=True)])
-        data = np.bincount(self._inverse, weights=values, minlength=len(self._columns))
+        data = np.bincount(self._entries, weights=values, minlength=len(self._columns))
         return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
 
     def unfolded(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
@@ -68,7 +127,7 @@ class Pattern:
         """
         source, below, columns, pointers = self._mirror
         skew = (np.swapaxes(last, 1, 2) - last).ravel()[self._places[-1]]
-        excess = np.bincount(self._inverse[len(self._inverse) - len(skew) :], weights=skew, minlength=len(upper.data))
+        excess = np.bincount(self._entries[len(self._entries) - len(skew) :], weights=skew, minlength=len(upper.data))
         data = upper.data[source]
         data[below] += excess[source[below]]
         return sp.csr_matrix((data, columns, pointers), shape=upper.shape)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from fem import contact, integrals, material
 from fem.contact import Plate
 from fem.elements import Elements, Surface
-from fem.linear import Pattern
+from fem.linear import Pattern, Side
 from fem.rigid import RigidBody
 
 CHUNK = 4096
@@ -158,24 +158,20 @@ class System:
 
     def _fill(self) -> None:
         """Unknowns of each element, the sparse pattern, and the constant stiffness of the pressures."""
-        e, inner = self.elements, self._inner
-        m, motion = len(e.cells), np.arange(self.n_free, self.n_free + self.n_rigid, dtype=np.int64)
-        self._u = np.swapaxes(self._reduced[e.cells], 1, 2).reshape(m, -1)
-        self._p = np.swapaxes(self._pressures[self._corners], 1, 2).reshape(m, -1)
-        self._outer = np.hstack([self._u[inner:], np.broadcast_to(motion, (m - inner, self.n_rigid))])
-        groups = [
-            (self._u[:inner], self._u[:inner]),
-            (self._u[:inner], self._p[:inner]),
-            (self._outer, self._outer),
-            (self._outer, self._p[inner:]),
-            (self._p, self._p),
-            (motion[None], motion[None]),
-        ]
+        e, inner, nodes = self.elements, self._inner, len(self.elements.nodes)
+        motion = np.arange(self.n_free, self.n_free + self.n_rigid)
+        u, p = Side.of(self._reduced, e.cells), Side.of(self._pressures, self._corners, nodes + 1)
+        magnet = Side(motion[None], np.array([[nodes]]), np.zeros(self.n_rigid, dtype=np.int64))
+        outer = u[inner:].beside(magnet)
+        groups = [(u[:inner], u[:inner]), (u[:inner], p[:inner]), (outer, outer), (outer, p[inner:])]
+        groups += [(p, p), (magnet, magnet)]
         if self.surface is not None:
-            facets = np.swapaxes(self._reduced[self.surface.nodes], 1, 2).reshape(len(self.surface.nodes), -1)
+            facets = Side.of(self._reduced, self.surface.nodes)
             groups.append((facets, facets))
-        self.pattern = Pattern(groups, self.size)
-        whole = slice(0, m)
+        sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
+        self.pattern = Pattern(groups, sizes)
+        self._u, self._p, self._outer = u.unknowns, p.unknowns, outer.unknowns
+        whole = slice(0, len(e.cells))
         self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
 
     def state(self, q: Array) -> State:
