@@ -40,6 +40,24 @@ Family = tuple[slice, slice]
 """A range of fields, and that of the components of the displacement which they alone carry."""
 
 
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Pairs of fields of two families.
+
+    Attributes
+    ----------
+    first, second : (s,) fields f and g.
+    i, k : components of the displacement that they carry.
+    products : (3, 3, i k t, s) products V_iJf V_kLg, J and L first.
+    """
+
+    first: Index
+    second: Index
+    i: slice
+    k: slice
+    products: Array
+
+
 @dataclass(frozen=True)
 class Angles:
     """Fields and the functions of the angle that multiply them.
@@ -71,21 +89,15 @@ class Angles:
         return int(self.C.shape[1])
 
     @functools.cached_property
-    def pairs(self) -> list[tuple[Family, Family, dict[tuple[int, int], Array]]]:
-        """For each two families of fields f and g, and derivatives J, L, the products V_iJf V_kLg, (i k t, f g).
-
-        A family are fields that alone carry some components i. Of one and the same family J <= L is enough.
-        """
+    def pairs(self) -> list[Pairs]:
+        """All fields f <= g, those of two families after those of others."""
         found = []
-        for a, b in itertools.combinations_with_replacement(self._families, 2):
-            (f, i), (g, k) = a, b
-            products = {
-                (J, L): np.einsum("tif,tkg->iktfg", self.V[:, i, J, f], self.V[:, k, L, g])
-                for J in range(3)
-                for L in range(J if a is b else 0, 3)
-            }
-            count = (f.stop - f.start) * (g.stop - g.start)
-            found.append((a, b, {JL: product.reshape(-1, count) for JL, product in products.items()}))
+        for (f, i), (g, k) in itertools.combinations_with_replacement(self._families, 2):
+            first, second = np.meshgrid(np.arange(self.fields)[f], np.arange(self.fields)[g], indexing="ij")
+            once = first <= second
+            first, second = first[once], second[once]
+            product = np.einsum("tiJs,tkLs->JLikts", self.V[:, i][..., first], self.V[:, k][..., second])
+            found.append(Pairs(first, second, i, k, product.reshape(3, 3, -1, len(first))))
         return found
 
     @property
@@ -129,6 +141,14 @@ class Elements:
         B = self.angles.V[0, rows, along][:, :, None] * self.D[:, :, along, None, :]
         return np.asarray(B.reshape(m, q, len(rows), -1))
 
+    def D_products(self, part: slice) -> Array:
+        """Products D_Ja D_Lb of a range of elements, shape (m, q 3 3, a a); kept where there are not many."""
+        return self._section_products[part] if self.dim == 2 else _products(self.D[part])
+
+    @functools.cached_property
+    def _section_products(self) -> Array:
+        return _products(self.D)
+
     @property
     def dim(self) -> int:
         return int(self.nodes.shape[1])
@@ -136,6 +156,11 @@ class Elements:
     @property
     def corners(self) -> Index:
         return self.cells[:, : self.dim + 1]
+
+
+def _products(D: Array) -> Array:
+    m, q, _, a = D.shape
+    return np.asarray((D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a))
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,60 +63,70 @@ def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
 
 
 def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
-    """Integral of dG/du : A : dG/du, shape (m, f a, f a), for weighted tangents A (m, q t, 9, 9) or (m, q, c, c).
+    """Integral of dG/du : A : dG/du for weighted tangents A (m, q t, 9, 9) or (m, q, c, c), in pieces (m, s, k, k).
 
-    First over the angles, H_JL of the derivatives of the fields, then over the section: K = sum D_J D_L H_JL. Both
-    are done for one pair of families of fields after the other.
+    There is a piece (a, a) for each pair of fields of `e.angles.pairs`, what is not there follows from the symmetry
+    of A; or where components of G are few one piece of all fields, (f a, f a). First over the angles, H_JL of the
+    derivatives of the fields, then over the section: K = sum D_J D_L H_JL.
     """
-    D = e.D[part]
-    m, q, _, a = D.shape
+    m, q, _, a = e.D[part].shape
     t, f = len(e.angles.theta), e.angles.fields
     if e.B is not None:
         B = e.B[part]
-        return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))
-    A = A.reshape(m * q, t, 3, 3, 3, 3)
-    products = (D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a)
-    K = np.empty((m, f, a, f, a))
-    for (first, i), (second, k), pairs in e.angles.pairs:
-        n, o = first.stop - first.start, second.stop - second.start
-        H = np.empty((m * q, 3, 3, n, o))
-        for (J, L), pair in pairs.items():
-            own = A[:, :, i, J, k, L].transpose(0, 2, 3, 1).reshape(m * q, -1) @ pair
-            H[:, J, L] = own.reshape(-1, n, o)
-            if first == second and J != L:
-                H[:, L, J] = np.swapaxes(H[:, J, L], 1, 2)
-        block = (np.swapaxes(H.reshape(m, 9 * q, n * o), 1, 2) @ products).reshape(m, n, o, a, a)
-        K[:, first, :, second] = block.transpose(0, 1, 3, 2, 4)
-        if first != second:
-            K[:, second, :, first] = block.transpose(0, 2, 4, 1, 3)
-    return K.reshape(m, f * a, f * a)
+        return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))[:, None]
+    A, D, done = A.reshape(m * q, t, 3, 3, 3, 3), e.D_products(part), 0
+    K = np.empty((m, sum(len(pairs.first) for pairs in e.angles.pairs), a * a))
+    for pairs in e.angles.pairs:
+        s = len(pairs.first)
+        H = np.empty((m * q, 3, 3, s))
+        for J, L in np.ndindex(3, 3):
+            own = A[:, :, pairs.i, J, pairs.k, L].transpose(0, 2, 3, 1).reshape(m * q, -1)
+            np.matmul(own, pairs.products[J, L], out=H[:, J, L])
+        np.matmul(np.swapaxes(H.reshape(m, 9 * q, s), 1, 2), D, out=K[:, done : done + s])
+        done += s
+    return K.reshape(m, -1, a, a)
+
+
+def whole(e: Elements, K: Array) -> Array:
+    """Symmetric element matrices (m, f a, f a) of their pieces (m, s, k, k)."""
+    if e.B is not None:
+        return K[:, 0]
+    (m, _, a, _), n, done = K.shape, e.angles.fields, 0
+    full = np.empty((m, n, a, n, a))
+    for pairs in e.angles.pairs:
+        for f, g in zip(pairs.first, pairs.second, strict=True):
+            full[:, f, :, g], full[:, g, :, f] = K[:, done], np.swapaxes(K[:, done], 1, 2)
+            done += 1
+    return full.reshape(m, n * a, n * a)
 
 
 def coupling(e: Elements, part: slice, B: Array) -> Array:
-    """Integral of B : dG/du dp, shape (m, f a, n c), for weighted derivatives dP/dp = B (m, q t, 3, 3)."""
+    """Integral of B : dG/du dp, shape (m, f, n, a, c), for weighted derivatives dP/dp = B (m, q t, 3, 3)."""
     D, V, C, M = e.D[part], e.angles.V, e.angles.C, e.pressure_shape
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     n, c = C.shape[1], M.shape[1]
     if e.B is not None:
         few = B.reshape(m, q, 1, 9)[..., e.angles.components]
-        return np.asarray(np.swapaxes((few @ e.B[part])[:, :, 0], 1, 2) @ M)
+        return np.asarray(np.swapaxes((few @ e.B[part])[:, :, 0], 1, 2) @ M).reshape(m, f, 1, a, c)
     B = B.reshape(m * q, t, 3, 3)
     H = np.empty((m * q, 3, f * n))
     for J in range(3):
         H[:, J] = B[..., J].reshape(m * q, 3 * t) @ np.einsum("tif,tn->tifn", V[:, :, J], C).reshape(3 * t, f * n)
     products = (D[..., :, None] * M[:, None, None, :]).reshape(m, 3 * q, a * c)
     K = np.swapaxes(H.reshape(m, 3 * q, f * n), 1, 2) @ products
-    return np.ascontiguousarray(K.reshape(m, f, n, a, c).transpose(0, 1, 3, 2, 4)).reshape(m, f * a, n * c)
+    return np.asarray(K.reshape(m, f, n, a, c))
 
 
 def mass(e: Elements, part: slice, density: Array) -> Array:
-    """Integral of density du . du, shape (m, f a, f a), for densities (m,)."""
-    m, _, _, a = e.D[part].shape
-    f = e.angles.fields
+    """Integral of density du . du for densities (m,), in pieces as those of the stiffness."""
     E = np.einsum("t,tif,tig->fg", e.angles.weights, e.angles.E, e.angles.E)
     section = np.swapaxes(e.shape, 0, 1) @ ((e.weights[part] * density[:, None])[..., None] * e.shape)
-    return np.asarray(np.einsum("fg,mab->mfagb", E, section).reshape(m, f * a, f * a))
+    if e.B is not None:
+        m, a, _ = section.shape
+        return np.asarray(np.einsum("fg,mab->mfagb", E, section).reshape(m, 1, len(E) * a, len(E) * a))
+    own = np.concatenate([E[pairs.first, pairs.second] for pairs in e.angles.pairs])
+    return np.asarray(own[:, None, None] * section[:, None])
 
 
 def pressure_stiffness(e: Elements, part: slice, v: Array) -> Array:

@@ -23,6 +23,9 @@ Index = NDArray[np.int64]
 FEW = 10_000
 """Unknowns up to which PARDISO orders by minimum degree, which takes half the time of nested dissection."""
 
+CHUNK = 1 << 16
+"""Entries of element matrices whose places are found at a time, so that they stay in the processor's cache."""
+
 
 class SingularMatrixError(ArithmeticError):
     """The factorisation met a pivot it could not divide by."""
@@ -30,12 +33,12 @@ class SingularMatrixError(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Rows or columns of a group of m element matrices: k unknowns, which lie in b blocks that are coupled whole.
+    """Rows or columns of a group of m element matrices, each in s pieces of k unknowns that lie in b blocks.
 
     Attributes
     ----------
-    unknowns : (m, k) their numbers; -1 marks an eliminated one.
-    blocks : (m, b) numbers of the blocks.
+    unknowns : (m, s, k) their numbers; -1 marks an eliminated one.
+    blocks : (m, b) numbers of the blocks, which are coupled whole.
     local : (k,) which of the b blocks an unknown lies in.
     """
 
@@ -44,30 +47,41 @@ class Side:
     local: Index
 
     @classmethod
-    def of(cls, numbers: Index, cells: Index, first: int = 0) -> Side:
-        """Of the unknowns `numbers`, shape (n, fields), of cells' nodes (m, a), whose blocks count from `first` on.
+    def pieces(cls, numbers: Index, cells: Index, fields: Index, first: int = 0) -> Side:
+        """A piece for each of some `fields`.
 
-        An element's unknowns have the fields first.
+        Parameters
+        ----------
+        numbers : (nodes, fields) of the unknowns.
+        cells : (m, a) nodes.
+        first : block of the first node.
         """
-        unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(len(cells), -1)
-        return cls(unknowns, first + cells, np.tile(np.arange(cells.shape[1]), numbers.shape[1]))
+        return cls(np.swapaxes(numbers[cells][..., fields], 1, 2), first + cells, np.arange(cells.shape[1]))
+
+    @classmethod
+    def whole(cls, numbers: Index, cells: Index, first: int = 0) -> Side:
+        """One piece of all fields, the fields first, as `pieces`."""
+        (m, a), fields = cells.shape, numbers.shape[1]
+        unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(m, 1, fields * a)
+        return cls(unknowns, first + cells, np.tile(np.arange(a), fields))
 
     def beside(self, other: Side) -> Side:
-        """These unknowns and, after them, others of the same elements; one row of those serves all."""
+        """These unknowns and after them others, whose one element belongs to all."""
         m, b = self.blocks.shape
-        unknowns, blocks = (np.broadcast_to(x, (m, x.shape[1])) for x in (other.unknowns, other.blocks))
+        unknowns = np.broadcast_to(other.unknowns, (m, 1, other.unknowns.shape[2]))
+        blocks = np.broadcast_to(other.blocks, (m, other.blocks.shape[1]))
         return Side(
-            np.hstack([self.unknowns, unknowns]),
+            np.concatenate([self.unknowns, unknowns], axis=2),
             np.hstack([self.blocks, blocks]),
             np.append(self.local, b + other.local),
         )
 
-    def __getitem__(self, part: slice) -> Side:
-        return Side(self.unknowns[part], self.blocks[part], self.local)
-
 
 class Pattern:
     """The upper triangle of a symmetric sparse matrix assembled from dense element matrices.
+
+    Where the rows of a piece are its columns, its upper triangle counts; of any other piece all counts, on this side
+    of the diagonal or the other.
 
     Parameters
     ----------
@@ -77,16 +91,14 @@ class Pattern:
 
     def __init__(self, groups: list[tuple[Side, Side]], sizes: Index) -> None:
         count, first = len(sizes), np.cumsum(sizes) - sizes
-        pairs = [row.blocks[:, :, None] * count + column.blocks[:, None, :] for row, column in groups]
-        keys = np.concatenate([np.arange(count) * (count + 1), *(pair.ravel() for pair in pairs)])
-        above = keys // count <= keys % count
-        unique, inverse = np.unique(keys[above], return_inverse=True)
+        pairs = [_pair_keys(row.blocks[:, :, None], column.blocks[:, None, :], count) for row, column in groups]
+        keys = np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)])
+        unique, inverse = np.unique(keys, return_inverse=True)
         rows, columns = np.divmod(unique, count)
         begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
         start = np.cumsum(width) - width
         # where a pair of blocks begins in the first row of its block
-        offset = np.zeros(len(keys), dtype=np.int64)
-        offset[above] = (start - start[begin[rows]])[inverse]
+        offset = (start - start[begin[rows]])[inverse]
         block = np.repeat(np.arange(count), sizes)
         inside = np.arange(len(block)) - first[block]
         length = np.add.reduceat(width, begin)[block] - inside
@@ -98,23 +110,36 @@ class Pattern:
         self._columns = shared[place].astype(np.int32)
         self._pointers = np.append(0, ends).astype(np.int32)
         self._places: list[Index] = []
-        entries, done = [], count
+        entries, done, diagonal = [], count, ends - length - inside
         for (row, column), pair in zip(groups, pairs, strict=True):
             m, b, c = pair.shape
             own = offset[done : done + pair.size].reshape(m, b * c)
             done += pair.size
-            i, k = row.unknowns[:, :, None], column.unknowns[:, None, :]
-            self._places.append(np.flatnonzero((i >= 0) & (k >= i)))
             local = row.local[:, None] * c + column.local
-            at = own.take(local.ravel(), axis=1).reshape(m, *local.shape)
-            at += (ends - length - inside)[i]
-            at += inside[k]
-            entries.append(at.ravel()[self._places[-1]])
+            same = np.zeros(row.unknowns.shape[1], dtype=bool)
+            if row.unknowns.shape == column.unknowns.shape:
+                same = (row.unknowns == column.unknowns).all(axis=(0, 2))
+            entries_each = len(same) * local.size
+            step, places = max(CHUNK // max(entries_each, 1), 1), []
+            for at in range(0, m, step):
+                i, k = row.unknowns[at : at + step, :, :, None], column.unknowns[at : at + step, :, None, :]
+                above = k >= i
+                wanted = (above | ~same[:, None, None]) & (i >= 0) & (k >= 0)
+                entry = np.where(above, diagonal[i] + inside[k], inside[i] + diagonal[k])
+                entry += own[at : at + step].take(local.ravel(), axis=1).reshape(len(i), 1, *local.shape)
+                places.append(at * entries_each + np.flatnonzero(wanted))
+                entries.append(entry[wanted])
+            self._places.append(np.concatenate(places) if places else np.zeros(0, dtype=np.int64))
         self._entries = np.concatenate(entries)
 
-    def assemble(self, blocks: list[Array]) -> sp.csr_matrix:
-        """Sum element matrices, one array (m, k, l) per group, into the upper triangle."""
-        values = np.concatenate([block.ravel()[at] for block, at in zip(blocks, self._places, strict=True)])
+    def assemble(self, blocks: list[Array | None]) -> sp.csr_matrix:
+        """Sum element matrices, one array (m, s, k, l) per group, None for zeros, into the upper triangle."""
+        values = np.concatenate(
+            [
+                np.zeros(len(at)) if block is None else block.ravel()[at]
+                for block, at in zip(blocks, self._places, strict=True)
+            ]
+        )
         data = np.bincount(self._entries, weights=values, minlength=len(self._columns))
         return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
 
@@ -141,6 +166,11 @@ class Pattern:
         whole.sort_indices()
         rows = np.repeat(np.arange(self.size), np.diff(whole.indptr))
         return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
+
+
+def _pair_keys(a: Index, b: Index, count: int) -> Index:
+    """One number for each unordered pair of numbers below `count`."""
+    return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))
 
 
 @functools.cache

@@ -160,19 +160,44 @@ class System:
         """Unknowns of each element, the sparse pattern, and the constant stiffness of the pressures."""
         e, inner, nodes = self.elements, self._inner, len(self.elements.nodes)
         motion = np.arange(self.n_free, self.n_free + self.n_rigid)
-        u, p = Side.of(self._reduced, e.cells), Side.of(self._pressures, self._corners, nodes + 1)
-        magnet = Side(motion[None], np.array([[nodes]]), np.zeros(self.n_rigid, dtype=np.int64))
-        outer = u[inner:].beside(magnet)
-        groups = [(u[:inner], u[:inner]), (u[:inner], p[:inner]), (outer, outer), (outer, p[inner:])]
-        groups += [(p, p), (magnet, magnet)]
+        cells, corners = e.cells, self._corners
+        near, near_corners = cells[inner:], corners[inner:]
+        magnet = Side(motion[None, None], np.array([[nodes]]), np.zeros(self.n_rigid, dtype=np.int64))
+        outer = Side.whole(self._reduced, near).beside(magnet)
+        pressures = Side.whole(self._pressures, corners, nodes + 1)
+        groups = [
+            self._stiffness_sides(cells[:inner]),
+            self._coupling_sides(cells[:inner], corners[:inner]),
+            (outer, outer),
+            (outer, Side.whole(self._pressures, near_corners, nodes + 1)),
+            (pressures, pressures),
+            (magnet, magnet),
+        ]
         if self.surface is not None:
-            facets = Side.of(self._reduced, self.surface.nodes)
+            facets = Side.whole(self._reduced, self.surface.nodes)
             groups.append((facets, facets))
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes)
-        self._u, self._p, self._outer = u.unknowns, p.unknowns, outer.unknowns
+        self._p = pressures.unknowns[:, 0]
         whole = slice(0, len(e.cells))
         self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
+
+    def _stiffness_sides(self, cells: Index) -> tuple[Side, Side]:
+        """Rows and columns of the pieces of `integrals.displacement_stiffness`."""
+        e = self.elements
+        if e.B is not None:
+            return (Side.whole(self._reduced, cells),) * 2
+        first, second = (np.concatenate(f) for f in zip(*((p.first, p.second) for p in e.angles.pairs), strict=True))
+        return Side.pieces(self._reduced, cells, first), Side.pieces(self._reduced, cells, second)
+
+    def _coupling_sides(self, cells: Index, corners: Index) -> tuple[Side, Side]:
+        """Rows and columns of the pieces of `integrals.coupling`, for each field of displacement and pressure."""
+        a = self.elements.angles
+        fields, numbers = np.divmod(np.arange(a.fields * a.pressures), a.pressures)
+        return (
+            Side.pieces(self._reduced, cells, fields),
+            Side.pieces(self._pressures, corners, numbers, len(self.elements.nodes) + 1),
+        )
 
     def state(self, q: Array) -> State:
         """Displacements and pressures of unknowns q."""
@@ -208,7 +233,8 @@ class System:
         """Residual and, if wanted, tangent at a state with all J > 0."""
         e = self.elements
         corner = state.p[self._corners]
-        fu, fp = np.empty(self._u.shape), np.empty(self._p.shape)
+        m, fields, a = len(e.cells), e.angles.fields, e.cells.shape[1]
+        fu, fp = np.empty((m, fields * a)), np.empty(self._p.shape)
         Kuu, Kup = [], []
         energy = 0.0
         for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
@@ -226,8 +252,7 @@ class System:
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
         forces -= self.dead
         energy += spring_energy - float(np.sum(self.dead * state.u))
-        a = e.cells.shape[1]
-        np.add.at(forces, e.cells, np.swapaxes(fu.reshape(len(fu), -1, a), 1, 2))
+        np.add.at(forces, e.cells, np.swapaxes(fu.reshape(m, fields, a), 1, 2))
         residual = np.zeros(self.size)
         residual[: self.n_free] = forces[self.free]
         kept = self._p >= 0
@@ -236,12 +261,12 @@ class System:
         residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
             return Assembly(residual, energy, forces, None)
-        n = sum(part.stop <= self._inner for part in self._parts)
-        inner = [_joined(Kuu[:n], self._u), _joined(Kup[:n], self._u, self._p)]
-        outer = self._magnet(T, _joined(Kuu[n:], self._u), _joined(Kup[n:], self._u, self._p))
-        own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else np.zeros((0, 0))
-        matrix = self.pattern.assemble([*inner, *outer, self._compliance, own[None], *blocks])
-        if not symmetric:
+        n = self._inner
+        K, C = np.concatenate(Kuu), np.concatenate(Kup)
+        outer = self._with_motion(T, K[n:], C[n:])
+        own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
+        matrix = self.pattern.assemble([K[:n], C[:n], *outer, self._compliance, own, *blocks])
+        if not symmetric and blocks[0] is not None:
             matrix = self.pattern.unfolded(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
 
@@ -256,17 +281,9 @@ class System:
         e = self.elements
         at_rest = self.state(np.zeros(self.size))
         M = np.concatenate([integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
-        inner, outer = M[: self._inner], M[self._inner :]
-        outer, _ = self._magnet(self._follow(at_rest), outer, np.zeros((*outer.shape[:2], self._p.shape[1])))
-        own = np.diag(magnet)[None] if self.rigid else np.zeros((1, 0, 0))
-        empty = [
-            np.zeros((*a.shape, b.shape[1])) for a, b in ((self._u[: self._inner], self._p), (self._outer, self._p))
-        ]
-        blocks = [inner, empty[0], outer, empty[1], np.zeros(self._compliance.shape), own]
-        if self.surface is not None:
-            n = self.surface.nodes.shape[1] * self.fixed.shape[1]
-            blocks.append(np.zeros((len(self.surface.nodes), n, n)))
-        return self.pattern.assemble(blocks)
+        outer, _ = self._with_motion(self._follow(at_rest), M[self._inner :], None)
+        blocks = [M[: self._inner], None, outer, None, None, np.diag(magnet)]
+        return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
     def pushes(self, points: Index, plate: Plate) -> Array:
         """Rows (m, n) of the unknowns' shares in the motion of skin points (m,) along the plate's normal."""
@@ -280,15 +297,16 @@ class System:
         rows[np.nonzero(kept)[0], where[kept]] = along.reshape(len(points), -1)[kept]
         return rows
 
-    def _springs(self, state: State, plate: Plate | None, tangent: bool) -> tuple[Array, list[Array], float, bool]:
+    def _springs(
+        self, state: State, plate: Plate | None, tangent: bool
+    ) -> tuple[Array, list[Array | None], float, bool]:
         """Nodal forces, matrices of the facets, energy of the plate's springs, and whether they are symmetric."""
         nodal = np.zeros(self.fixed.shape)
         s = self.surface
         if s is None:
             return nodal, [], 0.0, True
         if plate is None:
-            n = s.nodes.shape[1] * self.fixed.shape[1]
-            return nodal, [np.zeros((len(s.nodes), n, n))], 0.0, True
+            return nodal, [None], 0.0, True
         forces, blocks, energy, symmetric = contact.springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
         return nodal, [blocks], energy, symmetric
@@ -300,19 +318,21 @@ class System:
             T[self.glued] = self.rigid.derivative(self.motion(state.q))
         return T
 
-    def _magnet(self, T: Array, Kuu: Array, Kup: Array) -> list[Array]:
-        """Matrices of the elements at the magnet once its nodes follow its motion."""
-        if not self.rigid:
-            return [Kuu, Kup]
-        Te = np.swapaxes(T[self.elements.cells[self._inner :]], 1, 2).reshape(len(Kuu), -1, self.n_rigid)
-        KT, TK = Kuu @ Te, np.swapaxes(Te, 1, 2)
+    def _with_motion(self, T: Array, K: Array, C: Array | None) -> list[Array | None]:
+        """Matrices of the elements at the magnet, whose unknowns are those of its motion, too.
+
+        Parameters
+        ----------
+        T : derivative of the displacements by the motion, as of `_follow`.
+        K, C : pieces of the elements' stiffness and of their coupling, if that is wanted.
+        """
+        e = self.elements
+        K, m = integrals.whole(e, K), len(K)
+        Te = np.swapaxes(T[e.cells[self._inner :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
+        KT, TK = K @ Te, np.swapaxes(Te, 1, 2)
         bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)
-        outer = np.concatenate([np.concatenate([Kuu, KT], axis=2), bottom], axis=1)
-        return [outer, np.concatenate([Kup, TK @ Kup], axis=1)]
-
-
-def _joined(parts: list[Array], rows: Index, columns: Index | None = None) -> Array:
-    """Element matrices of several parts as one array; none if there are no parts."""
-    if not parts:
-        return np.zeros((0, rows.shape[1], (rows if columns is None else columns).shape[1]))
-    return np.concatenate(parts)
+        bordered = np.concatenate([np.concatenate([K, KT], axis=2), bottom], axis=1)
+        if C is None:
+            return [bordered, None]
+        C = np.swapaxes(C, 2, 3).reshape(m, K.shape[1], self._p.shape[1])
+        return [bordered, np.concatenate([C, TK @ C], axis=1)]
