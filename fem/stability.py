@@ -39,6 +39,8 @@ STEP = 0.05
 """Depth over D between two states that are checked."""
 TOLERANCE = 2e-3
 """Relative width of the interval in which a critical depth lies."""
+ROUGH = 0.3
+"""Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
 RIM = 0.25
 """Edge length where the contact ends, over the section's, at most SHARE of its radius."""
 
@@ -136,7 +138,8 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     d, D = depth / design.D, design.D
-    edge = contact_end(_build(design, magnet, QUICK), RIM * accuracy.section_size, d)
+    rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
+    edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_size, d)
     build = _build(design, magnet, accuracy, _rim(edge, accuracy))
     path = Path(build(), rim=edge)
     try:
@@ -149,7 +152,8 @@ def small_shear(
         assert skin is not None
         plate = contact.glued(skin, high.system.state(q).u, path.plate(), edge, high.shape.H)
         there = high.system.assemble(high.system.state(q), plate)
-        moved = high.system.assemble(high.system.state(q), replace(plate, shear=np.array([1.0, 0.0])))
+        shear = replace(plate, shear=np.array([1.0, 0.0]))
+        moved = high.system.assemble(high.system.state(q), shear, tangent=False)
         step = _solved(there, there.residual - moved.residual)
         return _small(design, path, high, plate, q, step)
     finally:
