@@ -26,6 +26,8 @@ from fem.friction import Friction
 Array = NDArray[np.float64]
 
 KAPPA = 3000.0
+SETTLED = 1e-9
+"""Relative change of a radius that ends its search."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,15 +156,13 @@ def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -
     Stiffness: shape (k, f fields, f fields), fields first.
     """
     residual, stiffness, energy = traction(surface, u, plate)
-    symmetric = np.array_equal(stiffness, np.swapaxes(stiffness, 2, 3))
+    symmetric = plate.friction is None or np.array_equal(stiffness, np.swapaxes(stiffness, 2, 3))
     lift, hard = base_traction(surface, u, plate.stiffness)
     residual[..., 2] += lift
     energy += float(np.sum(surface.weights * lift**2) / (2 * plate.stiffness))
     k, f = surface.nodes.shape
     fields = surface.E.shape[2]
-    w = surface.weights[..., None]
-    pulled = np.einsum("kqi,qif->kqf", w * residual, surface.E)
-    forces = np.swapaxes(surface.shape, 0, 1) @ pulled
+    forces = surface.forces(residual)
     if not tangent:
         return forces, np.zeros((k, 0, 0)), energy, symmetric
     blocks = np.zeros((k, fields, f, fields, f))
@@ -170,7 +170,7 @@ def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -
     if len(touched):
         C = plate.frame.T @ stiffness[touched] @ plate.frame
         C[..., 2, 2] += hard[touched]
-        H = np.swapaxes(surface.E, 1, 2) @ (w[touched][..., None] * C) @ surface.E
+        H = np.swapaxes(surface.E, 1, 2) @ (surface.weights[touched][..., None, None] * C) @ surface.E
         pairs = (surface.shape[:, :, None] * surface.shape[:, None, :]).reshape(-1, f * f)
         K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
         blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
@@ -252,6 +252,8 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         if not abs(root) < 0.5:
             return by_moment
         radius *= 1 + float(root)
+        if abs(root) < SETTLED:
+            break
     return radius
 
 

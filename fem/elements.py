@@ -163,7 +163,7 @@ def _products(D: Array) -> Array:
     return np.asarray((D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Surface:
     """Integration points on outer facets, at every angle where there are several.
 
@@ -182,9 +182,20 @@ class Surface:
     points: Array
     E: Array
 
+    @functools.cached_property
+    def spread(self) -> Array:
+        """Displacements of a facet's points by its nodal fields, shape (f fields, q 3)."""
+        f, fields = self.nodes.shape[1], self.E.shape[2]
+        return np.asarray(np.einsum("qf,qin->fnqi", self.shape, self.E).reshape(f * fields, -1))
+
     def displacement(self, u: Array) -> Array:
         """Displacements (k, q, 3) of nodal fields (n, fields)."""
-        return np.asarray(np.einsum("kqf,qif->kqi", self.shape @ u[self.nodes], self.E))
+        return np.asarray((u[self.nodes].reshape(len(self.nodes), -1) @ self.spread).reshape(self.points.shape))
+
+    def forces(self, traction: Array) -> Array:
+        """Nodal forces (k, f, fields) of tractions (k, q, 3)."""
+        weighted = (self.weights[..., None] * traction).reshape(len(self.nodes), -1)
+        return np.asarray((weighted @ self.spread.T).reshape(*self.nodes.shape, -1))
 
 
 _FACET_NODES = {

@@ -115,7 +115,7 @@ def _vector(T: Array) -> Array:
 
 def _wanted(T: Array, k: Kinematics) -> Array:
     """The components of tensors (..., 3, 3) that tangents are wanted for, (..., c)."""
-    return _vector(T) if k.components is None else _vector(T)[..., k.components]
+    return _vector(T) if k.components is None else _vector(T).take(k.components, axis=-1)
 
 
 def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
@@ -124,8 +124,8 @@ def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
     With all nine components the points come last in memory: their loops are long, those over components are not.
     """
     if k.components is not None:
-        H = _wanted(k.H, k)
-        A = np.stack([x, H], axis=-1) @ np.stack([H, x], axis=-2)
+        A = x[..., :, None] * _wanted(k.H, k)[..., None, :]
+        A = A + np.swapaxes(A, -1, -2)
         A += _pairs(cross[..., None, None] * k.H, k.H, k.components)
         return A
     X, H = (np.ascontiguousarray(v.reshape(-1, 9).T) for v in (x, k.H))
@@ -151,7 +151,7 @@ def _pairs(X: Array, Y: Array, components: NDArray[np.int64] | None = None) -> A
     if components is not None:
         i, J = np.divmod(components, 3)
         first, second = 3 * i[:, None] + J, 3 * i + J[:, None]
-        return np.asarray(_vector(X)[..., first] * _vector(Y)[..., second])
+        return np.asarray(_vector(X).take(first, axis=-1) * _vector(Y).take(second, axis=-1))
     product = np.einsum("...il,...kj->...ijkl", X, Y)
     return np.asarray(product.reshape(*X.shape[:-2], 9, 9))
 

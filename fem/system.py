@@ -326,6 +326,8 @@ class System:
         T : derivative of the displacements by the motion, as of `_follow`.
         K, C : pieces of the elements' stiffness and of their coupling, if that is wanted.
         """
+        if not len(K):
+            return [None, None]
         e = self.elements
         K, m = integrals.whole(e, K), len(K)
         Te = np.swapaxes(T[e.cells[self._inner :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
