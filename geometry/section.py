@@ -44,6 +44,13 @@ DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
 grows inwards: wherever the contact ends, it ends in small elements. Without them forces scatter with its place."""
 SPACING, STEPS = 0.85, 10
 """Least distance of points as a fraction of the edge length; smoothing steps."""
+NEAR_END = np.geomspace(1e-10, 0.5, 200)
+FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
+"""Where along a curve, as fractions of its length, the edge length is looked up; and how close to its ends."""
+BLOCK, BATCH = 32, 64
+"""Numbers of points that are taken together, for speed alone: along a curve, and of those to thin out."""
+SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
+"""Derivatives of a triangle's shape functions at points of integration, shape (6, 2, q)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +63,35 @@ class _Sizing:
     growth: Floats
 
     def __call__(self, x: Points) -> Floats:
-        near: Floats = cdist(_pairs(x), _pairs(self.source))
-        near *= self.growth
-        near += self.least
-        wanted: Floats = np.minimum(self.size, near.min(axis=1))
+        wanted: Floats = np.minimum(self.size, self._asked(x).min(axis=1))
         return wanted
+
+    def along(self, x: Points) -> Floats:
+        """The very same at points that follow each other: a block of them asks those sources alone that can matter."""
+        blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
+        middle = blocks.mean(axis=1)
+        asked, change = self._asked(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
+        most = np.minimum(self.size, (asked + change).min(axis=1)) + SMALLEST
+        block, i = np.nonzero(asked - change <= most[:, None])
+        r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
+        near = np.sqrt(r * r + z * z) * self.growth[i, None] + self.least[i, None]
+        first = np.flatnonzero(np.diff(block, prepend=-1))
+        wanted = np.full(blocks.shape, self.size)
+        wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
+        return wanted.ravel()[: len(x)]
+
+    def _asked(self, x: Points) -> Floats:
+        """The edge length that each source asks for, shape (n, sources)."""
+        asked: Floats = cdist(_pairs(x), _pairs(self.source))
+        asked *= self.growth
+        asked += self.least
+        return asked
+
+    def reduced(self) -> _Sizing:
+        """The same without the sources that ask for more than another one everywhere (the tip stays)."""
+        idle = (self._asked(self.source).T < self.least - SMALLEST) & (self.growth[:, None] <= self.growth)
+        used = np.append(0, 1 + np.flatnonzero(~idle.any(axis=0)[1:]))
+        return _Sizing(self.size, self.source[used], self.least[used], self.growth[used])
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +147,7 @@ def section(
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
     curves = outline(unit, magnet, ring and ring[0])
     sizing = _sizing(unit, curves, size_D, tip_D, ring, fillet, magnet == "meshed")
-    cuts = [_cuts(curve, sizing) for curve in curves]
+    cuts = _cuts(curves, sizing)
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
@@ -170,17 +201,18 @@ def _sizing(
         source.append(np.array([r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2))]))
         least.append(np.array([min(rim[1], size)]))
         growth = np.append(growth, TIP_GROWTH)
-    return _Sizing(size, np.concatenate(source), np.concatenate(least), growth)
+    return _Sizing(size, np.concatenate(source), np.concatenate(least), growth).reduced()
 
 
-def _cuts(curve: Curve, sizing: _Sizing) -> Floats:
-    """Fractions of a curve's length, from 0 to 1, that cut it into steps of the local size."""
-    near = np.geomspace(1e-10, 0.5, 200)
-    t = np.unique(np.concatenate([near, 1 - near, np.linspace(0, 1, 201)]))
-    density = curve.length / sizing(curve.at(t))
-    count = np.append(0.0, np.cumsum(np.diff(t) * (density[1:] + density[:-1]) / 2))
-    steps = max(1 if curve.centre is None else 2, math.ceil(count[-1] - 0.3))
-    cuts: Floats = np.interp(np.linspace(0, count[-1], steps + 1), count, t)
+def _cuts(curves: list[Curve], sizing: _Sizing) -> list[Floats]:
+    """For each curve the fractions of its length, from 0 to 1, that cut it into steps of the local size."""
+    wanted = sizing.along(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
+    cuts = []
+    for curve, here in zip(curves, wanted.reshape(len(curves), -1), strict=True):
+        density = curve.length / here
+        count = np.append(0.0, np.cumsum(np.diff(FRACTIONS) * (density[1:] + density[:-1]) / 2))
+        steps = max(1 if curve.centre is None else 2, math.ceil(count[-1] - 0.3))
+        cuts.append(np.interp(np.linspace(0, count[-1], steps + 1), count, FRACTIONS))
     return cuts
 
 
@@ -207,15 +239,17 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
     side, leaves, lengths = 0.5, [], []
     cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
     while len(cells):
+        space = room(domain, cells)
+        near = space > -0.75 * side  # of other cells no part is inside
+        cells, space = cells[near], space[near]
         wanted = sizing(cells)
         coarse = wanted < side / 0.3
-        leaves.append(cells[~coarse])
-        lengths.append(wanted[~coarse])
+        leaf = ~coarse & (space > 0)
+        leaves.append(cells[leaf])
+        lengths.append(wanted[leaf])
         side /= 2
         cells = (cells[coarse, None] + side / 2 * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])).ravel()
     x, length = np.concatenate(leaves), np.concatenate(lengths)
-    inside = room(domain, x) > 0
-    x, length = x[inside], length[inside]
     far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / length
     order = np.argsort(far, kind="stable")[np.count_nonzero(far <= SPACING) :]
     return _thinned(x[order], length[order])
@@ -224,34 +258,37 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
 def _thinned(x: Points, length: Floats) -> Points:
     """The points, first come first served, that keep their distance from those before."""
     kept, nearest = [], (SPACING * length) ** 2
-    # of those left the first is far enough from all that were kept; in squares, as they are cheapest
     while len(x):
-        kept.append(x[0])
-        r, z = x.real - x[0].real, x.imag - x[0].imag
-        far = r * r + z * z > nearest
-        x, nearest = x[far], nearest[far]
-    return np.array(kept, dtype=np.complex128)
+        first, rest = _pairs(x[:BATCH]), _pairs(x[BATCH:])
+        clash = cdist(first, first, "sqeuclidean") <= nearest[:BATCH]
+        stays = np.ones(len(first), dtype=np.bool_)
+        for i in range(len(first)):
+            if stays[i]:
+                stays[i + 1 :] &= ~clash[i, i + 1 :]
+        kept.append(x[:BATCH][stays])
+        far = (cdist(first[stays], rest, "sqeuclidean") > nearest[BATCH:]).all(axis=0)
+        x, nearest = x[BATCH:][far], nearest[BATCH:][far]
+    return np.concatenate(kept) if kept else x
 
 
 def _delaunay(x: Points, sizing: _Sizing) -> Ints:
     """Triangles, shape (n, 3), counter-clockwise, by Delaunay's criterion in a conformal image of the plane."""
     image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
     t: Ints = Delaunay(_pairs(image)).simplices.astype(np.int64)
-    sides = x[t] - x[np.roll(t, 1, axis=1)]
-    upright: Ints = t[(sides[:, 1].conj() * sides[:, 2]).imag > 1e-6 * np.abs(sides).max(axis=1) ** 2]
+    corner = x[t.T]
+    side = corner - corner[[2, 0, 1]]
+    upright: Ints = t[(side[1].conj() * side[2]).imag > 1e-6 * np.abs(side).max(axis=0) ** 2]
     return upright
 
 
-def _edges(t: Ints) -> Ints:
-    """The sides of triangles, shape (n, 3), as ordered pairs of nodes, shape (3 n, 2)."""
-    edges: Ints = np.sort(t[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return edges
+def _keys(i: Ints, j: Ints) -> Ints:
+    """One number for each unordered pair of node indices."""
+    return np.minimum(i, j) * 2**31 + np.maximum(i, j)
 
 
-def _keys(pairs: Ints) -> Ints:
-    """One number for each unordered pair, shape (n, 2), of node indices."""
-    ordered = np.sort(pairs, axis=1).astype(np.int64)
-    return ordered[:, 0] * 2**31 + ordered[:, 1]
+def _sides(t: Ints) -> Ints:
+    """The keys of the sides of triangles, shape (n, 3)."""
+    return _keys(t, t[:, [1, 2, 0]])
 
 
 def _clear(border: _Border, x: Points) -> NDArray[np.bool_]:
@@ -280,17 +317,21 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> t
     fixed = len(border.node)
     for _ in range(STEPS):
         x = np.concatenate([border.node, inner])
-        bars = np.column_stack(np.divmod(np.unique(_keys(_edges(_delaunay(x, sizing)))), 2**31))
-        free = bars[bars[:, 1] >= fixed]
-        along = x[free[:, 1]] - x[free[:, 0]]
-        length, want = np.abs(along), sizing(x[free].mean(axis=1))
+        bars = np.array(np.divmod(np.unique(_sides(_delaunay(x, sizing))), 2**31))
+        free = bars[:, bars[1] >= fixed]
+        start, end = x[free]
+        along = end - start
+        length, want = np.abs(along), sizing((start + end) / 2)
         push = along / length * np.maximum(1.2 * np.median(length / want) * want - length, 0)
-        move = np.zeros(len(x), dtype=np.complex128)
-        np.add.at(move, free.T.ravel(), np.concatenate([-push, push]))
-        moved = inner + 0.2 * move[fixed:]
+        push = np.concatenate([-push, push])
+        r, z = (np.bincount(free.ravel(), part, len(x)) for part in (push.real, push.imag))
+        moved = inner + 0.2 * (r + 1j * z)[fixed:]
         clear = np.minimum(room(domain, moved), moved.real)
-        inner = np.where(clear > 0.3 * sizing(inner), moved, inner)
-    return inner, bars
+        free_to_move = clear > 0.3 * sizing.size
+        tight = np.flatnonzero(~free_to_move)
+        free_to_move[tight] = clear[tight] > 0.3 * sizing(inner[tight])
+        inner = np.where(free_to_move, moved, inner)
+    return inner, bars.T
 
 
 def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
@@ -308,7 +349,7 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -
     t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
     core = _within(x[t].mean(axis=1), ends[border.name == "magnet"])
     silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
-    if not np.isin(_keys(border.segment), _keys(_edges(np.concatenate([silicone, magnet])))).all():
+    if not np.isin(_keys(*border.segment.T), _sides(np.concatenate([silicone, magnet]))).all():
         raise RuntimeError("the section's outline could not be meshed: take a smaller size")
     return silicone, magnet
 
@@ -317,10 +358,10 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     """Raise the triangles to second order with the middle nodes on the curves, name the parts and check them."""
     corners, t = _pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
     straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
-    mesh = skfem.MeshTri2.from_mesh(straight)
-    key = _keys(mesh.facets.T)
+    key = _keys(*straight.facets.astype(np.int64))
     order = np.argsort(key)
-    facet = order[np.searchsorted(key, _keys(border.segment), sorter=order)]
+    facet = order[np.searchsorted(key, _keys(*border.segment.T), sorter=order)]
+    mesh = skfem.MeshTri2.from_mesh(straight)
     doflocs = mesh.doflocs.copy()
     doflocs[:, mesh.nvertices + facet] = _pairs(border.middle).T
     boundaries = {str(name): np.sort(facet[border.name == name]) for name in np.unique(border.name)}
@@ -330,6 +371,9 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     outer = facet[border.name != "magnet"] if len(core) else facet
     if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
         raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
-    if not np.all(mesh.mapping().detDF(get_quadrature(skfem.ElementTriP2, 6)[0]) > 0):
+    (r_X, r_Y), (z_X, z_Y) = np.einsum(
+        "cam,ajq->cjmq", mesh.doflocs[:, mesh.dofs.element_dofs], SLOPES, optimize=True
+    )
+    if not np.all(r_X * z_Y > r_Y * z_X):
         raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
     return mesh
