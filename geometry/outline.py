@@ -37,11 +37,12 @@ class Curve:
     def at(self, t: Floats) -> Points:
         """The points at the fractions t of the length, exact at both ends."""
         if self.centre is None:
-            inner = self.start + (self.end - self.start) * t
+            points: Points = self.start + (self.end - self.start) * t
         else:
             angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
-            inner = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
-        return np.where(t == 0, self.start, np.where(t == 1, self.end, inner)).astype(np.complex128)
+            points = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))
+        points[t == 0], points[t == 1] = self.start, self.end
+        return points
 
 
 def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:

@@ -240,7 +240,7 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
     cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
     while len(cells):
         space = room(domain, cells)
-        near = space > -0.75 * side  # of other cells no part is inside
+        near = space > -0.71 * side  # of other cells no part is inside
         cells, space = cells[near], space[near]
         wanted = sizing(cells)
         coarse = wanted < side / 0.3
@@ -275,9 +275,9 @@ def _delaunay(x: Points, sizing: _Sizing) -> Ints:
     """Triangles, shape (n, 3), counter-clockwise, by Delaunay's criterion in a conformal image of the plane."""
     image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
     t: Ints = Delaunay(_pairs(image)).simplices.astype(np.int64)
-    corner = x[t.T]
-    side = corner - corner[[2, 0, 1]]
-    upright: Ints = t[(side[1].conj() * side[2]).imag > 1e-6 * np.abs(side).max(axis=0) ** 2]
+    a, b, c = x[t.T]
+    longest = np.maximum(np.maximum(np.abs(b - a), np.abs(c - b)), np.abs(a - c))
+    upright: Ints = t[((b - a).conj() * (c - b)).imag > 1e-6 * longest**2]
     return upright
 
 
@@ -287,8 +287,9 @@ def _keys(i: Ints, j: Ints) -> Ints:
 
 
 def _sides(t: Ints) -> Ints:
-    """The keys of the sides of triangles, shape (n, 3)."""
-    return _keys(t, t[:, [1, 2, 0]])
+    """The sides of triangles, shape (n, 3): their ascending keys, each once."""
+    keys = np.sort(_keys(t, t[:, [1, 2, 0]]), axis=None)
+    return keys[np.diff(keys, prepend=-1) > 0]
 
 
 def _clear(border: _Border, x: Points) -> NDArray[np.bool_]:
@@ -317,12 +318,15 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> t
     fixed = len(border.node)
     for _ in range(STEPS):
         x = np.concatenate([border.node, inner])
-        bars = np.array(np.divmod(np.unique(_sides(_delaunay(x, sizing))), 2**31))
+        keys = _sides(_delaunay(x, sizing))
+        bars = np.array([keys >> 31, keys & (2**31 - 1)])
         free = bars[:, bars[1] >= fixed]
         start, end = x[free]
         along = end - start
         length, want = np.abs(along), sizing((start + end) / 2)
-        push = along / length * np.maximum(1.2 * np.median(length / want) * want - length, 0)
+        ratio = np.sort(length / want)
+        median = (ratio[len(ratio) // 2] + ratio[(len(ratio) - 1) // 2]) / 2
+        push = along / length * np.maximum(1.2 * median * want - length, 0)
         push = np.concatenate([-push, push])
         r, z = (np.bincount(free.ravel(), part, len(x)) for part in (push.real, push.imag))
         moved = inner + 0.2 * (r + 1j * z)[fixed:]
@@ -371,9 +375,7 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     outer = facet[border.name != "magnet"] if len(core) else facet
     if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
         raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
-    (r_X, r_Y), (z_X, z_Y) = np.einsum(
-        "cam,ajq->cjmq", mesh.doflocs[:, mesh.dofs.element_dofs], SLOPES, optimize=True
-    )
-    if not np.all(r_X * z_Y > r_Y * z_X):
+    r, z = np.tensordot(mesh.doflocs[:, mesh.dofs.element_dofs], SLOPES, axes=(1, 0))
+    if not np.all(r[:, 0] * z[:, 1] > r[:, 1] * z[:, 0]):
         raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
     return mesh
