@@ -264,25 +264,29 @@ def build(
     dim = mesh.p.shape[0]
     order = order or (4 if dim == 2 else 2)
     quadratic, linear = bases(dim)
-    basis = skfem.Basis(mesh, quadratic, intorder=order)
-    pressure = basis.with_element(linear)
-    grad = np.stack([np.moveaxis(np.asarray(b[0].grad), 0, -1) for b in basis.basis], axis=2)  # (m, q, a, dim)
-    m, q, a, _ = grad.shape
+    X, W = get_quadrature(quadratic, order)
+    mapping, dofs = mesh.mapping(), Dofs(mesh, quadratic)
+    values, slopes = zip(*(quadratic.lbasis(X, i) for i in range(len(dofs.element_dofs))), strict=True)
+    inverse = mapping.invDF(X)
+    grad = np.stack([np.einsum("ijkl,il->jkl", inverse, slope) for slope in slopes], axis=-1)  # (dim, m, q, a)
+    _, m, q, a = grad.shape
     D = np.zeros((m, q, 3, a))
-    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = np.swapaxes(grad, 2, 3)
-    weights = np.array(basis.dx)
+    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = np.moveaxis(grad, 0, 2)
+    weights = np.abs(mapping.detDF(X)) * W
+    shape = np.stack(values, axis=-1)
     if axisymmetric:
-        radius = np.asarray(basis.global_coordinates())[0]
-        shape = np.stack([np.broadcast_to(np.asarray(b[0]), (m, q)) for b in basis.basis], axis=2)
+        radius = mapping.F(X)[0]
         D[:, :, 1] = shape / radius[..., None]
         weights = weights * radius
+    nodes = np.empty((dofs.N, dim))
+    nodes[dofs.element_dofs] = mapping.F(quadratic.doflocs.T).T
     return Elements(
-        nodes=np.ascontiguousarray(basis.doflocs.T),
-        cells=np.ascontiguousarray(basis.element_dofs.T).astype(np.int64),
+        nodes=nodes,
+        cells=np.ascontiguousarray(dofs.element_dofs.T).astype(np.int64),
         D=D,
         weights=weights,
-        pressure_shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in pressure.basis], axis=1),
-        shape=np.stack([np.broadcast_to(np.asarray(b[0]), (m, q))[0] for b in basis.basis], axis=1),
+        pressure_shape=np.stack([linear.lbasis(X, i)[0] for i in range(dim + 1)], axis=-1),
+        shape=shape,
         angles=angles or (around(harmonics) if axisymmetric else cartesian(dim)),
     )
 

@@ -21,9 +21,9 @@ from fem.elements import Elements
 from fem.material import Law, lame, neo_hookean
 from fem.system import NONE, System
 from geometry.design import Shape
+from geometry.grading import FILLET
 from geometry.mesh import tetrahedra
 from geometry.scene import Magnet
-from geometry.section import FILLET
 from geometry.section import section as section_mesh
 
 Array = NDArray[np.float64]

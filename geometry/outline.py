@@ -37,7 +37,7 @@ class Curve:
     def at(self, t: Floats) -> Points:
         """The points at the fractions t of the length, exact at both ends."""
         if self.centre is None:
-            points: Points = self.start + (self.end - self.start) * t
+            points = np.asarray(self.start + (self.end - self.start) * t, dtype=np.complex128)
         else:
             angle = self.bearing[0] + (self.bearing[1] - self.bearing[0]) * t
             points = self.centre + abs(self.start - self.centre) * (np.sin(angle) + 1j * np.cos(angle))

@@ -22,76 +22,22 @@ from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
 from geometry.design import BadInput, Shape
-from geometry.outline import SMALLEST, Curve, outline, room
+from geometry.grading import FILLET, TIP, Grading, grading, pairs
+from geometry.outline import Curve, outline, room
 
 Points = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
-"""Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
-LEAST_CLAMP, CORNER = 0.012, 0.012
-"""Least edge lengths at the clamp and at the magnet's sharp edge, in D: finer elements there only follow the
-singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
-FILLET, ARC, GAP = 0.75, 0.1, 0.42
-"""Largest edge length at a fillet, as a fraction of its radius (by default) and of the root of D times its radius, so
-that parabolas for arcs err by less than 1e-5 of the volume; and in a thin layer, as a fraction of its thickness."""
-TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
-"""Growth of the edge length with distance from the tip and from other features, and sizes (in D) below which they
-shrink with the size, so that halving the size halves every edge length."""
-DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
-"""Largest edge length along the dome, as a fraction of the size, up to a bearing (rad) from the tip, and how fast it
-grows inwards: wherever the contact ends, it ends in small elements. Without them forces scatter with its place."""
 SPACING, STEPS = 0.85, 10
 """Least distance of points as a fraction of the edge length; smoothing steps."""
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
 FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
 """Where along a curve, as fractions of its length, the edge length is looked up; and how close to its ends."""
-BLOCK, BATCH = 32, 64
-"""Numbers of points that are taken together, for speed alone: along a curve, and of those to thin out."""
+BATCH = 64
+"""Points to thin out that are compared at once."""
 SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
 """Derivatives of a triangle's shape functions at points of integration, shape (6, 2, q)."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Sizing:
-    """The wanted edge length: `size`, or less near the points `source` (first the tip), where it is `least`."""
-
-    size: float
-    source: Points
-    least: Floats
-    growth: Floats
-
-    def __call__(self, x: Points) -> Floats:
-        wanted: Floats = np.minimum(self.size, self._asked(x).min(axis=1))
-        return wanted
-
-    def along(self, x: Points) -> Floats:
-        """The very same at points that follow each other: a block of them asks those sources alone that can matter."""
-        blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
-        middle = blocks.mean(axis=1)
-        asked, change = self._asked(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
-        most = np.minimum(self.size, (asked + change).min(axis=1)) + SMALLEST
-        block, i = np.nonzero(asked - change <= most[:, None])
-        r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
-        near = np.sqrt(r * r + z * z) * self.growth[i, None] + self.least[i, None]
-        first = np.flatnonzero(np.diff(block, prepend=-1))
-        wanted = np.full(blocks.shape, self.size)
-        wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
-        return wanted.ravel()[: len(x)]
-
-    def _asked(self, x: Points) -> Floats:
-        """The edge length that each source asks for, shape (n, sources)."""
-        asked: Floats = cdist(_pairs(x), _pairs(self.source))
-        asked *= self.growth
-        asked += self.least
-        return asked
-
-    def reduced(self) -> _Sizing:
-        """The same without the sources that ask for more than another one everywhere (the tip stays)."""
-        idle = (self._asked(self.source).T < self.least - SMALLEST) & (self.growth[:, None] <= self.growth)
-        used = np.append(0, 1 + np.flatnonzero(~idle.any(axis=0)[1:]))
-        return _Sizing(self.size, self.source[used], self.least[used], self.growth[used])
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +92,7 @@ def section(
     domain = unit.without_magnet() if magnet == "meshed" else unit
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
     curves = outline(unit, magnet, ring and ring[0])
-    sizing = _sizing(unit, curves, size_D, tip_D, ring, fillet, magnet == "meshed")
+    sizing = grading(unit, curves, size_D, tip_D, ring, fillet, magnet == "meshed")
     cuts = _cuts(curves, sizing)
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
@@ -156,55 +102,7 @@ def section(
     )
 
 
-def _pairs(x: Points) -> Floats:
-    """The same numbers as real and imaginary parts, shape (n, 2)."""
-    return np.ascontiguousarray(x).view(np.float64).reshape(-1, 2)
-
-
-def _sizing(
-    shape: Shape,
-    curves: list[Curve],
-    size: float,
-    tip_size: float,
-    rim: tuple[float, float] | None,
-    fillet: float,
-    meshed: bool,
-) -> _Sizing:
-    """Collect the features that ask for less than `size`, for D = 1."""
-    source, least = (
-        [np.array([1j * shape.L, shape.R])],
-        [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])],
-    )
-    for curve in curves:
-        x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
-        want = np.full(len(x), min(size, curve.length))
-        if curve.name == "magnet":
-            want = np.minimum(want, GAP * room(shape.without_magnet(), x))
-            if curve.centre is not None:
-                radius = abs(curve.start - curve.centre)
-                want = np.minimum(want, min(ROUND_EDGE * size, fillet * radius, ARC * math.sqrt(radius)))
-            elif shape.magnet_edge_radius < SMALLEST:
-                corner = ((x == curve.start) | (x == curve.end)) & (x.real > 0)
-                want = np.where(corner, np.minimum(want, max(CORNER, SHARP_EDGE * size)), want)
-            if meshed:
-                want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
-        source.append(x[want < size])
-        least.append(want[want < size])
-    from_tip, from_others = TIP_GROWTH * min(1, size / FULL_TIP_GROWTH), GROWTH * min(1, size / FULL_GROWTH)
-    growth = np.append(from_tip, np.full(sum(map(len, source)) - 1, from_others))
-    bearing = np.linspace(0, DOME_REACH, 61)[1:]
-    source.append(1j * shape.H + shape.R * (np.sin(bearing) + 1j * np.cos(bearing)))
-    least.append(np.minimum(tip_size + TIP_GROWTH * shape.R * np.sin(bearing), DOME * size))
-    growth = np.append(growth, np.full(len(bearing), DOME_GROWTH))
-    if rim is not None:
-        r = min(rim[0], shape.R)
-        source.append(np.array([r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2))]))
-        least.append(np.array([min(rim[1], size)]))
-        growth = np.append(growth, TIP_GROWTH)
-    return _Sizing(size, np.concatenate(source), np.concatenate(least), growth).reduced()
-
-
-def _cuts(curves: list[Curve], sizing: _Sizing) -> list[Floats]:
+def _cuts(curves: list[Curve], sizing: Grading) -> list[Floats]:
     """For each curve the fractions of its length, from 0 to 1, that cut it into steps of the local size."""
     wanted = sizing.along(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
     cuts = []
@@ -234,7 +132,7 @@ def _border(curves: list[Curve], cuts: list[Floats]) -> _Border:
     return _Border(np.concatenate(nodes), np.concatenate(segments), names, np.concatenate(middles))
 
 
-def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
+def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
     """Points inside, shape (n,), spaced by the local size: leaves of a quadtree, thinned out from the border on."""
     side, leaves, lengths = 0.5, [], []
     cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
@@ -250,7 +148,7 @@ def _fill(domain: Shape, border: _Border, sizing: _Sizing) -> Points:
         side /= 2
         cells = (cells[coarse, None] + side / 2 * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])).ravel()
     x, length = np.concatenate(leaves), np.concatenate(lengths)
-    far = cKDTree(_pairs(border.node)).query(_pairs(x))[0] / length
+    far = cKDTree(pairs(border.node)).query(pairs(x))[0] / length
     order = np.argsort(far, kind="stable")[np.count_nonzero(far <= SPACING) :]
     return _thinned(x[order], length[order])
 
@@ -259,7 +157,7 @@ def _thinned(x: Points, length: Floats) -> Points:
     """The points, first come first served, that keep their distance from those before."""
     kept, nearest = [], (SPACING * length) ** 2
     while len(x):
-        first, rest = _pairs(x[:BATCH]), _pairs(x[BATCH:])
+        first, rest = pairs(x[:BATCH]), pairs(x[BATCH:])
         clash = cdist(first, first, "sqeuclidean") <= nearest[:BATCH]
         stays = np.ones(len(first), dtype=np.bool_)
         for i in range(len(first)):
@@ -271,10 +169,10 @@ def _thinned(x: Points, length: Floats) -> Points:
     return np.concatenate(kept) if kept else x
 
 
-def _delaunay(x: Points, sizing: _Sizing) -> Ints:
+def _delaunay(x: Points, sizing: Grading) -> Ints:
     """Triangles, shape (n, 3), counter-clockwise, by Delaunay's criterion in a conformal image of the plane."""
     image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
-    t: Ints = Delaunay(_pairs(image)).simplices.astype(np.int64)
+    t: Ints = Delaunay(pairs(image)).simplices.astype(np.int64)
     a, b, c = x[t.T]
     longest = np.maximum(np.maximum(np.abs(b - a), np.abs(c - b)), np.abs(a - c))
     upright: Ints = t[((b - a).conj() * (c - b)).imag > 1e-6 * longest**2]
@@ -295,11 +193,11 @@ def _sides(t: Ints) -> Ints:
 def _clear(border: _Border, x: Points) -> NDArray[np.bool_]:
     """Which points, shape (n,), lie outside the circles that have a segment as diameter."""
     ends = border.node[border.segment]
-    clear: NDArray[np.bool_] = (cdist(_pairs(x), _pairs(ends.mean(axis=1))) > np.abs(np.diff(ends).T) / 2).all(axis=1)
+    clear: NDArray[np.bool_] = (cdist(pairs(x), pairs(ends.mean(axis=1))) > np.abs(np.diff(ends).T) / 2).all(axis=1)
     return clear
 
 
-def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> Points:
+def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> Points:
     """Smooth the points inside, and add some where a single edge joins the magnet to an outer face."""
     outer = border.segment[np.isin(border.name, ["base", "skin"])]
     core = border.segment[border.name == "magnet"]
@@ -313,7 +211,7 @@ def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) ->
     return inner[_clear(border, inner)]
 
 
-def _sprung(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> tuple[Points, Ints]:
+def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> tuple[Points, Ints]:
     """Let the edges act as springs that push towards the local size, the border fixed; also return the edges."""
     fixed = len(border.node)
     for _ in range(STEPS):
@@ -346,7 +244,7 @@ def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
     return np.asarray(np.count_nonzero(cut, axis=1) % 2 == 1)
 
 
-def _triangles(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -> tuple[Ints, Ints]:
+def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> tuple[Ints, Ints]:
     """Triangles of the silicone and of the magnet, shape (n, 3)."""
     x, ends = np.concatenate([border.node, inner]), border.node[border.segment]
     t = _delaunay(x, sizing)
@@ -360,14 +258,14 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: _Sizing) -
 
 def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) -> Any:
     """Raise the triangles to second order with the middle nodes on the curves, name the parts and check them."""
-    corners, t = _pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
+    corners, t = pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
     straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
     key = _keys(*straight.facets.astype(np.int64))
     order = np.argsort(key)
     facet = order[np.searchsorted(key, _keys(*border.segment.T), sorter=order)]
     mesh = skfem.MeshTri2.from_mesh(straight)
     doflocs = mesh.doflocs.copy()
-    doflocs[:, mesh.nvertices + facet] = _pairs(border.middle).T
+    doflocs[:, mesh.nvertices + facet] = pairs(border.middle).T
     boundaries = {str(name): np.sort(facet[border.name == name]) for name in np.unique(border.name)}
     parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
     parts = {name: part for name, part in parts.items() if len(part)}
