@@ -52,12 +52,14 @@ class Grading:
     def along(self, x: Points) -> Floats:
         """The very same at points that follow each other: blocks of them ask only sources that can matter."""
         blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
-        middle = blocks[:, BLOCK // 2]
+        middle = (blocks[:, 0] + blocks[:, -1]) / 2
         asked, change = self._asked(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
         most = np.minimum(self.size, (asked + change).min(axis=1)) + SMALLEST
         block, i = np.nonzero(asked - change <= most[:, None])
         r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
-        near = np.sqrt(r * r + z * z) * self.growth[i, None] + self.least[i, None]
+        near = np.sqrt(r * r + z * z)
+        near *= self.growth[i, None]
+        near += self.least[i, None]
         first = np.flatnonzero(np.diff(block, prepend=-1))
         wanted = np.full(blocks.shape, self.size)
         wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))

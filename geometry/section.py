@@ -219,6 +219,8 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> t
         keys = _sides(_delaunay(x, sizing))
         bars = np.array([keys >> 31, keys & (2**31 - 1)])
         free = bars[:, bars[1] >= fixed]
+        if not free.size:
+            break
         start, end = x[free]
         along = end - start
         length, want = np.abs(along), sizing((start + end) / 2)

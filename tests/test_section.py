@@ -197,6 +197,13 @@ def test_halving_the_size_makes_a_regular_family():
     assert counts[1] / counts[0] == pytest.approx(4, rel=0.2)
 
 
+@pytest.mark.filterwarnings("error")
+def test_coarsest_mesh_has_no_point_inside():
+    mesh = section(Shape(1, 3, 0, 0, 0), 50)
+    rim = np.unique(mesh.facets[:, mesh.boundary_facets()])
+    np.testing.assert_array_equal(rim, np.arange(mesh.nvertices))
+
+
 def test_number_of_triangles_of_the_paper():
     assert 250 < section(PAPER, 0.075).nelements < 450
 
