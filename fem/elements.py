@@ -227,6 +227,12 @@ def around(harmonics: int, count: int | None = None) -> Angles:
     return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
 
 
+def turns(theta: Array) -> Array:
+    """Rotations (3, 3, t) about z that carry components along r, theta, z at the angles (t,) to x, y, z."""
+    c, s, zero = np.cos(theta), np.sin(theta), np.zeros_like(theta)
+    return np.stack([np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])])
+
+
 def twisting() -> Angles:
     """Fields u_r, u_theta, u_z that do not depend on the angle: the axisymmetric model with torsion."""
     E = np.eye(3)[None]
@@ -313,10 +319,7 @@ def surface(
     weights = np.linalg.norm(normal, axis=-1) * w
     located = shape @ X
     a = around(elements.angles.harmonics, angles) if axisymmetric and angles else elements.angles
-    c, s, zero = np.cos(a.theta), np.sin(a.theta), np.zeros_like(a.theta)
-    turned = np.stack(
-        [np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]
-    )  # (3, 3, t)
+    turned = turns(a.theta)
     t = len(a.theta)
     if dim == 2:
         located = np.stack([located[..., 0], np.zeros_like(weights), located[..., 1]], axis=-1)
@@ -336,24 +339,3 @@ def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:
     """All displacement nodes (corners and mid-edges) on the named boundary, numbered as in `Elements.nodes`."""
     quadratic, _ = bases(mesh.p.shape[0])
     return np.asarray(Dofs(mesh, quadratic).get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)
-
-
-def interpolation(elements: Elements, point: Array) -> tuple[Index, Array, Array]:
-    """Where a point lies: nodes (a,), shape functions (a,) and their gradients (a, dim) there.
-
-    Edges are taken as straight, which holds away from curved boundaries.
-    """
-    dim = elements.dim
-    X = elements.nodes[elements.corners]
-    T = np.swapaxes(X[:, 1:] - X[:, :1], 1, 2)
-    local = np.linalg.solve(T, (point - X[:, 0])[..., None])[..., 0]
-    inside = np.minimum(local.min(axis=1), 1 - local.sum(axis=1))
-    e = int(np.argmax(inside))
-    quadratic, _ = bases(dim)
-    slopes = np.linalg.inv(T[e])
-    values, grads = np.empty(len(elements.cells[e])), np.empty((len(elements.cells[e]), dim))
-    for i in range(len(values)):
-        value, grad = quadratic.lbasis(local[e][:, None], i)
-        values[i] = np.ravel(value)[0]
-        grads[i] = slopes.T @ np.asarray([np.ravel(g)[0] for g in grad])
-    return elements.cells[e], values, grads

@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, friction, rigid
+from fem import contact, elements, friction, recovery, rigid
 from fem.models import Discretisation
 from fem.path import Path
 from geometry.design import Design
@@ -115,7 +115,7 @@ def read(
     total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
     shift, tilt = pose(d, state.u, path.q)
     if d.model == "axisymmetric":
-        total[0] = 0.0  # radial tractions
+        total[0] = shift[0] = tilt[0] = 0.0  # radial tractions, and rounding
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
@@ -165,22 +165,8 @@ def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
         return shift, _angles(rigid.axis(motion))
-    centre = np.zeros(d.elements.dim)
-    centre[-1] = d.shape.H
-    nodes, values, grads = elements.interpolation(d.elements, centre)
-    if not d.revolved:
-        return values @ u[nodes], _angles(_rotation(u[nodes].T @ grads)[:, 2])
-    N = d.elements.angles.harmonics
-    fields, slopes = values @ u[nodes], u[nodes].T @ grads  # d/dr, d/dz
-    k = list(elements.orders(N))
-    if N == 0:
-        return np.array([0.0, 0.0, fields[1]]), np.zeros(2)
-    along, rise = k.index(-1), len(k)
-    G = np.zeros((3, 3))
-    out, double = slopes[k.index(0), 0], slopes[k.index(-2), 0]
-    G[0, 0], G[1, 1] = out + double, out - double
-    G[0, 2], G[2, 2], G[2, 0] = slopes[along, 1], slopes[rise, 1], slopes[rise + 1, 0]
-    return np.array([fields[along], 0.0, fields[rise]]), _angles(_rotation(G)[:, 2])
+    shift, G = recovery.gradient(d.elements, u, d.shape.H, mirrored=d.model != "full")
+    return shift, _angles(_rotation(G)[:, 2])
 
 
 def _rotation(G: Array) -> Array:
