@@ -166,7 +166,7 @@ def _with_estimates(
     same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt = estimates(
+    force, shift, tilt, sideways = estimates(
         state.response, companion.response, state.load, loads, accuracy, state.model, magnet, D
     )
     return replace(
@@ -175,6 +175,7 @@ def _with_estimates(
         error_estimate=force,
         shift_error_estimate=shift,
         tilt_error_estimate=tilt,
+        sideways_error_estimate=sideways,
     )
 
 

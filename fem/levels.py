@@ -78,6 +78,19 @@ d. Where d is far from usual, so is the scene from those of the study: the estim
 d exceeds UNUSUAL u by.
 "pressed" is the press before a stick shear, whose mesh is fine where the contact ends; "solid" are tetrahedra. With
 Coulomb friction the companion takes longer steps too; its numbers were found with a rigid magnet."""
+SIDEWAYS: dict[tuple[str, Magnet], Rule] = {
+    ("stick", "rigid"): (0.0173, 0.5, 0, 1.46, 0.5),
+    ("stick", "ignored"): (0.0898, 1.25, 0, 1.27, 0.4),
+    ("grip", "rigid"): RULES["grip", "rigid"][0],
+    ("grip", "ignored"): RULES["grip", "ignored"][0],
+    ("friction", "rigid"): (0.285, 2, 0.5, 1.02, 0.1),
+    ("friction", "ignored"): (0.285, 2, 0.5, 1.02, 0.1),
+    ("solid", "rigid"): (0.0553, 1, 0, 2.44, 0.3),
+    ("solid", "ignored"): (0.0402, 1, 0, 2.37, 0.3),
+}
+"""The same of the force along the shear alone, with its share of the whole force in place of the contact radius: what
+slips is a matter of the normal force, and small beside it is a force that is small. That of a grip is all the force
+there is. Tetrahedra with Coulomb friction, which the study does not hold, take its rule for sections."""
 LEAST_SHARE, SURE_SHARE, UNUSUAL = 0.2, 0.25, 8.0
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the mesh shrinks with it."""
@@ -103,10 +116,11 @@ def estimates(
     model: str,
     magnet: Magnet,
     D: float,
-) -> tuple[float | None, float | None, float | None]:
-    """Relative errors of force, shift and tilt from the mesh, by RULES, from a response and its companion's.
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Relative errors of force, shift, tilt and the force along the shear, from a response and its companion's.
 
-    The load is one of the path's `loads`; D, mm, is the design's. None where there is nothing to be in error.
+    They follow RULES and SIDEWAYS. The load is one of the path's `loads`; D, mm, is the design's. None where there is
+    nothing to be in error.
     """
     scene, edge = "press", accuracy.section_size
     if coulomb(loads) is not None:
@@ -124,18 +138,29 @@ def estimates(
         _estimate(*pair, rule, edge, radius, nothing, sure)
         for pair, rule, nothing in zip(pairs, RULES[scene, magnet], (0.0, 0.0, NOTHING), strict=True)
     )
+    along, sideways = (_along(one, load), _along(other, load)) if slides(load) else (0.0, 0.0), None
+    if along[0]:
+        rule = SIDEWAYS["friction" if coulomb(loads) is not None else scene, magnet]
+        share = abs(along[0]) / math.hypot(*one.force)
+        sideways = _estimate(along[:1], along[1:], rule, edge, share, 0.0, sure)
     # what tetrahedra tilt by under an upright press is noise
-    return force, shift, None if tilt is None or (upright and tilt > 1) else tilt
+    return force, shift, None if tilt is None or (upright and tilt > 1) else tilt, sideways
+
+
+def _along(response: Response, load: Load) -> float:
+    """Component of the force along a load's shear, N."""
+    x, y = load.shear_x, load.shear_y
+    return (response.force[0] * x + response.force[1] * y) / math.hypot(x, y)
 
 
 def _estimate(
-    one: Sequence[float], other: Sequence[float], rule: Rule, edge: float, radius: float, nothing: float, sure: float
+    one: Sequence[float], other: Sequence[float], rule: Rule, edge: float, base: float, nothing: float, sure: float
 ) -> float | None:
-    """By its rule, from the two vectors, edge length and contact radius over D; None if the first is nothing."""
+    """By its rule, from the two vectors, the edge length over D and the base of the power q; None for nothing."""
     size = math.hypot(*one)
     if size <= nothing:
         return None
     usually, p, q, factor, share = rule
-    usual, found = usually * math.pow(edge, p) / math.pow(radius, q), math.dist(one, other) / size
+    usual, found = usually * math.pow(edge, p) / math.pow(base, q), math.dist(one, other) / size
     likely = factor * math.pow(usual, 1 - share) * math.pow(max(found, LEAST_SHARE * usual), share)
     return max(likely, sure * found, found - UNUSUAL * usual)

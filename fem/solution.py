@@ -58,8 +58,9 @@ class Solution:
     dissipated : energy that slipping on the plate has cost since the path began, N mm.
     slip_share : share of the area in contact that slips, None without Coulomb friction or contact.
     status, message : "ok", or why not and what to try.
-    error_estimate, shift_error_estimate, tilt_error_estimate : relative errors of the force, of the magnet's shift
-        and of its tilt from the mesh (and the harmonics), None where they were not estimated or there is nothing.
+    error_estimate, shift_error_estimate, tilt_error_estimate, sideways_error_estimate : relative errors of the force,
+        of the magnet's shift, of its tilt, and of the force along the shear alone, from the mesh (and the harmonics);
+        None where they were not estimated or there is nothing.
     dofs, newton_iterations, seconds : what it cost since the state before.
     """
 
@@ -72,6 +73,7 @@ class Solution:
     error_estimate: float | None
     shift_error_estimate: float | None
     tilt_error_estimate: float | None
+    sideways_error_estimate: float | None
     dofs: int
     newton_iterations: int
     seconds: float
@@ -138,6 +140,7 @@ def read(
         error_estimate=None,
         shift_error_estimate=None,
         tilt_error_estimate=None,
+        sideways_error_estimate=None,
         dofs=d.system.size,
         newton_iterations=path.iterations,
         seconds=seconds,

@@ -22,7 +22,14 @@ LOOKS = {
     "friction": "#E69F00",
     "half": "#CC79A7",
 }
+TITLES = {"sideways": "force along the shear"}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
+COMPONENTS = {
+    "force": ("force_x_N", "force_z_N"),
+    "shift": ("shift_x_mm", "shift_z_mm"),
+    "tilt": ("tilt_rad",),
+    "sideways": ("force_x_N",),
+}
 LEAST = 1e-3
 """Least true error in the picture, %; smaller ones are drawn there."""
 LEAST_STATES = 8
@@ -40,10 +47,6 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             if pairs:
                 head = {"level": level, "model": model, "scene": scene, "quantity": name}
                 found.append(head | _statistics(pairs) | _goal(level, [true for true, _ in pairs]))
-        aside = [row["sideways_error"] for row in members if math.isfinite(row["sideways_error"])]
-        if aside:
-            head = {"level": level, "model": model, "scene": scene, "quantity": "sideways"}
-            found.append(head | _statistics([(true, math.nan) for true in aside]) | _goal(level, aside))
     return found
 
 
@@ -64,10 +67,9 @@ def shares(rows: Sequence[Row]) -> list[Row]:
 def references(rows: Sequence[Row]) -> list[Row]:
     """How far the reference is from a finer mesh, in percent of each quantity."""
     good = [row for row in rows if row["level"] == "reference" and row["status"] == "ok"]
-    names = (*QUANTITIES, "sideways")
     return [
         {key: row[key] for key in ("design", "scene", "depth_mm", "shear_mm")}
-        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in names}
+        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in QUANTITIES}
         for row in good
     ]
 
@@ -110,20 +112,17 @@ def noise(rows: Sequence[Row]) -> list[Row]:
         if len(repeats) < 2:
             continue
         for name in QUANTITIES:
-            values = [[row[key] for row in repeats] for key in _components(name)]
+            if scene == "pressed" and name in ("tilt", "sideways"):
+                continue
+            values = [[row[key] for row in repeats] for key in COMPONENTS[name]]
             size = math.hypot(*(statistics.fmean(v) for v in values))
-            if scene != "pressed" or name != "tilt":
-                spreads[level, scene, name].append(math.hypot(*map(statistics.stdev, values)) / size)
+            spreads[level, scene, name].append(math.hypot(*map(statistics.stdev, values)) / size)
     head = ("level", "scene", "quantity")
     return [
         dict(zip(head, group, strict=True))
         | {"states": len(found), "mean_percent": 100 * statistics.fmean(found), "max_percent": 100 * max(found)}
         for group, found in spreads.items()
     ]
-
-
-def _components(name: str) -> tuple[str, ...]:
-    return {"force": ("force_x_N", "force_z_N"), "shift": ("shift_x_mm", "shift_z_mm"), "tilt": ("tilt_rad",)}[name]
 
 
 def _model(row: Row) -> str:
@@ -139,14 +138,13 @@ def _grouped(rows: Iterable[Row], key: Callable[[Row], tuple[Any, ...]]) -> dict
 
 def _statistics(pairs: Sequence[tuple[float, float]]) -> Row:
     true = sorted(error for error, _ in pairs)
-    estimated = not math.isnan(pairs[0][1])
     return {
         "states": len(pairs),
         "median_percent": 100 * statistics.median(true),
         "p95_percent": 100 * true[min(len(true) - 1, math.ceil(0.95 * len(true)) - 1)],
         "max_percent": 100 * true[-1],
-        "coverage": sum(t <= e for t, e in pairs) / len(pairs) if estimated else math.nan,
-        "sharpness": sum(e <= SHARP * t for t, e in pairs) / len(pairs) if estimated else math.nan,
+        "coverage": sum(t <= e for t, e in pairs) / len(pairs),
+        "sharpness": sum(e <= SHARP * t for t, e in pairs) / len(pairs),
     }
 
 
@@ -220,7 +218,7 @@ def _cell(value: Any) -> str:
 
 
 def picture(path: Path, rows: Sequence[Row]) -> None:
-    """Estimate over true error of force, shift and tilt; between the lines an estimate is both safe and sharp."""
+    """Estimate over true error of each quantity; between the lines an estimate is both safe and sharp."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -229,9 +227,9 @@ def picture(path: Path, rows: Sequence[Row]) -> None:
     from studies.plots import STYLE
 
     with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+        figure = Figure(figsize=(13.5, 4.4), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(1, 3, sharex=True, sharey=True).ravel().tolist()
+        axes = figure.subplots(1, len(QUANTITIES), sharex=True, sharey=True).ravel().tolist()
         for axis, name in zip(axes, QUANTITIES, strict=True):
             _scatter(axis, rows, name)
         axes[0].set_ylabel("estimate (%)")
@@ -258,5 +256,6 @@ def _scatter(axis: Any, rows: Sequence[Row], name: str) -> None:
     axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
     for factor, text in ((1.0, "estimate = error"), (SHARP, f"{SHARP:g} errors")):
         axis.annotate(text, (1.6, 1.25 * factor * 1.6), rotation=51, rotation_mode="anchor", fontsize=8)
-    axis.set(xscale="log", yscale="log", xlabel=f"true error of the {name} (%)", xlim=ends, ylim=(5e-3, 20))
+    title = f"true error of the {TITLES.get(name, name)} (%)"
+    axis.set(xscale="log", yscale="log", xlabel=title, xlim=ends, ylim=(5e-3, 20))
     axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])

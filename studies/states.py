@@ -117,6 +117,7 @@ def columns(loads: list[Load]) -> list[str]:
         "error_estimate": True,
         "shift_error_estimate": True,
         "tilt_error_estimate": True,
+        "sideways_error_estimate": aside or any(load.shear_x for load in loads),
         "seconds": True,
     }
     return [key for key, wanted in shown.items() if wanted]
@@ -228,6 +229,7 @@ def solution_record(state: Solution) -> dict[str, Any]:
         "error_estimate": state.error_estimate,
         "shift_error_estimate": state.shift_error_estimate,
         "tilt_error_estimate": state.tilt_error_estimate,
+        "sideways_error_estimate": state.sideways_error_estimate,
         "dofs": state.dofs,
         "newton_iterations": state.newton_iterations,
         "seconds": state.seconds,
@@ -257,7 +259,8 @@ def _response_record(response: Response) -> dict[str, Any]:
 def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
     """The record of a state that has no mesh to be solved on."""
     missing = ("force_N", "shift_mm", "tilt_rad", "tilt_y_rad", "contact_radius_mm")
-    estimates = ("error_estimate", "shift_error_estimate", "tilt_error_estimate")
+    names = ("", "shift_", "tilt_", "sideways_")
+    estimates = [f"{name}error_estimate" for name in names]
     return {
         "status": "not_converged",
         "message": message,

@@ -25,9 +25,9 @@ def known(press):
 
 
 def row(true, estimate, **changes):
-    """A state whose three quantities have the same true error and estimate."""
+    """A state whose quantities all have the same true error and estimate."""
     state = {"status": "ok", "message": "", "model": "axisymmetric", "scene": "press", "path": "press"}
-    state |= {"design": 0, "odd": False, "magnet": "rigid", "level": "quick", "sideways_error": math.nan}
+    state |= {"design": 0, "odd": False, "magnet": "rigid", "level": "quick"}
     state |= {"repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0}
     errors = {f"{name}_error": true for name in QUANTITIES} | {f"{name}_estimate": estimate for name in QUANTITIES}
     return state | errors | changes
@@ -142,7 +142,7 @@ def test_shares_and_verdicts():
     safe = [row(0.010, 0.015) for _ in range(19)]
     assert calibration.verdicts([*safe, row(0.02, 0.015)]) == []
     unsafe = calibration.verdicts([*safe, row(0.02, 0.015), row(0.02, 0.015)])
-    assert len(unsafe) == 3
+    assert len(unsafe) == len(QUANTITIES)
     assert "90% of the true errors" in unsafe[0]
     blunt = calibration.verdicts([row(0.001, 0.0031) for _ in range(20)])
     assert all("0% of the estimates" in said for said in blunt)

@@ -303,6 +303,7 @@ def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
     assert 0 < state.error_estimate < 0.1
     assert 0 < state.shift_error_estimate < 0.1
     assert state.tilt_error_estimate is None
+    assert state.sideways_error_estimate is None
 
 
 def test_the_error_estimate_never_vanishes():
@@ -310,8 +311,36 @@ def test_the_error_estimate_never_vanishes():
     r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
     load = Load(depth=1.0)
     for magnet in ("rigid", "ignored"):
-        force, shift, tilt = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, 8.0)
+        force, shift, tilt, _ = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, 8.0)
         assert min(force, shift, tilt) > 1e-4
+
+
+def test_the_force_along_the_shear_has_an_estimate_of_its_own():
+    """Whichever way the shear points, all of the force of a grip, and None where nothing moves sideways."""
+
+    def estimated(force, other, load):
+        one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
+        return levels.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", 8.0)
+
+    along = Load(depth=1.0, shear_x=1.0, friction="stick")
+    across = Load(depth=1.0, shear_y=-1.0, friction="stick")
+    found = estimated((0.5, 0.0, 3.0), (0.52, 0.0, 3.001), along)
+    assert found[3] > 2 * found[0]
+    assert estimated((0.0, -0.5, 3.0), (0.0, -0.52, 3.001), across)[3] == pytest.approx(found[3], rel=1e-12)
+    assert estimated((0.5, 0.0, 3.0), (0.54, 0.0, 3.001), along)[3] > found[3]
+    grip = estimated((0.5, 0.0, 0.0), (0.52, 0.0, 0.0), Load(grip=2.0, shear_x=1.0))
+    assert grip[3] == grip[0]
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0))[3] is None
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0, shear_x=1.0))[3] is None
+
+
+def test_with_friction_a_small_force_along_the_shear_is_less_sure():
+    load = Load(depth=1.0, shear_x=0.1, friction=0.4)
+    small, large = (
+        levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", 8.0)[3]
+        for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
+    )
+    assert small > 5 * large
 
 
 def test_a_tilt_that_is_noise_has_no_estimate():
@@ -339,7 +368,7 @@ def test_the_error_estimate_grows_with_the_difference_to_the_companion():
 
     def found(difference):
         other = replace(
-            r, force=(1.0, 0.0, 3.0 + difference), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
+            r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
         )
         return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", 8.0)
 

@@ -30,6 +30,7 @@ SOLVE_KEYS = {
     "error_estimate",
     "shift_error_estimate",
     "tilt_error_estimate",
+    "sideways_error_estimate",
     "shear_y_mm",
     "plate_tilt_rad",
     "imperfection_N",
