@@ -22,7 +22,7 @@ LOOKS = {
     "friction": "#E69F00",
     "half": "#CC79A7",
 }
-TITLES = {"sideways": "force along the shear"}
+TITLES = {"sideways": "sideways force"}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
 COMPONENTS = {
     "force": ("force_x_N", "force_z_N"),
