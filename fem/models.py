@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fem import elements, rigid
 from fem.elements import Elements
 from fem.material import Law, lame, neo_hookean
+from fem.recovery import Recovery, recovery
 from fem.system import NONE, System
 from geometry.design import Shape
 from geometry.grading import FILLET
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Discretisation:
     """A meshed scene in units of D and E.
 
@@ -52,6 +53,11 @@ class Discretisation:
     @property
     def elements(self) -> Elements:
         return self.system.elements
+
+    @functools.cached_property
+    def centre(self) -> Recovery:
+        """Displacement and gradient where the magnet's centre is, in a beam that is all silicone."""
+        return recovery(self.elements, self.shape.H, mirrored=self.model != "full")
 
     @property
     def revolved(self) -> bool:

@@ -13,6 +13,7 @@ where the body ends.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from fem import elements
 from fem.elements import Elements
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 DEGREE = 3
 PATCH = 1.5
@@ -33,51 +35,83 @@ ON_PLANE = 1e-9
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])
 
 
-def gradient(e: Elements, u: Array, height: float, *, mirrored: bool) -> tuple[Array, Array]:
-    """Displacement u_i (3,) and its gradient du_i/dX_j (3, 3) at the point (0, 0, height).
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """Value and gradient at a point as sums over the fields of the nodes around it.
+
+    Attributes
+    ----------
+    nodes : (m,) those nodes; one that is seen several times, as its image too, comes as often.
+    shares : (4, 3, m, fields) of the displacement and of its derivatives by x, y, z.
+    """
+
+    nodes: Index
+    shares: Array
+
+    def __call__(self, u: Array) -> tuple[Array, Array]:
+        """Displacement u_i (3,) and its gradient du_i/dX_j (3, 3), of nodal fields u (n, fields)."""
+        found = np.tensordot(self.shares, u[self.nodes], axes=2)
+        return found[0], found[1:].T
+
+
+def recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
+    """What is recovered at the point (0, 0, height).
 
     Parameters
     ----------
-    u : nodal displacements (n, 3), or the fields (n, fields) of a section.
     mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0.
     """
-    points, values = _around(e, u) if e.dim == 2 else (e.nodes, u)
+    if e.dim == 2:
+        nodes, points, turned = _around(e)
+    else:
+        nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
     if mirrored or e.dim == 2:
         other = points[:, 1] > ON_PLANE
         mirror = np.array([1.0, -1.0, 1.0])
         points = np.concatenate([points, points[other] * mirror])
-        values = np.concatenate([values, values[other] * mirror])
-    return fit(points - [0, 0, height], values, PATCH * edge(e, height))
+        turned = np.concatenate([turned, turned[other] * mirror[:, None]])
+        nodes = np.concatenate([nodes, nodes[other]])
+    near, weights = fit(points - [0, 0, height], PATCH * edge(e, height))
+    return Recovery(nodes[near], np.einsum("kp,pif->kipf", weights, turned[near]))
 
 
-def fit(points: Array, values: Array, radius: float) -> tuple[Array, Array]:
-    """Value (f,) and gradient (f, 3) at the origin of the polynomial nearest to values (n, f) at points (n, 3).
+def fit(points: Array, radius: float) -> tuple[Index, Array]:
+    """Value and derivatives by x, y, z at the origin of the polynomial nearest to values at points (n, 3).
 
     Residuals at a distance d are weighted by 1 - (d / radius)^2.
+
+    Returns
+    -------
+    near : (m,) the points that count.
+    weights : (4, m) what their values are multiplied by.
     """
     distance = np.linalg.norm(points, axis=1)
+    first = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
     while True:
-        near = distance < radius
-        weights = (1 - (distance[near] / radius) ** 2)[:, None]
+        near = np.flatnonzero(distance < radius)
+        weights = 1 - (distance[near] / radius) ** 2
         terms = np.prod((points[near, None] / radius) ** POWERS, axis=2)
-        found, _, _, sizes = np.linalg.lstsq(weights * terms, weights * values[near], rcond=None)
-        if (near.sum() >= len(POWERS) and sizes[0] < WORST * sizes[-1]) or near.all():
-            first = [int(np.flatnonzero((np.eye(3)[j] == POWERS).all(axis=1))[0]) for j in range(3)]
-            return found[0], found[first].T / radius
+        U, sizes, Vt = np.linalg.svd(weights[:, None] * terms, full_matrices=False)
+        if (len(near) >= len(POWERS) and sizes[0] < WORST * sizes[-1]) or len(near) == len(points):
+            found = (Vt.T[first] / sizes) @ U.T * weights
+            found[1:] /= radius
+            return near, found
         radius *= WIDER
 
 
-def _around(e: Elements, u: Array) -> tuple[Array, Array]:
-    """Positions and displacements (n, 3) of a section's nodes in planes through the axis on the side y > 0.
+def _around(e: Elements) -> tuple[Index, Array, Array]:
+    """A section's nodes in planes through the axis on the side y > 0, shape (n,).
 
-    Twice as many planes, with their mirror images, tell all harmonics from those of the polynomial.
+    With them their positions (n, 3), and their displacements by their fields, (n, 3, fields). Twice as many planes,
+    with their mirror images, tell all harmonics from those of the polynomial.
     """
-    N = e.angles.harmonics
+    N, count = e.angles.harmonics, len(e.nodes)
     angles = elements.around(N, 2 * N + DEGREE + 1)
     turns = elements.turns(angles.theta)
-    places = np.stack([e.nodes[:, 0], np.zeros(len(e.nodes)), e.nodes[:, 1]], axis=1)
-    points = np.einsum("ijt,nj->nti", turns, places).reshape(-1, 3)
-    return points, np.einsum("ijt,tjf,nf->nti", turns, angles.E, u).reshape(-1, 3)
+    places = np.stack([e.nodes[:, 0], np.zeros(count), e.nodes[:, 1]], axis=1)
+    points = np.einsum("ijt,nj->tni", turns, places).reshape(-1, 3)
+    displacements = np.repeat(np.einsum("ijt,tjf->tif", turns, angles.E), count, axis=0)
+    return np.tile(np.arange(count), len(angles.theta)), points, displacements
 
 
 def edge(e: Elements, height: float) -> float:

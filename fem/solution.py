@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, friction, recovery, rigid
+from fem import contact, elements, friction, rigid
 from fem.models import Discretisation
 from fem.path import Path
 from geometry.design import Design
@@ -168,7 +168,7 @@ def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
         return shift, _angles(rigid.axis(motion))
-    shift, G = recovery.gradient(d.elements, u, d.shape.H, mirrored=d.model != "full")
+    shift, G = d.centre(u)
     return shift, _angles(_rotation(G)[:, 2])
 
 
