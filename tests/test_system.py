@@ -8,7 +8,7 @@ import skfem
 
 from fem import elements, models, rigid
 from fem.contact import Plate
-from fem.linear import Solver, have_pardiso
+from fem.linear import Pattern, Side, Solver, have_pardiso
 from fem.material import lame
 from fem.newton import newton
 from fem.system import NONE, System
@@ -235,3 +235,22 @@ def test_rigid_magnet_equals_a_very_stiff_one():
         shifts.append(answer.state.u[centre, 1])
     assert forces[0] == pytest.approx(forces[1], rel=2e-3)
     assert shifts[0] == pytest.approx(shifts[1], rel=2e-3)
+
+
+def test_a_pattern_sums_pieces_of_elements_like_dense_matrices():
+    """Two elements with three nodes of two fields; a field's own piece is symmetric, the other belongs to both."""
+    numbers = np.array([[0, 1], [-1, 2], [3, 4], [5, -1]])  # two fields are eliminated
+    cells = np.array([[0, 1, 2], [3, 2, 1]])
+    first, second = Side.pieces(numbers, cells, np.array([0, 0, 1])), Side.pieces(numbers, cells, np.array([0, 1, 1]))
+    pattern = Pattern([(first, second)], (numbers >= 0).sum(axis=1))
+    K = RNG.normal(size=(2, 3, 3, 3))
+    K[:, [0, 2]] += np.swapaxes(K[:, [0, 2]], 2, 3)
+    dense = np.zeros((6, 6))
+    for cell, pieces in zip(cells, K, strict=True):
+        for (f, g), piece in zip([(0, 0), (0, 1), (1, 1)], pieces, strict=True):
+            rows, columns = np.broadcast_arrays(numbers[cell, f][:, None], numbers[cell, g])
+            kept = (rows >= 0) & (columns >= 0)
+            np.add.at(dense, (rows[kept], columns[kept]), piece[kept])
+            if f != g:
+                np.add.at(dense, (columns[kept], rows[kept]), piece[kept])
+    np.testing.assert_allclose(pattern.assemble([K]).toarray(), np.triu(dense), atol=1e-14)
