@@ -18,8 +18,9 @@ TOLERANCE = 1e-9
 MOST_ITERATIONS = 30
 NOTHING = 1e-18
 """Reactions over E D^2 and displacements over D below which the body is at rest."""
-CHORD = 0.02
-"""A step that leaves less of the residual than this is followed by one with the same factorisation."""
+CHORD, CHORDS = 0.02, 3
+"""A step that leaves less of the residual than this, or after which so many more like it will do, is followed by one
+with the same factorisation."""
 PATIENCE = 6
 """Full steps after which one that does not halve the residual is compared with shorter ones."""
 
@@ -61,9 +62,10 @@ def newton(
 
     Without that, a guess that has sunk into the plate wakes springs by the dozen, which each step has to settle.
 
-    While a step leaves less than CHORD of the residual, the next one takes the same factorisation and only the
-    residual is formed anew. Converged when the residual forces are below a tolerance of the reactions and the
-    residual volumes below that of the largest displacement times the unit area (lengths are scaled by D before).
+    While a step leaves less than CHORD of the residual, or so little that CHORDS more like it will end, the next one
+    takes the same factorisation and only the residual is formed anew. Converged when the residual forces are below a
+    tolerance of the reactions and the residual volumes below that of the largest displacement times the unit area
+    (lengths are scaled by D before).
     """
     n = system.n_free + system.n_rigid
     unstable: int | None = None
@@ -76,10 +78,10 @@ def newton(
     rate = 1.0
     for iteration in range(most):
         force, volume, reference, reach = _norms(system, assembly, state, n)
-        small = force <= tolerance * max(reference, NOTHING) and volume <= tolerance * max(reach, NOTHING)
+        left = max(force / max(reference, NOTHING), volume / max(reach, NOTHING))
         own = iteration > 0 or frozen is plate
         plate, held = watched(system.surface, state.u, plate)
-        if small and own and not held:
+        if left <= tolerance and own and not held:
             return Equilibrium(state, assembly, iteration, "", unstable)
         try:
             if assembly.matrix is not None:
@@ -96,13 +98,21 @@ def newton(
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
         scale = reference or 1.0, reach or 1.0
         before, step = _merit(assembly, n, scale), state.q - trial.q
-        state, assembly = trial, system.assemble(trial, plate, tangent=rate > CHORD)
+        # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
+        likely = rate**2
+        fresh = not _goes_on(likely, likely * left, tolerance)
+        state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
         rate = _merit(assembly, n, scale) / before if before else 0.0
-        if assembly.matrix is None and rate > CHORD:
+        if not fresh and not _goes_on(rate, rate * left, tolerance):
             assembly = system.assemble(state, plate)
         if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n, scale)
     return Equilibrium(state, assembly, most, f"no convergence in {most} iterations")
+
+
+def _goes_on(rate: float, left: float, tolerance: float) -> bool:
+    """Whether steps that leave a share `rate` of the residual `left` are worth more than a new factorisation."""
+    return rate <= CHORD or rate**CHORDS * left <= tolerance
 
 
 def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[float, float, float, float]:
