@@ -261,16 +261,18 @@ def build(
     harmonics: int = 0,
     order: int | None = None,
     angles: Angles | None = None,
+    points: Array | None = None,
 ) -> Elements:
     """Elements of a second-order triangle mesh (section of revolution or plane strain) or tetrahedral mesh.
 
     Integrals are exact to an order, 4 in triangles (6 points) and 2 in tetrahedra (4 points) if not told. Order 2 in
-    triangles finds unstable directions that are none of the body's: deep presses jump between them.
+    triangles finds unstable directions that are none of the body's: deep presses jump between them. Instead, `points`
+    of the reference element, shape (dim, q), may be given, which then count alike.
     """
     dim = mesh.p.shape[0]
     order = order or (4 if dim == 2 else 2)
     quadratic, linear = bases(dim)
-    X, W = get_quadrature(quadratic, order)
+    X, W = get_quadrature(quadratic, order) if points is None else (points, np.full(points.shape[1], 1.0))
     mapping, dofs = mesh.mapping(), Dofs(mesh, quadratic)
     values, slopes = zip(*(quadratic.lbasis(X, i) for i in range(len(dofs.element_dofs))), strict=True)
     inverse = mapping.invDF(X)

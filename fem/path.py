@@ -73,6 +73,7 @@ class Path:
     onset : positions (before, after) between which the first unstable direction appeared, or None.
     friction : history of the points in contact, None without Coulomb friction.
     dissipated : energy that slipping has cost in the modelled part.
+    flattest : least volume ratio J at the points of integration.
     sheared : whether plate or grip have ever moved sideways.
     """
 
@@ -96,7 +97,7 @@ class Path:
         self.energy = 0.0
         self.iterations = 0
         self.unstable: int | None = None
-        self._crushed = False
+        self.flattest = 1.0
         self.onset: tuple[Array, Array] | None = None
         self._high: System | None = None
         self.tied: NDArray[np.bool_] | None = None
@@ -236,9 +237,11 @@ class Path:
         pressed = None if self.grip else contact.overlap(self.skin, self.d.system.state(guess).u, plate) > 0
         answer = newton(self.d.system, self.solver, guess, plate, pressed, most=MOST_LEAP)
         self.iterations += answer.iterations
-        sound = (answer.unstable or 0) == (self.unstable or 0) and crushed(answer) == self._crushed
+        flat = flattest(answer)
+        sound = (answer.unstable or 0) == (self.unstable or 0) and (flat < CRUSHED) == (self.flattest < CRUSHED)
         if not answer.converged or not sound:
             return False
+        self.flattest = flat
         self.q, self.energy, self.position, self._past = answer.state.q, answer.assembly.energy, goal, []
         return True
 
@@ -255,7 +258,8 @@ class Path:
             position = goal if target == 1 else start + target * (goal - start)
             rough = self.friction is None and (passing or target < 1)
             answer = self._try(position, ON_THE_WAY if rough else TOLERANCE)
-            doubtful = (answer.unstable and not self.unstable) or (crushed(answer) and not self._crushed)
+            flat = flattest(answer)
+            doubtful = (answer.unstable and not self.unstable) or (flat < CRUSHED <= self.flattest)
             if answer.converged and doubtful and step * length > SURE_STEP:
                 # a long step may land on an unstable branch beside the stable one
                 self._past = []
@@ -268,7 +272,7 @@ class Path:
                     self.friction, lost = contact.rubbed(self.skin, answer.state.u, self.plate(position))
                     self.dissipated += lost
                 self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
-                self._crushed = crushed(answer)
+                self.flattest = flat
                 now = target
                 if answer.iterations <= FAST:
                     step *= 1.5
@@ -360,6 +364,6 @@ class Path:
         self.onset = (stable, unstable)
 
 
-def crushed(answer: Equilibrium) -> bool:
-    """Whether somewhere J < CRUSHED."""
-    return any(Jm1.min() < CRUSHED - 1 for _, Jm1 in answer.state.strains)
+def flattest(answer: Equilibrium) -> float:
+    """Least volume ratio J at the points of integration."""
+    return 1 + min((float(Jm1.min()) for _, Jm1 in answer.state.strains), default=0.0)

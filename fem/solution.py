@@ -11,7 +11,8 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, friction, rigid
+from fem import contact, elements, friction, integrals, rigid
+from fem.material import volume_change
 from fem.models import Discretisation
 from fem.path import Path
 from geometry.design import Design
@@ -23,6 +24,10 @@ Status = Literal["ok", "not_converged", "unstable", "no_contact"]
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;
 mesh noise alone stays below a third of it."""
+FLAT = 0.5
+"""Least volume ratio J at the points of integration below which it is looked for silicone that is inside out."""
+FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
+"""Steps along an element's side where it is looked, how far off its corners, and elements at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +223,25 @@ def _judge(
             f"the tip has given way sideways under the frictionless plate (shift {shift:.2g} mm, tilt {tilt:.2g} "
             "rad; the mesh decides to which side): the symmetric press is unstable"
         )
-    return "ok", _remark(path, load, sheared, watch)
+    return "ok", "; ".join(filter(None, (_remark(path, load, sheared, watch), _fold(path))))
+
+
+def inside_out(d: Discretisation, u: Array) -> float:
+    """Share of the silicone's volume that is inside out (det F <= 0), on a grid of points in each element.
+
+    Such spots lie between points of integration, where every J is positive.
+    """
+    n, dim = FOLD_GRID, d.elements.dim
+    grid = np.indices((n + 1,) * dim).reshape(dim, -1)
+    # corners are where it begins; on the axis 1 / r has no value
+    points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
+    e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
+    folded = whole = 0.0
+    for at in range(0, len(e.cells), FOLD_BATCH):
+        part = slice(at, at + FOLD_BATCH)
+        J, volumes = 1 + volume_change(integrals.gradient(e, part, u)), integrals.volumes(e, part)
+        folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
+    return folded / whole
 
 
 def _instability(path: Path, D: float) -> str:
@@ -254,3 +277,14 @@ def _remark(path: Path, load: Load, sheared: bool, watch: bool) -> str:
     if load.friction == "stick" and not sheared:
         return "stick acts once the plate shears: the press itself is frictionless"
     return ""
+
+
+def _fold(path: Path) -> str:
+    """Where a body is so flat that some of it is inside out, how much."""
+    share = inside_out(path.d, path.u) if path.flattest < FLAT else 0.0
+    if not share:
+        return ""
+    return (
+        f"{share:.1g} of the silicone is inside out between points of integration, at edges like the clamp's: forces "
+        "and the magnet's motion hold, displacements there do not"
+    )

@@ -234,9 +234,10 @@ def half_model(scene: Scene) -> Finding:
 
 
 def folded(scene: Scene) -> Finding:
-    """The share of the silicone that is inside out, on a grid of 45 points in every triangle of the section."""
+    """The share of the silicone that is inside out, on a grid of 45 points in every triangle, if no message tells."""
     last = follow(scene)[-1]
-    return Finding(last, "share of the silicone that is inside out", folded_share(last))
+    told = "inside out" in last.message
+    return Finding(last, "share of the silicone that is inside out untold", 0.0 if told else folded_share(last))
 
 
 def folded_share(solution: Solution) -> float:

@@ -38,18 +38,7 @@ def pressed():
     return solve(paper(), Load(depth=1.0), QUICK)
 
 
-KNOWN = {
-    "depth 0.4 L: inside out": "1e-5 of the silicone, at magnet and clamp, is inside out beside points of integration"
-}
-"""Scenes that fail today, and why."""
-
-
-def marked(name):
-    known = pytest.mark.xfail(reason=KNOWN.get(name, ""), strict=True)
-    return pytest.param(name, marks=known if name in KNOWN else ())
-
-
-@pytest.mark.parametrize("name", [marked(name) for name in SCENES if name not in SLOW | ELSEWHERE])
+@pytest.mark.parametrize("name", [name for name in SCENES if name not in SLOW | ELSEWHERE])
 def test_a_scene_ends_as_it_should(name):
     row = extremes.judge(SCENES[name])
     assert row["passed"], extremes.line(row)
@@ -65,7 +54,7 @@ def test_names_are_unique_and_the_full_run_holds_all_of_the_quick_one():
     full = [scene.name for scene in extremes.scenes()]
     assert len(set(full)) == len(full)
     assert set(SCENES) < set(full)
-    assert set(SCENES) >= SLOW | ELSEWHERE | set(KNOWN)
+    assert set(SCENES) >= SLOW | ELSEWHERE
 
 
 def test_samples_are_the_same_in_every_run_and_can_be_made():
