@@ -190,13 +190,13 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
     field = sizing.background(sizes, half)
     p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, field, timeout, around=sizes.ring > 0)
     if sizes.ring:  # beside an open strip fTetWild does not know inside from outside
-        t = t[surface.winding(p[t].mean(axis=1), points, faces) > 0.5]
+        t = t[surface.in_body(p[t].mean(axis=1), sizes, half)]
         used, t = np.unique(t, return_inverse=True)
         p, t = p[used], t.reshape(-1, 4)
-    inside = surface.winding(p[t].mean(axis=1), inner, inner_faces) > 0.5
-    parts = {"silicone": np.flatnonzero(~inside)}
+    parts = {"silicone": np.arange(len(t))}
     if sizes.shape.has_magnet:
-        parts["magnet"] = np.flatnonzero(inside)
+        inside = surface.in_magnet(p[t].mean(axis=1), sizes, half)
+        parts = {"silicone": np.flatnonzero(~inside), "magnet": np.flatnonzero(inside)}
     mesh = MeshTet1(np.ascontiguousarray(p.T), np.ascontiguousarray(t.T), _subdomains=parts)
     return curving.labelled(mesh, 4 * epsilon, half)
 

@@ -6,10 +6,13 @@ All lengths are in the unit of the `Shape` that is passed in. A half surface is 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from geometry import exact
 from geometry.sizing import Floats, Ints, Sizes
 
 SHARE, FILLET = 0.12, 0.25
@@ -165,6 +168,42 @@ def check_surface(points: Floats, faces: Ints, epsilon: float, wall: float) -> N
         raise ValueError(f"the envelope epsilon must be positive; got {epsilon:g}")
     if not wall > 2 * epsilon:
         raise ValueError(f"the envelope epsilon must be less than half the wall of {wall:g}; got {epsilon:g}")
+
+
+def in_body(x: Floats, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie inside the beam's surface."""
+
+    def out(x: Floats) -> Floats:
+        beyond = np.maximum(exact.skin(x.T, sizes.shape).distance, -x[:, 2])
+        return np.maximum(beyond, -x[:, 1]) if half else beyond
+
+    return _inside(x, *body(sizes, half), out)
+
+
+def in_magnet(x: Floats, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie inside the magnet's surface."""
+    a, b = sizes.shape.magnet_diameter / 2, sizes.shape.magnet_height / 2
+
+    def out(x: Floats) -> Floats:
+        beyond = np.maximum(np.hypot(x[:, 0], x[:, 1]) - a, np.abs(x[:, 2] - sizes.centre) - b)
+        return np.maximum(beyond, -x[:, 1]) if half else beyond
+
+    return _inside(x, *magnet(sizes, half), out)
+
+
+def _inside(x: Floats, points: Floats, faces: Ints, out: Callable[[Floats], Floats]) -> NDArray[np.bool_]:
+    """Which points x (n, 3) lie inside a closed surface: near it by its winding, elsewhere as in the exact body.
+
+    out : how far points lie outside of that body, negative within.
+    """
+    corners = points[faces]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    apart = np.abs(out(np.concatenate([corners, middles, corners.mean(axis=1)[:, None]], axis=1).reshape(-1, 3)))
+    how = out(x)
+    near = np.abs(how) <= 1.5 * apart.max()
+    found = np.asarray(how < 0)
+    found[near] = winding(x[near], points, faces) > 0.5
+    return found
 
 
 def winding(points: Floats, vertices: Floats, faces: Ints) -> Floats:
