@@ -81,13 +81,13 @@ def newton(
         left = max(force / max(reference, NOTHING), volume / max(reach, NOTHING))
         own = iteration > 0 or frozen is plate
         plate, held = watched(system.surface, state.u, plate)
-        if left <= tolerance and own and not held:
-            return Equilibrium(state, assembly, iteration, "", unstable)
         try:
+            if left <= tolerance and own and not held:
+                if unstable:  # the tangent that told so may be that of an iterate far from here
+                    unstable = _unstable(system, solver, system.assemble(state, plate))
+                return Equilibrium(state, assembly, iteration, "", unstable)
             if assembly.matrix is not None:
-                solver.factorise(assembly.matrix, symmetric=assembly.symmetric)
-                negative = solver.negative()
-                unstable = None if negative is None else negative - system.n_pressure
+                unstable = _unstable(system, solver, assembly)
             step = solver.solve(assembly.residual)
             if assembly.matrix is not None:
                 step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
@@ -108,6 +108,13 @@ def newton(
         if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n, scale)
     return Equilibrium(state, assembly, most, f"no convergence in {most} iterations")
+
+
+def _unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
+    """Factorise a tangent; the number of its unstable directions, None where that is not known."""
+    solver.factorise(assembly.tangent, symmetric=assembly.symmetric)
+    negative = solver.negative()
+    return None if negative is None else negative - system.n_pressure
 
 
 def _goes_on(rate: float, left: float, tolerance: float) -> bool:

@@ -281,8 +281,17 @@ class Path:
             self._past = []
             step = (target - now) / 2
             if step * length < SHORTEST_STEP * min(length, 1.0):
+                if self.friction is None and not passing:
+                    self._settle()
                 return answer.reason
         return ""
+
+    def _settle(self) -> None:
+        """Solve the present state, which was only to be passed, to the end."""
+        answer = newton(self.d.system, self.solver, self.q, self.plate())
+        self.iterations += answer.iterations
+        if answer.converged:
+            self.q, self.energy, self.flattest = answer.state.q, answer.assembly.energy, flattest(answer)
 
     def _longest(self, way: Array, depth: float) -> float:
         """Longest step over D in a direction, down to a depth.

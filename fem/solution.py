@@ -26,6 +26,8 @@ BUCKLED = 0.01
 mesh noise alone stays below a third of it."""
 FLAT = 0.5
 """Least volume ratio J at the points of integration below which it is looked for silicone that is inside out."""
+FOLDED = 1e-6
+"""Share of the silicone that is inside out which is worth a word."""
 FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
 """Steps along an element's side where it is looked, how far off its corners, and elements at a time."""
 
@@ -282,7 +284,7 @@ def _remark(path: Path, load: Load, sheared: bool, watch: bool) -> str:
 def _fold(path: Path) -> str:
     """Where a body is so flat that some of it is inside out, how much."""
     share = inside_out(path.d, path.u) if path.flattest < FLAT else 0.0
-    if not share:
+    if share < FOLDED:
         return ""
     return (
         f"{share:.1g} of the silicone is inside out between points of integration, at edges like the clamp's: forces "
