@@ -66,7 +66,6 @@ def warnings(
             f"the magnet would lie {-low:.3g} mm below the base plane: no press of the beam can bring it there"
         )
     chosen = of_design(design) if elements is None else elements
-    remedy = "raise f" if design.hall_layout == "three" else "raise l0 or chip_x"
     # the axes of a chip are at one place
     for element in {element.position: element for element in reversed(chosen)}.values():
         gap = magnet_gap(design, element.position, shift, tilt)
@@ -74,6 +73,8 @@ def warnings(
             found.append(f"{element.name} lies in the magnet, or its plate touches it (gap {gap:.3g} mm)")
         gap = wall_gap(design, element.position, shift)
         if gap < 0:
+            beside = "raise f" if design.hall_layout == "three" else "raise l0 or chip_x"
+            remedy = beside if math.hypot(*element.position[:2]) > 0 else "raise l0"
             verb = "leans over" if element.position[2] < 0 else "reaches"
             found.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: {remedy}")
     return found

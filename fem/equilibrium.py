@@ -155,11 +155,11 @@ def _walk(
     with contextlib.closing(states), contextlib.closing(companions):
         for state in states:
             companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, loads, accuracy, magnet, design.D)
+            yield state if companion is None else _with_estimates(state, companion, loads, accuracy, magnet, design)
 
 
 def _with_estimates(
-    state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, D: float
+    state: Solution, companion: Solution, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, design: Design
 ) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
@@ -167,7 +167,7 @@ def _with_estimates(
     if not same:
         return replace(state, seconds=seconds)
     force, shift, tilt, sideways = estimates(
-        state.response, companion.response, state.load, loads, accuracy, state.model, magnet, D
+        state.response, companion.response, state.load, loads, accuracy, state.model, magnet, design
     )
     return replace(
         state,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fem.solution import coulomb, slides
+from geometry.design import Design
 from geometry.scene import Load, Magnet, Response
 
 
@@ -94,6 +95,11 @@ there is. Tetrahedra with Coulomb friction, which the study does not hold, take 
 LEAST_SHARE, SURE_SHARE, UNUSUAL = 0.2, 0.25, 8.0
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the mesh shrinks with it."""
+ROOM, DEEPEST, SHEARED, RUBBED = 0.3, 0.25, 0.15, 0.25
+"""How far the study goes: depths over the silicone above the magnet (or base) and over D; shears over D, of a plate
+or grip that holds and of one with Coulomb friction. Beyond, errors are expected to grow like the shear, and like the
+power DEEPER of the depth: at four times that depth the paper's sensor errs five times as much as the rules say."""
+DEEPER = 1.5
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 NOTHING = 1e-12
@@ -115,12 +121,11 @@ def estimates(
     accuracy: Accuracy,
     model: str,
     magnet: Magnet,
-    D: float,
+    design: Design,
 ) -> tuple[float | None, float | None, float | None, float | None]:
     """Relative errors of force, shift, tilt and the force along the shear, from a response and its companion's.
 
-    They follow RULES and SIDEWAYS. The load is one of the path's `loads`; D, mm, is the design's. None where there is
-    nothing to be in error.
+    They follow RULES and SIDEWAYS. The load is one of the path's `loads`. None where there is nothing to be in error.
     """
     scene, edge = "press", accuracy.section_size
     if coulomb(loads) is not None:
@@ -129,22 +134,40 @@ def estimates(
         scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
     if model in ("half", "full"):
         scene, edge = "solid", accuracy.solid_size
-    radius = max(one.contact_radius / D, LEAST_RADIUS)
+    radius = max(one.contact_radius / design.D, LEAST_RADIUS)
+    beyond = _beyond(load, loads, magnet, design)
+    if load.imperfection and not slides(load) and one.shift[0] * other.shift[0] < 0:
+        other = _mirrored(other)
     # what a second harmonic changes is all missing from an answer with one
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
     pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
     upright = not slides(load) and not load.plate_tilt and not load.imperfection
     force, shift, tilt = (
-        _estimate(*pair, rule, edge, radius, nothing, sure)
+        _estimate(*pair, rule, edge, radius, nothing, sure, beyond)
         for pair, rule, nothing in zip(pairs, RULES[scene, magnet], (0.0, 0.0, NOTHING), strict=True)
     )
     along, sideways = (_along(one, load), _along(other, load)) if slides(load) else (0.0, 0.0), None
     if along[0]:
         rule = SIDEWAYS["friction" if coulomb(loads) is not None else scene, magnet]
         share = abs(along[0]) / math.hypot(*one.force)
-        sideways = _estimate(along[:1], along[1:], rule, edge, share, 0.0, sure)
+        sideways = _estimate(along[:1], along[1:], rule, edge, share, 0.0, sure, beyond)
     # what tetrahedra tilt by under an upright press is noise
     return force, shift, None if tilt is None or (upright and tilt > 1) else tilt, sideways
+
+
+def _beyond(load: Load, loads: Sequence[Load], magnet: Magnet, design: Design) -> float:
+    """By how much more than usual to expect where a load lies beyond those of the study, see DEEPEST."""
+    room = ROOM * (design.R - design.magnet_height / 2 if magnet == "rigid" else design.L)
+    deep = load.depth / min(DEEPEST * design.D, room)
+    reach = RUBBED if coulomb(loads) is not None else SHEARED
+    far = math.hypot(load.shear_x, load.shear_y) / (reach * design.D) if slides(load) else 0.0
+    return math.pow(max(deep, 1.0), DEEPER) * max(far, 1.0)
+
+
+def _mirrored(response: Response) -> Response:
+    """The response that leans to the other side: an imperfect press may give way to either."""
+    x, y, z = response.shift
+    return replace(response, shift=(-x, -y, z), tilt=-response.tilt, tilt_y=-response.tilt_y)
 
 
 def _along(response: Response, load: Load) -> float:
@@ -154,7 +177,14 @@ def _along(response: Response, load: Load) -> float:
 
 
 def _estimate(
-    one: Sequence[float], other: Sequence[float], rule: Rule, edge: float, base: float, nothing: float, sure: float
+    one: Sequence[float],
+    other: Sequence[float],
+    rule: Rule,
+    edge: float,
+    base: float,
+    nothing: float,
+    sure: float,
+    beyond: float,
 ) -> float | None:
     """By its rule, from the two vectors, the edge length over D and the base of the power q; None for nothing."""
     size = math.hypot(*one)
@@ -163,4 +193,4 @@ def _estimate(
     usually, p, q, factor, share = rule
     usual, found = usually * math.pow(edge, p) / math.pow(base, q), math.dist(one, other) / size
     likely = factor * math.pow(usual, 1 - share) * math.pow(max(found, LEAST_SHARE * usual), share)
-    return max(likely, sure * found, found - UNUSUAL * usual)
+    return max(beyond * likely, sure * found, found - UNUSUAL * usual)

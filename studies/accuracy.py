@@ -216,7 +216,7 @@ def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> R
     """True errors and estimates, NaN where there is nothing to be relative to."""
     one, other, truth = found[""], found["companion_"], found["reference_"]
     trial = task.trial
-    estimated = levels.estimates(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design.D)
+    estimated = levels.estimates(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design)
     pairs = [
         (one.force, truth.force),
         (one.shift, truth.shift),

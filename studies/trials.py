@@ -12,20 +12,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from fem.equilibrium import Model
-from fem.levels import Accuracy
+from fem.levels import DEEPEST, ROOM, RUBBED, SHEARED, Accuracy
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Magnet
 
 SEED, DESIGNS = 2016, 12
-ROOM = 0.3
-"""Deepest press over the silicone above the magnet (or above the base)."""
-DEPTHS = (0.03, 0.1, 0.25)
+DEPTHS = (0.03, 0.1, DEEPEST)
 """Depths of a press over D; all shrink alike where the deepest has no room."""
-STICK = (0.1, (0.0, 0.05, 0.15))
+STICK = (0.1, (0.0, 0.05, SHEARED))
 """Depth at most, and shears of the glued plate, over D."""
-RUB = (0.1, (0.0, 0.04, 0.25), 0.4)
+RUB = (0.1, (0.0, 0.04, RUBBED), 0.4)
 """Depth at most, and shears of the rubbing plate, over D: partial and full slip; coefficient of friction."""
-GRIP = (0.2, 0.15)
+GRIP = (0.2, SHEARED)
 """Height and shear of a grip over D."""
 THINNEST = 0.06
 """Least wall of silicone around the magnet of a sampled design, over D."""

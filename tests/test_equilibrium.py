@@ -312,7 +312,7 @@ def test_the_error_estimate_never_vanishes():
     r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
     load = Load(depth=1.0)
     for magnet in ("rigid", "ignored"):
-        force, shift, tilt, _ = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, 8.0)
+        force, shift, tilt, _ = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
         assert min(force, shift, tilt) > 1e-4
 
 
@@ -321,7 +321,7 @@ def test_the_force_along_the_shear_has_an_estimate_of_its_own():
 
     def estimated(force, other, load):
         one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
-        return levels.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", 8.0)
+        return levels.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
 
     along = Load(depth=1.0, shear_x=1.0, friction="stick")
     across = Load(depth=1.0, shear_y=-1.0, friction="stick")
@@ -338,7 +338,7 @@ def test_the_force_along_the_shear_has_an_estimate_of_its_own():
 def test_with_friction_a_small_force_along_the_shear_is_less_sure():
     load = Load(depth=1.0, shear_x=0.1, friction=0.4)
     small, large = (
-        levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", 8.0)[3]
+        levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())[3]
         for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
     )
     assert small > 5 * large
@@ -349,7 +349,7 @@ def test_a_tilt_that_is_noise_has_no_estimate():
     one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
     other = replace(one, tilt=-2e-3)
     for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
-        tilt = levels.estimates(one, other, load, [load], STANDARD, "half", "rigid", 8.0)[2]
+        tilt = levels.estimates(one, other, load, [load], STANDARD, "half", "rigid", paper())[2]
         assert (tilt is not None) is known
 
 
@@ -371,7 +371,7 @@ def test_the_error_estimate_grows_with_the_difference_to_the_companion():
         other = replace(
             r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
         )
-        return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", 8.0)
+        return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
 
     assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
     assert max(found(1e-3)) < 0.01
@@ -455,3 +455,24 @@ def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monke
     assert 0.25 <= p.position[0] < 0.3
     found = p.d.system.assemble(p.d.system.state(p.q), p.plate(), tangent=False)
     assert np.abs(found.residual).max() < 1e-9 * np.abs(found.forces[p.d.system.eliminated]).max()
+
+
+def test_estimates_grow_beyond_the_loads_of_the_study():
+    def found(depth, shear=0.0):
+        load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
+        r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+        return levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    assert found(0.9) == found(0.5)
+    assert found(3.6)[0] == pytest.approx(8 * found(0.9)[0])
+    assert found(0.5, 6.0)[2] == pytest.approx(5 * found(0.5, 1.2)[2])
+
+
+def test_a_companion_that_leans_to_the_other_side_is_mirrored():
+    load = Load(depth=1.0, imperfection=1e-3)
+    one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+    other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
+    same, mirrored = (
+        levels.estimates(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
+    )
+    assert mirrored == same
