@@ -98,7 +98,8 @@ LEAST_RADIUS = 0.06
 ROOM, DEEPEST, SHEARED, RUBBED = 0.3, 0.25, 0.15, 0.25
 """How far the study goes: depths over the silicone above the magnet (or base) and over D; shears over D, of a plate
 or grip that holds and of one with Coulomb friction. Beyond, errors are expected to grow like the shear, and like the
-power DEEPER of the depth: at four times that depth the paper's sensor errs five times as much as the rules say."""
+power DEEPER of the depth: four times as deep (`magtip solve paper --depth 3.6`) the force at level standard is 0.27 %
+off that at fine, five times what the rules say."""
 DEEPER = 1.5
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""

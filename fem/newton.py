@@ -84,7 +84,8 @@ def newton(
         try:
             if left <= tolerance and own and not held:
                 if unstable:  # the tangent that told so may be that of an iterate far from here
-                    unstable = _unstable(system, solver, system.assemble(state, plate))
+                    here = assembly if assembly.matrix is not None else system.assemble(state, plate)
+                    unstable = _unstable(system, solver, here)
                 return Equilibrium(state, assembly, iteration, "", unstable)
             if assembly.matrix is not None:
                 unstable = _unstable(system, solver, assembly)

@@ -29,7 +29,8 @@ FLAT = 0.5
 FOLDED = 1e-6
 """Share of the silicone that is inside out which is worth a word."""
 FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
-"""Steps along an element's side where it is looked, how far off its corners, and elements at a time."""
+"""Steps along a triangle's side (a tetrahedron's: half as many) where it is looked, how far off its corners, and
+elements at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +234,8 @@ def inside_out(d: Discretisation, u: Array) -> float:
 
     Such spots lie between points of integration, where every J is positive.
     """
-    n, dim = FOLD_GRID, d.elements.dim
+    dim = d.elements.dim
+    n = FOLD_GRID // (dim - 1)
     grid = np.indices((n + 1,) * dim).reshape(dim, -1)
     # corners are where it begins; on the axis 1 / r has no value
     points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from fem import equilibrium, levels, models, path
+from fem import equilibrium, models
 from fem.equilibrium import solve, trace
 from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from fem.solution import inside_out
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, Response
+from geometry.scene import Load
 
 ROUGH = replace(QUICK, solid_size=0.17)
 
@@ -307,76 +307,6 @@ def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
     assert state.sideways_error_estimate is None
 
 
-def test_the_error_estimate_never_vanishes():
-    """Not even where an answer and its companion happen to agree."""
-    r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
-    load = Load(depth=1.0)
-    for magnet in ("rigid", "ignored"):
-        force, shift, tilt, _ = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
-        assert min(force, shift, tilt) > 1e-4
-
-
-def test_the_force_along_the_shear_has_an_estimate_of_its_own():
-    """Whichever way the shear points, all of the force of a grip, and None where nothing moves sideways."""
-
-    def estimated(force, other, load):
-        one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
-        return levels.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    along = Load(depth=1.0, shear_x=1.0, friction="stick")
-    across = Load(depth=1.0, shear_y=-1.0, friction="stick")
-    found = estimated((0.5, 0.0, 3.0), (0.52, 0.0, 3.001), along)
-    assert found[3] > 2 * found[0]
-    assert estimated((0.0, -0.5, 3.0), (0.0, -0.52, 3.001), across)[3] == pytest.approx(found[3], rel=1e-12)
-    assert estimated((0.5, 0.0, 3.0), (0.54, 0.0, 3.001), along)[3] > found[3]
-    grip = estimated((0.5, 0.0, 0.0), (0.52, 0.0, 0.0), Load(grip=2.0, shear_x=1.0))
-    assert grip[3] == grip[0]
-    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0))[3] is None
-    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0, shear_x=1.0))[3] is None
-
-
-def test_with_friction_a_small_force_along_the_shear_is_less_sure():
-    load = Load(depth=1.0, shear_x=0.1, friction=0.4)
-    small, large = (
-        levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())[3]
-        for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
-    )
-    assert small > 5 * large
-
-
-def test_a_tilt_that_is_noise_has_no_estimate():
-    """Of tetrahedra, under a press that is upright; that of a tilted plate has one."""
-    one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
-    other = replace(one, tilt=-2e-3)
-    for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
-        tilt = levels.estimates(one, other, load, [load], STANDARD, "half", "rigid", paper())[2]
-        assert (tilt is not None) is known
-
-
-def test_a_single_harmonic_is_held_against_two():
-    assert levels.coarser(replace(STANDARD, harmonics=1)).harmonics == 2
-    load = Load(depth=1.5, shear_x=2.0, friction="stick")
-    rough = solve(paper(), load, replace(QUICK, harmonics=1))
-    better = solve(paper(), load, replace(QUICK, harmonics=3))
-    off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
-    assert off > 0.01
-    assert rough.error_estimate > 0.8 * off
-
-
-def test_the_error_estimate_grows_with_the_difference_to_the_companion():
-    load = Load(depth=1.0, shear_x=1.0, friction="stick")
-    r = Response((1.0, 0.0, 3.0), (0.5, 0.0, -0.5), 0.2, 1.5)
-
-    def found(difference):
-        other = replace(
-            r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
-        )
-        return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
-    assert max(found(1e-3)) < 0.01
-
-
 def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):
     monkeypatch.setattr(equilibrium, "contact_edge", lambda d, depth: 0.0)
     assert equilibrium.contact_end(lambda rim: None, 0.01, 0.125) == pytest.approx(0.25)
@@ -389,28 +319,6 @@ def test_the_end_of_a_contact_stays_where_it_was_found():
     found = equilibrium.contact_end(build, 0.02, 0.125)
     again = equilibrium.contact_edge(build(rim=(found, 0.012)), 0.125)
     assert found == pytest.approx(again, rel=0.01)
-
-
-def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
-    """On this mesh a folded element balances too, at a force lower by 2 %: a plain Newton method may end there."""
-    sensor = Design(
-        D=5.12, L=6.93, nu=0.49893, magnet_diameter=2.38, magnet_height=1.05, magnet_edge_radius=0.153, l0=6.93
-    )
-    loads = [Load(depth=depth) for depth in (0.07326, 0.2442, 0.6105)]
-    forces = []
-    for longest in (path.LONGEST_STEP, 0.03):
-        monkeypatch.setattr(path, "LONGEST_STEP", longest)
-        forces.append(trace(sensor, loads, QUICK, estimate=False)[-1].response.force[2])
-    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
-
-
-def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
-    """With a bound that every deformation breaks."""
-    plain = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
-    monkeypatch.setattr(path, "CRUSHED", 1.0)
-    halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
-    assert halved.newton_iterations > plain.newton_iterations
-    assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
 
 
 def test_the_radius_of_a_sheared_patch_starts_from_that_of_the_press():
@@ -440,39 +348,3 @@ def test_what_is_inside_out_is_counted(harmonics):
 
 def test_silicone_that_is_inside_out_is_told():
     assert "of the silicone is inside out" in solve(paper(), Load(depth=3.6), STANDARD).message
-
-
-def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monkeypatch):
-    shape, real = paper().shape.without_magnet().scaled(1 / 8), path.newton
-
-    def stubborn(system, solver, q, plate, *more, **options):
-        answer = real(system, solver, q, plate, *more, **options)
-        return replace(answer, reason="too deep") if plate.height < shape.L - 0.3 else answer
-
-    monkeypatch.setattr(path, "newton", stubborn)
-    p = Path(models.section(shape, 0.4998, "ignored", 0.25, 0.125))
-    assert p.go(0.4, np.zeros(2)) == "too deep"
-    assert 0.25 <= p.position[0] < 0.3
-    found = p.d.system.assemble(p.d.system.state(p.q), p.plate(), tangent=False)
-    assert np.abs(found.residual).max() < 1e-9 * np.abs(found.forces[p.d.system.eliminated]).max()
-
-
-def test_estimates_grow_beyond_the_loads_of_the_study():
-    def found(depth, shear=0.0):
-        load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
-        r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
-        return levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    assert found(0.8) == found(0.5)
-    assert found(3.6)[0] == pytest.approx(8 * found(0.8)[0])
-    assert found(0.5, 6.0)[2] == pytest.approx(5 * found(0.5, 1.0)[2])
-
-
-def test_a_companion_that_leans_to_the_other_side_is_mirrored():
-    load = Load(depth=1.0, imperfection=1e-3)
-    one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
-    other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
-    same, mirrored = (
-        levels.estimates(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
-    )
-    assert mirrored == same

@@ -86,6 +86,13 @@ def test_silicone_inside_out_is_seen(pressed):
     assert judges.folded_share(replace(pressed, field=replace(pressed.field, u=mirrored))) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("message", ["", "1e-07 of the silicone is inside out"])
+def test_silicone_inside_out_that_is_not_told_fails_its_scene(monkeypatch, message):
+    deep = replace(solve(paper(), Load(depth=3.6), QUICK), message=message)
+    monkeypatch.setattr(judges, "follow", lambda _: [deep])
+    assert judges.folded(SMALL).measured > 0
+
+
 def test_a_wrong_force_fails_its_scene(monkeypatch):
     def wrong(*arguments, **options):
         return [replace(s, energy=1.01 * s.energy) for s in trace(*arguments, **options)]

@@ -1,0 +1,103 @@
+"""Error estimates: what they grow with, and where there are none."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fem import levels
+from fem.equilibrium import solve
+from fem.levels import QUICK, STANDARD
+from geometry.design import paper
+from geometry.scene import Load, Response
+
+
+def test_the_error_estimate_never_vanishes():
+    """Not even where an answer and its companion happen to agree."""
+    r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
+    load = Load(depth=1.0)
+    for magnet in ("rigid", "ignored"):
+        force, shift, tilt, _ = levels.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
+        assert min(force, shift, tilt) > 1e-4
+
+
+def test_the_force_along_the_shear_has_an_estimate_of_its_own():
+    """Whichever way the shear points, all of the force of a grip, and None where nothing moves sideways."""
+
+    def estimated(force, other, load):
+        one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
+        return levels.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    along = Load(depth=1.0, shear_x=1.0, friction="stick")
+    across = Load(depth=1.0, shear_y=-1.0, friction="stick")
+    found = estimated((0.5, 0.0, 3.0), (0.52, 0.0, 3.001), along)
+    assert found[3] > 2 * found[0]
+    assert estimated((0.0, -0.5, 3.0), (0.0, -0.52, 3.001), across)[3] == pytest.approx(found[3], rel=1e-12)
+    assert estimated((0.5, 0.0, 3.0), (0.54, 0.0, 3.001), along)[3] > found[3]
+    grip = estimated((0.5, 0.0, 0.0), (0.52, 0.0, 0.0), Load(grip=2.0, shear_x=1.0))
+    assert grip[3] == grip[0]
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0))[3] is None
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0, shear_x=1.0))[3] is None
+
+
+def test_with_friction_a_small_force_along_the_shear_is_less_sure():
+    load = Load(depth=1.0, shear_x=0.1, friction=0.4)
+    small, large = (
+        levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())[3]
+        for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
+    )
+    assert small > 5 * large
+
+
+def test_a_tilt_that_is_noise_has_no_estimate():
+    """Of tetrahedra, under a press that is upright; that of a tilted plate has one."""
+    one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
+    other = replace(one, tilt=-2e-3)
+    for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
+        tilt = levels.estimates(one, other, load, [load], STANDARD, "half", "rigid", paper())[2]
+        assert (tilt is not None) is known
+
+
+def test_a_single_harmonic_is_held_against_two():
+    assert levels.coarser(replace(STANDARD, harmonics=1)).harmonics == 2
+    load = Load(depth=1.5, shear_x=2.0, friction="stick")
+    rough = solve(paper(), load, replace(QUICK, harmonics=1))
+    better = solve(paper(), load, replace(QUICK, harmonics=3))
+    off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
+    assert off > 0.01
+    assert rough.error_estimate > 0.8 * off
+
+
+def test_the_error_estimate_grows_with_the_difference_to_the_companion():
+    load = Load(depth=1.0, shear_x=1.0, friction="stick")
+    r = Response((1.0, 0.0, 3.0), (0.5, 0.0, -0.5), 0.2, 1.5)
+
+    def found(difference):
+        other = replace(
+            r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
+        )
+        return levels.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
+    assert max(found(1e-3)) < 0.01
+
+
+def test_estimates_grow_beyond_the_loads_of_the_study():
+    def found(depth, shear=0.0):
+        load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
+        r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+        return levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    assert found(0.8) == found(0.5)
+    assert found(3.6)[0] == pytest.approx(8 * found(0.8)[0])
+    assert found(0.5, 6.0)[2] == pytest.approx(5 * found(0.5, 1.0)[2])
+
+
+def test_a_companion_that_leans_to_the_other_side_is_mirrored():
+    load = Load(depth=1.0, imperfection=1e-3)
+    one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+    other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
+    same, mirrored = (
+        levels.estimates(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
+    )
+    assert mirrored == same

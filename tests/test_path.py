@@ -1,0 +1,50 @@
+"""Steps along a path of loads: where they lead does not depend on them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import models, path
+from fem.equilibrium import trace
+from fem.levels import QUICK
+from fem.path import Path
+from geometry.design import Design, paper
+from geometry.scene import Load
+
+
+def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
+    """On this mesh a folded element balances too, at a force lower by 2 %: a plain Newton method may end there."""
+    sensor = Design(
+        D=5.12, L=6.93, nu=0.49893, magnet_diameter=2.38, magnet_height=1.05, magnet_edge_radius=0.153, l0=6.93
+    )
+    loads = [Load(depth=depth) for depth in (0.07326, 0.2442, 0.6105)]
+    forces = []
+    for longest in (path.LONGEST_STEP, 0.03):
+        monkeypatch.setattr(path, "LONGEST_STEP", longest)
+        forces.append(trace(sensor, loads, QUICK, estimate=False)[-1].response.force[2])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
+    """With a bound that every deformation breaks."""
+    plain = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
+    monkeypatch.setattr(path, "CRUSHED", 1.0)
+    halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
+    assert halved.newton_iterations > plain.newton_iterations
+    assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
+
+
+def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monkeypatch):
+    shape, real = paper().shape.without_magnet().scaled(1 / 8), path.newton
+
+    def stubborn(system, solver, q, plate, *more, **options):
+        answer = real(system, solver, q, plate, *more, **options)
+        return replace(answer, reason="too deep") if plate.height < shape.L - 0.3 else answer
+
+    monkeypatch.setattr(path, "newton", stubborn)
+    p = Path(models.section(shape, 0.4998, "ignored", 0.25, 0.125))
+    assert p.go(0.4, np.zeros(2)) == "too deep"
+    assert 0.25 <= p.position[0] < 0.3
+    found = p.d.system.assemble(p.d.system.state(p.q), p.plate(), tangent=False)
+    assert np.abs(found.residual).max() < 1e-9 * np.abs(found.forces[p.d.system.eliminated]).max()
