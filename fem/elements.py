@@ -69,7 +69,7 @@ class Angles:
     E : (t, 3, f) displacement, components along r, theta, z (x, y, z in a solid) per field.
     V : (t, 3, 3, f) displacement gradient G_iJ per derivative J of a field.
     C : (t, n) pressure per field.
-    components : (c,) positions of the G_iJ that can differ from zero, where they are few and at one angle, or None.
+    components : positions of the G_iJ that can differ from zero, where they are few and at one angle, or None.
     """
 
     theta: Array
@@ -78,7 +78,7 @@ class Angles:
     E: Array
     V: Array
     C: Array
-    components: Index | None = None
+    components: tuple[int, ...] | None = None
 
     @property
     def fields(self) -> int:
@@ -132,11 +132,16 @@ class Elements:
     angles: Angles
 
     @functools.cached_property
+    def components(self) -> Index:
+        """Positions (c,) of the G_iJ that can differ from zero."""
+        return np.array(self.angles.components or range(9))
+
+    @functools.cached_property
     def B(self) -> Array | None:
         """Where few components of G differ from zero: these per nodal field (fields first), (m, q, c, f a)."""
         if self.angles.components is None:
             return None
-        rows, along = np.divmod(self.angles.components, 3)
+        rows, along = np.divmod(self.components, 3)
         m, q = self.weights.shape
         B = self.angles.V[0, rows, along][:, :, None] * self.D[:, :, along, None, :]
         return np.asarray(B.reshape(m, q, len(rows), -1))
@@ -223,7 +228,7 @@ def around(harmonics: int, count: int | None = None) -> Angles:
     V[:, :, 0], V[:, :, 2] = E, E
     V[:, 0, 1, : len(k)], V[:, 1, 1, : len(k)] = -(k + 1) * sk, (k + 1) * ck
     V[:, 2, 1, len(k) :] = -n * sn
-    few = np.array([0, 2, 4, 6, 8]) if t == 1 else None
+    few = (0, 2, 4, 6, 8) if t == 1 else None
     return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
 
 
@@ -246,7 +251,7 @@ def cartesian(dim: int) -> Angles:
     """Fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
     one = np.ones(1)
-    few = np.array([0, 2, 6, 8]) if dim == 2 else None
+    few = (0, 2, 6, 8) if dim == 2 else None
     return Angles(np.zeros(1), one, 0, E, np.repeat(E[:, :, None, :], 3, axis=2), one[:, None], few)
 
 

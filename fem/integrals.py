@@ -16,20 +16,20 @@ Array = NDArray[np.float64]
 
 
 def gradient(e: Elements, part: slice, u: Array) -> Array:
-    """Displacement gradients G, shape (m, q t, 3, 3), of nodal fields (n, fields)."""
+    """Displacement gradients G, shape (3, 3, m, q t), of nodal fields (n, fields)."""
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     if e.B is not None:
-        few = np.zeros((m, q, 9))
+        G = np.zeros((9, m, q))
         own = np.swapaxes(u[e.cells[part]], 1, 2).reshape(m, -1, 1)
-        few[..., e.angles.components] = (e.B[part].reshape(m, -1, f * a) @ own).reshape(m, q, -1)
-        return few.reshape(m, q, 3, 3)
+        G[e.components] = (e.B[part].reshape(m, -1, f * a) @ own).reshape(m, q, -1).transpose(2, 0, 1)
+        return G.reshape(3, 3, m, q)
     g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)
-    G = np.empty((m * q, t, 3, 3))
+    G = np.empty((3, 3, m * q, t))
     for J in range(3):
-        G[..., J] = (g[:, J] @ V[:, :, J].reshape(3 * t, f).T).reshape(m * q, t, 3)
-    return G.reshape(m, q * t, 3, 3)
+        G[:, J] = (g[:, J] @ V[:, :, J].reshape(3 * t, f).T).reshape(m * q, t, 3).transpose(2, 0, 1)
+    return G.reshape(3, 3, m, q * t)
 
 
 def pressure(e: Elements, part: slice, p: Array) -> Array:
@@ -43,15 +43,13 @@ def volumes(e: Elements, part: slice) -> Array:
 
 
 def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
-    """Integral of P : dG/du, shape (m, f a), for weighted stresses P (m, q t, 3, 3)."""
+    """Integral of P : dG/du, shape (m, f a), for weighted stresses P (3, 3, m, q t)."""
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     if e.B is not None:
-        few = P.reshape(m, q, 9)[..., e.angles.components].reshape(m, 1, -1)
-        return np.asarray((few @ e.B[part].reshape(m, -1, f * a))[:, 0])
-    P = P.reshape(m * q, t, 3, 3)
-    s = np.stack([P[..., J].reshape(m * q, 3 * t) @ V[:, :, J].reshape(3 * t, f) for J in range(3)], axis=1)
+        return np.asarray((_few(e, P).reshape(m, 1, -1) @ e.B[part].reshape(m, -1, f * a))[:, 0])
+    s = np.stack([_at_angles(P[:, J], t) @ _by_angles(V[:, :, J]) for J in range(3)], axis=1)
     return np.asarray((np.swapaxes(s.reshape(m, 3 * q, f), 1, 2) @ D.reshape(m, 3 * q, a)).reshape(m, f * a))
 
 
@@ -62,8 +60,23 @@ def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
     return np.asarray((along @ e.pressure_shape).reshape(m, -1))
 
 
+def _few(e: Elements, T: Array) -> Array:
+    """Of tensors (3, 3, m, q) the components that can differ from zero, shape (m, q, c)."""
+    return T.reshape(9, *T.shape[2:])[e.components].transpose(1, 2, 0)
+
+
+def _at_angles(T: Array, t: int) -> Array:
+    """Vectors (3, m, q t) at the points of the mesh, shape (m q, 3 t)."""
+    return T.reshape(3, -1, t).transpose(1, 0, 2).reshape(-1, 3 * t)
+
+
+def _by_angles(V: Array) -> Array:
+    """What is summed over components and angles, (t, 3, ...), in the order of `_at_angles`, shape (3 t, f)."""
+    return np.swapaxes(V, 0, 1).reshape(3 * len(V), -1)
+
+
 def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
-    """Integral of dG/du : A : dG/du for weighted tangents A (m, q t, 9, 9) or (m, q, c, c), in pieces (m, s, k, k).
+    """Integral of dG/du : A : dG/du for weighted tangents A (9, 9, m, q t) or (c, c, m, q), in pieces (m, s, k, k).
 
     There is a piece (a, a) for each pair of fields of `e.angles.pairs`, what is not there follows from the symmetry
     of A; or where components of G are few one piece of all fields, (f a, f a). First over the angles, H_JL of the
@@ -72,15 +85,15 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
     m, q, _, a = e.D[part].shape
     t, f = len(e.angles.theta), e.angles.fields
     if e.B is not None:
-        B = e.B[part]
+        B, A = e.B[part], np.ascontiguousarray(A.transpose(2, 3, 0, 1))
         return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))[:, None]
-    A, D, done = A.reshape(m * q, t, 3, 3, 3, 3), e.D_products(part), 0
+    A, D, done = A.reshape(3, 3, 3, 3, m * q, t), e.D_products(part), 0
     K = np.empty((m, sum(len(pairs.first) for pairs in e.angles.pairs), a * a))
     for pairs in e.angles.pairs:
         s = len(pairs.first)
         H = np.empty((m * q, 3, 3, s))
         for J, L in np.ndindex(3, 3):
-            own = A[:, :, pairs.i, J, pairs.k, L].transpose(0, 2, 3, 1).reshape(m * q, -1)
+            own = A[pairs.i, J, pairs.k, L].transpose(2, 0, 1, 3).reshape(m * q, -1)
             np.matmul(own, pairs.products[J, L], out=H[:, J, L])
         np.matmul(np.swapaxes(H.reshape(m, 9 * q, s), 1, 2), D, out=K[:, done : done + s])
         done += s
@@ -101,18 +114,17 @@ def whole(e: Elements, K: Array) -> Array:
 
 
 def coupling(e: Elements, part: slice, B: Array) -> Array:
-    """Integral of B : dG/du dp, shape (m, f, n, a, c), for weighted derivatives dP/dp = B (m, q t, 3, 3)."""
+    """Integral of B : dG/du dp, shape (m, f, n, a, c), for weighted derivatives dP/dp = B (3, 3, m, q t)."""
     D, V, C, M = e.D[part], e.angles.V, e.angles.C, e.pressure_shape
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     n, c = C.shape[1], M.shape[1]
     if e.B is not None:
-        few = B.reshape(m, q, 1, 9)[..., e.angles.components]
-        return np.asarray(np.swapaxes((few @ e.B[part])[:, :, 0], 1, 2) @ M).reshape(m, f, 1, a, c)
-    B = B.reshape(m * q, t, 3, 3)
+        own = (_few(e, B)[..., None] * M[:, None]).reshape(m, -1, c)
+        return np.asarray(np.swapaxes(e.B[part].reshape(m, -1, f * a), 1, 2) @ own).reshape(m, f, 1, a, c)
     H = np.empty((m * q, 3, f * n))
     for J in range(3):
-        H[:, J] = B[..., J].reshape(m * q, 3 * t) @ np.einsum("tif,tn->tifn", V[:, :, J], C).reshape(3 * t, f * n)
+        H[:, J] = _at_angles(B[:, J], t) @ _by_angles(np.einsum("tif,tn->tifn", V[:, :, J], C))
     products = (D[..., :, None] * M[:, None, None, :]).reshape(m, 3 * q, a * c)
     K = np.swapaxes(H.reshape(m, 3 * q, f * n), 1, 2) @ products
     return np.asarray(K.reshape(m, f, n, a, c))

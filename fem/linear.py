@@ -6,6 +6,8 @@ the same answers otherwise, after METIS has ordered the unknowns by nested disse
 
 from __future__ import annotations
 
+import copy
+import ctypes
 import functools
 import importlib.metadata
 import os
@@ -107,8 +109,8 @@ class Pattern:
         shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
         place = np.repeat(start[begin[block]] + inside - ends + length, length) + np.arange(int(length.sum()))
         self.size = len(block)
-        self._columns = shared[place].astype(np.int32)
-        self._pointers = np.append(0, ends).astype(np.int32)
+        columns, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
+        self._empty = sp.csr_matrix((np.zeros(len(columns)), columns, pointers), shape=(self.size, self.size))
         self._places: list[Index] = []
         entries, done, diagonal = [], count, ends - length - inside
         for (row, column), pair in zip(groups, pairs, strict=True):
@@ -140,8 +142,9 @@ class Pattern:
                 for block, at in zip(blocks, self._places, strict=True)
             ]
         )
-        data = np.bincount(self._entries, weights=values, minlength=len(self._columns))
-        return sp.csr_matrix((data, self._columns, self._pointers), shape=(self.size, self.size))
+        found = copy.copy(self._empty)  # it shares the structure; to make it anew is what would take longest
+        found.data = np.bincount(self._entries, weights=values, minlength=self._empty.nnz)
+        return found
 
     def unfolded(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
         """All of the matrix whose upper triangle is given, where the last group's element matrices are unsymmetric.
@@ -160,8 +163,8 @@ class Pattern:
     @functools.cached_property
     def _mirror(self) -> tuple[Index, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
         """Of the whole matrix: its entries' places in the upper triangle, which are below the diagonal, structure."""
-        number = np.arange(1, len(self._columns) + 1)
-        upper = sp.csr_matrix((number, self._columns, self._pointers), shape=(self.size, self.size))
+        upper = copy.copy(self._empty)
+        upper.data = np.arange(1, upper.nnz + 1)
         whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
         whole.sort_indices()
         rows = np.repeat(np.arange(self.size), np.diff(whole.indptr))
@@ -201,7 +204,7 @@ class Solver:
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
-        self._handles: dict[bool, Any] = {}
+        self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
         self._order: Index | None = None
 
@@ -209,16 +212,16 @@ class Solver:
         """Factorise an upper triangle, or all of an unsymmetric matrix; raises SingularMatrixError."""
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
-        self._symmetric, self._matrix = symmetric, matrix
+        self._symmetric = symmetric
         if self._use_pardiso:
-            known = symmetric in self._handles
-            if not known:
-                self._handles[symmetric] = _pardiso(matrix.shape[0], symmetric=symmetric, match=not symmetric)
-            self._call(22 if known else 12, np.zeros(matrix.shape[0]))
-            if self._handles[symmetric].get_iparm(13) == 0 and self._handles[symmetric].get_iparm(14) > 0:
-                self._release(symmetric)
-                self._handles[symmetric] = _pardiso(matrix.shape[0], symmetric=symmetric, match=True)
-                self._call(12, np.zeros(matrix.shape[0]))
+            held = self._handles.get(symmetric)
+            if held is None:
+                held = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=not symmetric)
+            held.factorise(matrix)
+            if held.iparm[12] == 0 and held.iparm[13] > 0:  # pivots were perturbed: match as well
+                held.close()
+                held = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=True)
+                held.factorise(matrix)
             return
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
@@ -239,7 +242,7 @@ class Solver:
         if not self._symmetric:
             return None
         if self._use_pardiso:
-            return int(self._handles[True].get_iparm(23))
+            return int(self._handles[True].iparm[22])
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             return None
         return int(np.count_nonzero(self._lu.U.diagonal() < 0))
@@ -250,47 +253,83 @@ class Solver:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])
             return x
-        return self._call(33, b)
-
-    def _call(self, phase: int, b: Array) -> Array:
-        import pypardiso.pardiso_wrapper as wrapper
-
-        handle = self._handles[self._symmetric]
-        handle.set_phase(phase)
-        # threads that wait for each other cost a small system more than they save
-        own = handle.libmkl.MKL_Set_Num_Threads_Local(int(len(b) < FEW))
-        try:
-            return np.asarray(handle._call_pardiso(self._matrix, np.asfortranarray(b)))
-        except wrapper.PyPardisoError as error:
-            raise SingularMatrixError(f"PARDISO error {error.value}") from error
-        finally:
-            handle.libmkl.MKL_Set_Num_Threads_Local(own)
+        return self._handles[self._symmetric].solve(b)
 
     def close(self) -> None:
         """Give the factorisations' memory back."""
-        for symmetric in tuple(self._handles):
-            self._release(symmetric)
-
-    def _release(self, symmetric: bool) -> None:
-        handle = self._handles.pop(symmetric)
-        handle.set_phase(-1)
-        handle._call_pardiso(self._matrix, np.zeros(self._matrix.shape[0]))
+        while self._handles:
+            self._handles.popitem()[1].close()
 
 
-def _pardiso(size: int, *, symmetric: bool, match: bool) -> Any:
-    """A handle for symmetric indefinite matrices, or for unsymmetric ones of symmetric structure.
+class _Pardiso:
+    """PARDISO for symmetric indefinite matrices (upper triangles) of one pattern, or for unsymmetric ones.
 
+    It is called as MKL's reference has it, because pypardiso, which finds MKL, copies the structure for every call.
+
+    Parameters
+    ----------
+    matrix : with the pattern.
     match : scale rows and bring large entries to the diagonal first. That takes most of the symbolic phase, and
         displacements and pressures need it only where elements differ by orders of magnitude and pivots with them.
-    """
-    import pypardiso
 
-    handle = pypardiso.PyPardisoSolver(mtype=-2 if symmetric else 11)
-    # Newton's method corrects what a solve leaves, so it is refined only where PARDISO had to perturb pivots
-    order, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
-    for i, value in {1: 1, 2: order, 8: 0, 10: perturb, 11: int(match), 13: int(match), 21: 1}.items():
-        handle.set_iparm(i, value)
-    return handle
+    Attributes
+    ----------
+    iparm : (64,) MKL's parameters, the first at 0.
+    """
+
+    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool) -> None:
+        import pypardiso
+
+        self._mkl = pypardiso.PyPardisoSolver().libmkl
+        self._pardiso = self._mkl["pardiso"]
+        self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
+        size = matrix.shape[0]
+        # Newton's method corrects what a solve leaves, so it is refined only where PARDISO had to perturb pivots
+        order, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
+        self.iparm = np.zeros(64, dtype=np.int32)
+        for i, value in {1: 1, 2: order, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
+            self.iparm[i - 1] = value
+        self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
+        self._memory, self._order = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
+        self._rows, self._columns = matrix.indptr, matrix.indices
+        self._values, self._known = matrix.data, False
+
+    def factorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise a matrix of the pattern; raises SingularMatrixError."""
+        self._values, nothing = matrix.data, np.zeros(0)
+        self._call(22 if self._known else 12, nothing, nothing)
+        self._known = True
+
+    def solve(self, b: Array) -> Array:
+        """Solve for b of shape (n,) or (n, m)."""
+        b = np.asfortranarray(b, dtype=np.float64)
+        x = np.empty_like(b)
+        self._call(33, b, x)
+        return np.ascontiguousarray(x)
+
+    def close(self) -> None:
+        """Give the factorisation's memory back."""
+        nothing = np.zeros(0)
+        self._call(-1, nothing, nothing)
+
+    def _call(self, phase: int, b: Array, x: Array) -> None:
+        numbers = self._numbers
+        numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
+        most, which, kind, at, size, many, talk, error = range(_address(numbers), _address(numbers) + 32, 4)
+        matrix = [_address(a) for a in (self._values, self._rows, self._columns, self._order)]
+        # threads that wait for each other cost a small system more than they save
+        own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
+        self._pardiso(
+            _address(self._memory), most, which, kind, at, size, *matrix, many, _address(self.iparm), talk,
+            _address(b), _address(x), error,
+        )  # fmt: skip
+        self._mkl.MKL_Set_Num_Threads_Local(own)
+        if numbers[7]:
+            raise SingularMatrixError(f"PARDISO error {numbers[7]}")
+
+
+def _address(array: NDArray[Any]) -> int:
+    return int(array.__array_interface__["data"][0])
 
 
 def _nested_dissection(matrix: sp.csr_matrix) -> Index:

@@ -10,6 +10,9 @@ Near incompressibility is treated by a perturbed Lagrangian with an independent 
 whose stationary point in p is p = K (J - 1), that is a volumetric energy K/2 (J - 1)^2. 1/K = 0 (nu = 0.5) is
 allowed. W is isochoric, so p is minus the mean Cauchy pressure.
 
+Components come first, points last, as loops are long over points: G and stresses have shape (3, 3, ...), tangents
+(9, 9, ...) or, for some of the components, (c, c, ...).
+
 Every law has the shear modulus mu at small strain as its scale; what else it takes are pure numbers, so stresses are
 proportional to mu at any strain.
 """
@@ -24,21 +27,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+Components = tuple[int, ...]
+
 _LEAST = 1e-15 - 1
 _NONE: Array = np.empty(0)
+_UP, _DOWN = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 class Kinematics(NamedTuple):
-    """What every law needs of a displacement gradient G of shape (..., 3, 3)."""
+    """What every law needs of a displacement gradient G = F - 1."""
 
     G: Array
-    """Displacement gradient, shape (..., 3, 3)."""
+    """Displacement gradient, shape (3, 3, ...)."""
     Jm1: Array
     """J - 1 to full relative precision, shape (...)."""
+    Hm1: Array
+    """F^-T - 1 to full relative precision, shape (3, 3, ...)."""
     H: Array
-    """F^-T, shape (..., 3, 3)."""
-    components: NDArray[np.int64] | None = None
-    """Positions (c,) in a row-major 3 x 3 tensor that tangents are wanted for, all 9 if None. The others must
+    """F^-T, shape (3, 3, ...)."""
+    components: Components | None = None
+    """Positions in a row-major 3 x 3 tensor that tangents are wanted for, all 9 if None. The others must
     not couple to them, as in a section of revolution."""
     tangent: bool = True
     """Whether tangents are wanted at all; if not, empty ones are returned."""
@@ -64,39 +72,47 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
-def kinematics(
-    G: Array, Jm1: Array | None = None, components: NDArray[np.int64] | None = None, *, tangent: bool = True
-) -> Kinematics:
-    """Volume change (unless J - 1 is given) and F^-T of a displacement gradient, shape (..., 3, 3), J not zero."""
-    if Jm1 is None:
-        Jm1 = volume_change(G)
-    F = G + np.eye(3)
-    cof = np.empty_like(G)
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            cof[..., i, a] = F[..., j, b] * F[..., k, c] - F[..., j, c] * F[..., k, b]
-    return Kinematics(G, Jm1, cof / (1 + Jm1)[..., None, None], components, tangent)
+class Strain(NamedTuple):
+    """A displacement gradient (3, 3, ...), J - 1 (...) and cof F - J 1 (3, 3, ...), these to full precision."""
+
+    G: Array
+    Jm1: Array
+    bent: Array
 
 
-def volume_change(G: Array) -> Array:
-    """J - 1 of a displacement gradient, shape (..., 3, 3), to full relative precision."""
-    trace = G[..., 0, 0] + G[..., 1, 1] + G[..., 2, 2]
-    second = (
-        G[..., 0, 0] * G[..., 1, 1]
-        - G[..., 0, 1] * G[..., 1, 0]
-        + G[..., 1, 1] * G[..., 2, 2]
-        - G[..., 1, 2] * G[..., 2, 1]
-        + G[..., 0, 0] * G[..., 2, 2]
-        - G[..., 0, 2] * G[..., 2, 0]
-    )
-    third = (
-        G[..., 0, 0] * (G[..., 1, 1] * G[..., 2, 2] - G[..., 1, 2] * G[..., 2, 1])
-        - G[..., 0, 1] * (G[..., 1, 0] * G[..., 2, 2] - G[..., 1, 2] * G[..., 2, 0])
-        + G[..., 0, 2] * (G[..., 1, 0] * G[..., 2, 1] - G[..., 1, 1] * G[..., 2, 0])
-    )
-    return np.asarray(trace + second + third)
+def strain(G: Array) -> Strain:
+    """The strain of a displacement gradient, shape (3, 3, ...).
+
+    cof (1 + G) = 1 + tr G - G^T + cof G, and J = 1 + tr G + tr cof G + det G.
+    """
+    up, down = G.take(_UP, axis=0), G.take(_DOWN, axis=0)
+    bent = up.take(_UP, axis=1) * down.take(_DOWN, axis=1)
+    bent -= up.take(_DOWN, axis=1) * down.take(_UP, axis=1)
+    higher = _trace(bent) + np.einsum("j...,j...->...", G[0], bent[0])
+    bent -= np.swapaxes(G, 0, 1)
+    diagonal = _diagonal(bent)
+    diagonal -= higher
+    return Strain(G, _trace(G) + higher, bent)
+
+
+def kinematics(strain: Strain, components: Components | None = None, *, tangent: bool = True) -> Kinematics:
+    """What laws need of a strain whose J is not zero."""
+    Hm1 = strain.bent / (1 + strain.Jm1)
+    return Kinematics(strain.G, strain.Jm1, Hm1, Hm1 + _unit(Hm1), components, tangent)
+
+
+def _diagonal(T: Array) -> Array:
+    """A view of the diagonal of tensors (k, k, ...), shape (k, ...)."""
+    return np.asarray(np.einsum("ii...->i...", T))
+
+
+def _trace(T: Array) -> Array:
+    return np.asarray(T[0, 0] + T[1, 1] + T[2, 2])
+
+
+def _unit(T: Array) -> Array:
+    """The unit tensor, in a shape to be added to tensors (3, 3, ...)."""
+    return np.eye(3).reshape(3, 3, *(1,) * (T.ndim - 2))
 
 
 def lame(E: float, nu: float) -> tuple[float, float]:
@@ -108,86 +124,78 @@ def lame(E: float, nu: float) -> tuple[float, float]:
     return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
 
 
-def _vector(T: Array) -> Array:
-    """Tensors (..., 3, 3) as row-major vectors (..., 9)."""
-    return T.reshape(*T.shape[:-2], 9)
+def _times(X: Array, Y: Array) -> Array:
+    """X Y of tensors (3, 3, ...)."""
+    return np.asarray(np.einsum("ij...,jk...->ik...", X, Y))
 
 
-def _wanted(T: Array, k: Kinematics) -> Array:
-    """The components of tensors (..., 3, 3) that tangents are wanted for, (..., c)."""
-    return _vector(T) if k.components is None else _vector(T).take(k.components, axis=-1)
+@functools.lru_cache
+def _places(components: Components | None) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Positions (c,) of components iJ, and (c, c) of iL and kJ for the pairs (iJ), (kL)."""
+    own = np.arange(9) if components is None else np.array(components)
+    i, J = np.divmod(own, 3)
+    return own, 3 * i[:, None] + J, 3 * i + J[:, None]
+
+
+def _wanted(T: Array, components: Components | None) -> Array:
+    """The components of tensors (3, 3, ...) that tangents are wanted for, (c, ...)."""
+    T = T.reshape(9, *T.shape[2:])
+    return T if components is None else T[_places(components)[0]]
+
+
+def _restricted(A: Array, components: Components | None) -> Array:
+    """The components of tangents (9, 9, ...) that are wanted."""
+    own = _places(components)[0]
+    return A if components is None else A[own[:, None], own]
+
+
+def _pairs(X: Array, Y: Array, components: Components | None = None) -> Array:
+    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (c, c, ...)."""
+    if components is None:
+        return np.asarray(X[:, None, None] * np.swapaxes(Y, 0, 1)[None, :, :, None]).reshape(9, 9, *X.shape[2:])
+    _, first, second = _places(components)
+    return np.asarray(X.reshape(9, *X.shape[2:])[first] * Y.reshape(9, *Y.shape[2:])[second])
 
 
 def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
-    """x H + H x, for x (..., c), and `cross` (...) times H_iL H_kJ, shape (..., c, c).
-
-    With all nine components the points come last in memory: their loops are long, those over components are not.
-    """
-    if k.components is not None:
-        A = x[..., :, None] * _wanted(k.H, k)[..., None, :]
-        A = A + np.swapaxes(A, -1, -2)
-        A += _pairs(cross[..., None, None] * k.H, k.H, k.components)
-        return A
-    X, H = (np.ascontiguousarray(v.reshape(-1, 9).T) for v in (x, k.H))
-    A = X[:, None] * H
-    A += H[:, None] * X
-    left, right = (cross.ravel() * H).reshape(3, 1, 1, 3, -1), np.swapaxes(H.reshape(3, 3, -1), 0, 1)
-    A.reshape(3, 3, 3, 3, -1)[...] += left * right[None, :, :, None]
-    return np.moveaxis(A.reshape(9, 9, *x.shape[:-1]), (0, 1), (-2, -1))
-
-
-def _restricted(A: Array, k: Kinematics) -> Array:
-    """The components of a tangent (..., 9, 9) that are wanted."""
-    return A if k.components is None else A[..., k.components[:, None], k.components]
-
-
-def _cross(H: Array, components: NDArray[np.int64] | None = None) -> Array:
-    """H_iL H_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9), or over some of them."""
-    return _pairs(H, H, components)
-
-
-def _pairs(X: Array, Y: Array, components: NDArray[np.int64] | None = None) -> Array:
-    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (..., 9, 9), or over some of them."""
-    if components is not None:
-        i, J = np.divmod(components, 3)
-        first, second = 3 * i[:, None] + J, 3 * i + J[:, None]
-        return np.asarray(_vector(X).take(first, axis=-1) * _vector(Y).take(second, axis=-1))
-    product = np.einsum("...il,...kj->...ijkl", X, Y)
-    return np.asarray(product.reshape(*X.shape[:-2], 9, 9))
+    """x H + H x, for x (c, ...), and `cross` (...) times H_iL H_kJ, shape (c, c, ...)."""
+    H = _wanted(k.H, k.components)
+    A = x[:, None] * H
+    A += H[:, None] * x
+    A += _pairs(cross * k.H, k.H, k.components)
+    return A
 
 
 def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
     """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3), and p (J - 1).
 
-    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T; the first is written as mu J^-2/3 [(G + G^T + G G^T) - (I1 - 3)/3] F^-T.
+    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T; the first is written as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T].
 
     Parameters
     ----------
-    k : kinematics of G, shape (..., 3, 3).
+    k : kinematics of G, shape (3, 3, ...).
     mu : shear modulus, a number or shape (...), MPa.
     p : pressure (minus the mean Cauchy pressure), a number or shape (...), MPa; its energy, stress and tangent are
         added to those of the law.
 
     Returns
     -------
-    W (...), first Piola-Kirchhoff stress P (..., 3, 3), tangent dP/dF (..., 9, 9) or (..., c, c), MPa.
+    W (...), first Piola-Kirchhoff stress P (3, 3, ...), tangent dP/dF (9, 9, ...) or (c, c, ...), MPa.
     """
     G, H = k.G, k.H
-    turned = np.ascontiguousarray(np.swapaxes(G, -1, -2))
-    strain = G + turned + G @ turned
-    I1m3 = strain[..., 0, 0] + strain[..., 1, 1] + strain[..., 2, 2]
-    log_J = np.log1p(k.Jm1)
-    s = mu * np.exp(-2 / 3 * log_J)
-    pJ = p * (1 + k.Jm1)
-    W = mu / 2 * (np.exp(-2 / 3 * log_J) * I1m3 + 3 * np.expm1(-2 / 3 * log_J)) + p * k.Jm1
-    P = s[..., None, None] * (strain @ H) + (pJ - s * I1m3 / 3)[..., None, None] * H
+    I1m3 = 2 * _trace(G) + np.einsum("ij...,ij...->...", G, G)
+    less = np.expm1(-2 / 3 * np.log1p(k.Jm1))
+    s = mu * (1 + less)
+    excess, pJ = s * I1m3 / 3, p * (1 + k.Jm1)
+    W = 1.5 * (excess + mu * less) + p * k.Jm1
+    P = s * (G - k.Hm1)
+    P += (pJ - excess) * H
     if not k.tangent:
         return W, P, _NONE
-    F9, H9 = _wanted(G + np.eye(3), k), _wanted(H, k)
-    I1 = I1m3 + 3
-    A = _tangent(k, (-2 / 3 * s)[..., None] * F9 + (s * I1 / 9 + pJ / 2)[..., None] * H9, s * I1 / 3 - pJ)
-    diagonal = np.einsum("...ii->...i", A)
-    diagonal += s[..., None]
+    F, H = _wanted(G + _unit(G), k.components), _wanted(H, k.components)
+    A = _tangent(k, (-2 / 3 * s) * F + ((s + excess) / 3 + pJ / 2) * H, s + excess - pJ)
+    diagonal = _diagonal(A)
+    diagonal += s
     return W, P, A
 
 
@@ -197,7 +205,7 @@ def mooney_rivlin(
     """Isochoric Mooney-Rivlin law, W = mu/2 [(1 - share) (I1' - 3) + share (I2' - 3)], I' of J^-1/3 F.
 
     I2'(F) = I1'(F^-T), so the second term is the neo-Hookean law of H = F^-T, with Q its stress:
-    P = -H Q^T H, and dH = -H dF^T H gives the tangent. H - 1 = -G^T H keeps the digits of small strain.
+    P = -H Q^T H, and dH = -H dF^T H gives the tangent.
 
     Parameters
     ----------
@@ -209,16 +217,16 @@ def mooney_rivlin(
     """
     W1, P1, A1 = neo_hookean(k._replace(components=None), (1 - share) * mu, p)
     H = k.H
-    inverse = Kinematics(-np.swapaxes(k.G, -1, -2) @ H, -k.Jm1 / (1 + k.Jm1), k.G + np.eye(3), tangent=k.tangent)
+    inverse = Kinematics(k.Hm1, -k.Jm1 / (1 + k.Jm1), k.G, k.G + _unit(k.G), tangent=k.tangent)
     W2, Q, B = neo_hookean(inverse, share * mu)
-    P2 = -H @ np.swapaxes(Q, -1, -2) @ H
+    P2 = -_times(_times(H, np.swapaxes(Q, 0, 1)), H)
     W, P = W1 + W2, P1 + P2
     if not k.tangent:
         return W, P, _NONE
-    cross = _cross(H)
+    cross, B = (np.moveaxis(T, (0, 1), (-2, -1)) for T in (_pairs(H, H), B))
     mixed = _pairs(H, P2)
-    A2 = cross @ B @ cross - mixed - np.swapaxes(mixed, -1, -2)
-    return W, P, _restricted(A1 + A2, k)
+    A2 = np.moveaxis(cross @ B @ cross, (-2, -1), (0, 1)) - mixed - np.swapaxes(mixed, 0, 1)
+    return W, P, _restricted(A1 + A2, k.components)
 
 
 def yeoh(
@@ -238,12 +246,11 @@ def yeoh(
     x = 2 * half
     first = mu * (1 + 2 * c2 * x + 3 * c3 * x**2)
     second = mu * (2 * c2 + 6 * c3 * x)
-    W, P = mu / 2 * x * (1 + c2 * x + c3 * x**2), first[..., None, None] * slope
+    W, P = mu / 2 * x * (1 + c2 * x + c3 * x**2), first * slope
     if not k.tangent:
         return _pressed(W, P, _NONE, k, p)
-    slope9 = _wanted(slope, k)
-    bend = (2 * second)[..., None, None] * slope9[..., :, None] * slope9[..., None, :]
-    return _pressed(W, P, first[..., None, None] * A + bend, k, p)
+    own = _wanted(slope, k.components)
+    return _pressed(W, P, first * A + 2 * second * own[:, None] * own, k, p)
 
 
 def ogden(
@@ -264,7 +271,7 @@ def ogden(
     -------
     As `neo_hookean`.
     """
-    G = k.G
+    G = np.moveaxis(k.G, (0, 1), (-2, -1))
     twice = G + np.swapaxes(G, -1, -2) + np.swapaxes(G, -1, -2) @ G
     e, N = np.linalg.eigh(twice)
     h = np.log1p(np.maximum(e, _LEAST)) / 2
@@ -285,7 +292,7 @@ def ogden(
     inverse, n = np.exp(-2 * h), N + G @ N
     S = (t - mean) * inverse
     W = (scale * W).sum(axis=-1)
-    P = scale[..., None] * ((n * S[..., None, :]) @ np.swapaxes(N, -1, -2))
+    P = np.moveaxis(scale[..., None] * ((n * S[..., None, :]) @ np.swapaxes(N, -1, -2)), (-2, -1), (0, 1))
     if not k.tangent:
         return _pressed(W, P, _NONE, k, p)
     constant = mean + sum(2 * share / alpha for alpha, share in zip(alphas, shares, strict=True))
@@ -293,8 +300,8 @@ def ogden(
     centred = np.eye(3) - 1 / 3
     D = centred @ (s[..., :, None] * centred)
     frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
-    A = frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2)
-    return _pressed(W, P, _restricted(scale[..., None] * A, k), k, p)
+    A = scale[..., None] * (frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2))
+    return _pressed(W, P, _restricted(np.moveaxis(A, (-2, -1), (0, 1)), k.components), k, p)
 
 
 def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
@@ -328,8 +335,8 @@ def _quotient(beta: float, d: Array, around: Array) -> Array:
 
 
 def cofactor(k: Kinematics) -> Array:
-    """J F^-T, the derivative of J by F, shape (..., 3, 3)."""
-    return (1 + k.Jm1)[..., None, None] * k.H
+    """J F^-T, the derivative of J by F, shape (3, 3, ...)."""
+    return np.asarray((1 + k.Jm1) * k.H)
 
 
 def _pressed(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
@@ -339,7 +346,7 @@ def _pressed(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> t
 
 
 def pressure_terms(k: Kinematics, p: Array | float) -> tuple[Array, Array]:
-    """Stress P = p J F^-T (..., 3, 3) of p (J - 1), and its tangent (..., 9, 9) or (..., c, c)."""
-    cof, pJ = cofactor(k), p * (1 + k.Jm1)
-    A = _tangent(k, (pJ / 2)[..., None] * _wanted(k.H, k), -pJ) if k.tangent else _NONE
-    return np.asarray(p)[..., None, None] * cof, A
+    """Stress P = p J F^-T (3, 3, ...) of p (J - 1), and its tangent (9, 9, ...) or (c, c, ...)."""
+    pJ = p * (1 + k.Jm1)
+    A = _tangent(k, pJ / 2 * _wanted(k.H, k.components), -pJ) if k.tangent else _NONE
+    return np.asarray(pJ * k.H), A

@@ -375,4 +375,4 @@ class Path:
 
 def flattest(answer: Equilibrium) -> float:
     """Least volume ratio J at the points of integration."""
-    return 1 + min((float(Jm1.min()) for _, Jm1 in answer.state.strains), default=0.0)
+    return 1 + min((float(strain.Jm1.min()) for strain in answer.state.strains), default=0.0)

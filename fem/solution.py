@@ -12,7 +12,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem import contact, elements, friction, integrals, rigid
-from fem.material import volume_change
+from fem.material import strain
 from fem.models import Discretisation
 from fem.path import Path
 from geometry.design import Design
@@ -243,7 +243,7 @@ def inside_out(d: Discretisation, u: Array) -> float:
     folded = whole = 0.0
     for at in range(0, len(e.cells), FOLD_BATCH):
         part = slice(at, at + FOLD_BATCH)
-        J, volumes = 1 + volume_change(integrals.gradient(e, part, u)), integrals.volumes(e, part)
+        J, volumes = 1 + strain(integrals.gradient(e, part, u)).Jm1, integrals.volumes(e, part)
         folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
     return folded / whole
 

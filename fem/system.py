@@ -48,13 +48,13 @@ class State:
     q : (n,) unknowns.
     u : (nodes, fields) displacements.
     p : (corners, pressures) pressures; where a section has harmonics, those that vanish on its axis are 0.
-    strains : for each part of the elements displacement gradients G and J - 1 at its points, where they are known.
+    strains : for each part of the elements those at its points, where they are known.
     """
 
     q: Array
     u: Array
     p: Array
-    strains: tuple[tuple[Array, Array], ...] = ()
+    strains: tuple[material.Strain, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,11 +223,10 @@ class System:
             return None
         state = self.state(q)
         strains = self._strains(state)
-        return replace(state, strains=strains) if all(Jm1.min() > -1 for _, Jm1 in strains) else None
+        return replace(state, strains=strains) if all(strain.Jm1.min() > -1 for strain in strains) else None
 
-    def _strains(self, state: State) -> tuple[tuple[Array, Array], ...]:
-        gradients = (integrals.gradient(self.elements, part, state.u) for part in self._parts)
-        return tuple((G, material.volume_change(G)) for G in gradients)
+    def _strains(self, state: State) -> tuple[material.Strain, ...]:
+        return tuple(material.strain(integrals.gradient(self.elements, part, state.u)) for part in self._parts)
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Residual and, if wanted, tangent at a state with all J > 0."""
@@ -238,7 +237,7 @@ class System:
         Kuu, Kup = [], []
         energy = 0.0
         for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
-            k = material.kinematics(*strain, e.angles.components, tangent=tangent)
+            k = material.kinematics(strain, e.angles.components, tangent=tangent)
             p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
             # a law is linear in its modulus and the pressure, so that they carry the weights of the points
             W, P, A = self.law(k, w * self.mu[part], w * p)
@@ -248,7 +247,7 @@ class System:
             fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
             if tangent:
                 Kuu.append(integrals.displacement_stiffness(e, part, A))
-                Kup.append(integrals.coupling(e, part, w[..., None, None] * material.cofactor(k)))
+                Kup.append(integrals.coupling(e, part, w * material.cofactor(k)))
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
         forces -= self.dead
         energy += spring_energy - float(np.sum(self.dead * state.u))

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.material import kinematics, law
+from fem.material import kinematics, law, strain
 from geometry.design import LAWS, LEAST_ALPHA, BadInput, Design
 from studies.files import write_text
 from studies.specimen import Specimen, read
@@ -227,11 +227,11 @@ def stable_ranges(
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
     """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
     l = stretch[:, None] ** strains
-    k = kinematics(l[:, :, None] * np.eye(3) - np.eye(3))
+    k = kinematics(strain(np.einsum("ij,nj->ijn", np.eye(3), l - 1)))
     silicone = law(name, numbers)
-    _, P, A = silicone(k, 1.0, -silicone(k, 1.0)[1][:, 2, 2] * l[:, 2])
-    tau = np.einsum("nii->ni", P) * l
-    D = A[:, ::4, ::4] * l[:, :, None] * l[:, None, :] + tau[:, :, None] * np.eye(3)
+    _, P, A = silicone(k, 1.0, -silicone(k, 1.0)[1][2, 2] * l[:, 2])
+    tau = np.einsum("iin->ni", P) * l
+    D = A[::4, ::4].transpose(2, 0, 1) * l[:, :, None] * l[:, None, :] + tau[:, :, None] * np.eye(3)
     plane = np.array([[1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
     drucker = np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0]
     along = (D @ strains) @ strains - tau @ strains**2

@@ -168,11 +168,13 @@ def _coupled(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) 
 
     The energy p (J - 1) is added.
     """
-    F, scale = k.G + np.eye(3), np.asarray(mu)[..., None, None]
-    W = mu / 2 * (np.sum(F**2, axis=(-2, -1)) - 3 - 2 * np.log1p(k.Jm1))
-    cross = np.einsum("...iL,...kJ->...iJkL", k.H, k.H).reshape(*k.Jm1.shape, 9, 9)
+    W = mu / 2 * (2 * np.einsum("ii...->...", k.G) + np.sum(k.G**2, axis=(0, 1)) - 2 * np.log1p(k.Jm1))
     P, A = material.pressure_terms(k, p)
-    return W + p * k.Jm1, P + scale * (F - k.H), A + scale * (np.eye(9) + cross) if k.tangent else A
+    P = P + mu * (k.G - k.Hm1)
+    if k.tangent:
+        A = A + mu * np.einsum("iL...,kJ...->iJkL...", k.H, k.H).reshape(A.shape)
+        np.einsum("ii...->i...", A)[...] += mu
+    return W + p * k.Jm1, P, A
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
