@@ -79,18 +79,15 @@ def _exchanged(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> A
 
     None if the set goes on changing, or the body would give way without the springs that go.
     """
-    pressed = plain > 0
+    pressed, spring = plain > 0, np.where(was, hard, -hard)
     for _ in range(MOST_EXCHANGES):
-        flipped = np.flatnonzero(pressed != was)
-        spring = np.where(was, hard, -hard)[flipped]
-        force = np.zeros(len(plain))
-        coupled = np.eye(len(flipped)) - G[np.ix_(flipped, flipped)] * spring
+        flips = spring * (pressed != was)
         try:
-            force[flipped] = spring * np.linalg.solve(coupled, plain[flipped])
+            overlap = np.linalg.solve(np.eye(len(plain)) - G * flips, plain)
         except np.linalg.LinAlgError:
             return None
-        after = plain + G @ force > 0
+        after = overlap > 0
         if np.array_equal(after, pressed):
-            return force
+            return np.asarray(flips * overlap)
         pressed = after
     return None

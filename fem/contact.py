@@ -14,6 +14,8 @@ overlap is about 0.57 d / KAPPA on a Hertz contact: the force comes out 0.85 / K
 
 from __future__ import annotations
 
+import functools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,8 +63,15 @@ class Plate:
     @property
     def frame(self) -> Array:
         """Rows: the two directions along the plate, and its normal."""
-        s, c = np.sin(self.tilt), np.cos(self.tilt)
-        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        return _frame(self.tilt)
+
+
+@functools.lru_cache
+def _frame(tilt: float) -> Array:
+    s, c = np.sin(tilt), np.cos(tilt)
+    frame = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+    frame.flags.writeable = False
+    return frame
 
 
 def along(surface: Surface, u: Array, plate: Plate) -> Array:
@@ -86,49 +95,56 @@ def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
     return np.asarray(rest + surface.displacement(u) @ n)
 
 
-def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Array, float]:
+Stiffness = dict[tuple[int, int], NDArray[np.floating]]
+"""Entries (k, q) of the matrices (3, 3) of points of the skin that can differ from zero."""
+
+
+def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness, float]:
     """Force of the plate's springs on the skin per reference area.
 
     Returns
     -------
     residual : (k, q, 3) minus that traction, that is the derivative of the springs' energy by the displacement.
-    stiffness : (k, q, 3, 3) its derivative in the plate's frame, unsymmetric where points slip.
+    stiffness : its derivative in the plate's frame, unsymmetric where points slip.
     energy : integral over the skin of what the springs store.
     """
-    residual = np.zeros(surface.points.shape)
-    stiffness = np.zeros((*residual.shape, 3))
-    en = plate.stiffness
+    residual, stiffness = np.zeros(surface.points.shape), Stiffness()
+    en, energy = plate.stiffness, 0.0
     if plate.height is not None:
         g = overlap(surface, u, plate)
         active = g > 0 if plate.pressed is None else plate.pressed
         if plate.tied is not None and plate.gap is not None:
             active = active | plate.tied
             g = np.where(plate.tied, g + plate.gap, g)
-        residual[..., 2] = np.where(active, en * g, 0.0)
-        stiffness[..., 2, 2] = np.where(active, en, 0.0)
-    energy = float(np.sum(surface.weights * residual[..., 2] ** 2) / (2 * en))
+        pressure = residual[..., 2] = en * g * active
+        stiffness[2, 2] = en * active
+        energy = float(np.vdot(surface.weights * pressure, pressure)) / (2 * en)
     if plate.tied is not None and plate.targets is not None:
         pull = en * (along(surface, u, plate) - plate.targets - plate.shear)
         residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
-        stiffness[..., [0, 1], [0, 1]] = np.where(plate.tied[..., None], en, 0.0)
+        stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
         energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
     if plate.friction is not None:
         et, frozen = friction.STICK * en, plate.pressed is not None
         rub = friction.drag(plate.friction, slid(surface, u, plate), residual[..., 2], active, et, frozen=frozen)
-        residual[..., :2], stiffness[..., :2, :2] = rub.traction, rub.by_place
-        stiffness[..., :2, 2] = en * rub.by_pressure
+        residual[..., :2] = rub.traction
+        for i, j in np.ndindex(2, 2):
+            stiffness[i, j] = rub.by_place[..., i, j]
+        for i in range(2):
+            stiffness[i, 2] = en * rub.by_pressure[..., i]
         energy += float(np.sum(surface.weights[..., None] * rub.traction**2) / (2 * et))
     return residual @ plate.frame, stiffness, energy
 
 
-def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array]:
+def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
     """Force per reference area of the base z = 0 on skin that bulges below it, and its derivative, (k, q), by u_z.
 
-    The base is wider than the beam and frictionless there; without it a deep press would fold the skin at the clamp.
+    None where nothing does. The base is wider than the beam and frictionless there; without it a deep press would
+    fold the skin at the clamp.
     """
     depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
     below = depth < 0
-    return np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)
+    return (np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)) if below.any() else None
 
 
 def rubbed(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
@@ -156,25 +172,20 @@ def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -
     Stiffness: shape (k, f fields, f fields), fields first.
     """
     residual, stiffness, energy = traction(surface, u, plate)
-    symmetric = plate.friction is None or np.array_equal(stiffness, np.swapaxes(stiffness, 2, 3))
-    lift, hard = base_traction(surface, u, plate.stiffness)
-    residual[..., 2] += lift
-    energy += float(np.sum(surface.weights * lift**2) / (2 * plate.stiffness))
-    k, f = surface.nodes.shape
-    fields = surface.E.shape[2]
+    base = base_traction(surface, u, plate.stiffness)
+    if base is not None:
+        residual[..., 2] += base[0]
+        energy += float(np.sum(surface.weights * base[0] ** 2) / (2 * plate.stiffness))
     forces = surface.forces(residual)
     if not tangent:
-        return forces, np.zeros((k, 0, 0)), energy, symmetric
-    blocks = np.zeros((k, fields, f, fields, f))
-    touched = np.flatnonzero(stiffness.any(axis=(1, 2, 3)) | hard.any(axis=1))
-    if len(touched):
-        C = plate.frame.T @ stiffness[touched] @ plate.frame
-        C[..., 2, 2] += hard[touched]
-        H = np.swapaxes(surface.E, 1, 2) @ (surface.weights[touched][..., None, None] * C) @ surface.E
-        pairs = (surface.shape[:, :, None] * surface.shape[:, None, :]).reshape(-1, f * f)
-        K = np.swapaxes(H.reshape(len(touched), -1, fields**2), 1, 2) @ pairs
-        blocks[touched] = np.swapaxes(K.reshape(-1, fields, fields, f, f), 2, 3)
-    return forces, blocks.reshape(k, fields * f, fields * f), energy, symmetric
+        return forces, np.zeros((len(forces), 0, 0)), energy, True
+    blocks = surface.stiffness(stiffness, plate.frame)
+    if base is not None:
+        blocks += surface.stiffness({(2, 2): base[1]}, np.eye(3))
+    slips = plate.friction is not None and not all(
+        np.array_equal(C, stiffness.get((j, i), 0 * C)) for (i, j), C in stiffness.items()
+    )
+    return forces, blocks, energy, not slips
 
 
 def whole_facets(values: Array) -> Array:
@@ -237,17 +248,18 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         return 0.0
     r = from_pressure_centre(surface, u, plate)
     radius, load = float(r[pressed].max()), surface.weights * np.maximum(g, 0.0)
-    by_moment = float(np.sqrt(2.5 * np.sum(load * r**2) / np.sum(load)))
+    by_moment = math.sqrt(2.5 * np.vdot(load, r**2) / load.sum())
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
     reach = float(out.max())
     ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
     for _ in range(4):
         width = min(radius, 0.6 * reach)
         around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
-        if len(np.unique(r[around].round(9))) < 4:
+        near = r[around]
+        if len(set(near.round(9).tolist())) < 4:
             return by_moment
         opening = (-g[around]) ** (2 / 3)
-        a2, a1, a0 = np.polyfit(r[around] / radius - 1, opening / opening.max(), 2)
+        a2, a1, a0 = np.linalg.lstsq(np.vander(near / radius - 1, 3), opening / opening.max(), rcond=None)[0]
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:
             return by_moment

@@ -197,6 +197,24 @@ class Surface:
         """Displacements (k, q, 3) of nodal fields (n, fields)."""
         return np.asarray((u[self.nodes].reshape(len(self.nodes), -1) @ self.spread).reshape(self.points.shape))
 
+    def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
+        """Matrices (k, fields f, fields f), fields first, of springs at the points.
+
+        Parameters
+        ----------
+        entries : (k, q) stiffness per area between directions i and j, for those (i, j) that are not zero.
+        frame : (3, 3) the directions, as rows.
+        """
+        k, f = self.nodes.shape
+        along = np.swapaxes(self.spread.reshape(f, -1, self.spread.shape[1]), 0, 1).reshape(-1, len(self.shape), 3)
+        along = along @ frame.T
+        found, n = np.zeros((k, len(along), len(along))), len(along)
+        for (i, j), C in entries.items():
+            touched = np.flatnonzero(C.any(axis=1))
+            pairs = along[:, None, :, i] * along[:, :, j]
+            found[touched] += ((self.weights[touched] * C[touched]) @ pairs.reshape(n * n, -1).T).reshape(-1, n, n)
+        return found
+
     def forces(self, traction: Array) -> Array:
         """Nodal forces (k, f, fields) of tractions (k, q, 3)."""
         weighted = (self.weights[..., None] * traction).reshape(len(self.nodes), -1)

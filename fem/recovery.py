@@ -33,6 +33,8 @@ WORST, WIDER = 1e3, 1.25
 ON_PLANE = 1e-9
 """Nodes this near to y = 0, in units of D, are their own mirror images."""
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])
+FIRST = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
+"""Where 1, x, y, z are among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +88,15 @@ def fit(points: Array, radius: float) -> tuple[Index, Array]:
     weights : (4, m) what their values are multiplied by.
     """
     distance = np.linalg.norm(points, axis=1)
-    first = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
     while True:
         near = np.flatnonzero(distance < radius)
         weights = 1 - (distance[near] / radius) ** 2
-        terms = np.prod((points[near, None] / radius) ** POWERS, axis=2)
+        x = points[near] / radius
+        powers = np.stack([np.ones_like(x), x, x * x, x * x * x])
+        terms = np.prod([powers[POWERS[:, i], :, i].T for i in range(3)], axis=0)
         U, sizes, Vt = np.linalg.svd(weights[:, None] * terms, full_matrices=False)
         if (len(near) >= len(POWERS) and sizes[0] < WORST * sizes[-1]) or len(near) == len(points):
-            found = (Vt.T[first] / sizes) @ U.T * weights
+            found = (Vt.T[FIRST] / sizes) @ U.T * weights
             found[1:] /= radius
             return near, found
         radius *= WIDER

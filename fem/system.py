@@ -179,6 +179,9 @@ class System:
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes)
         self._p = pressures.unknowns[:, 0]
+        self._kept = self._p >= 0
+        fields = self.fixed.shape[1]
+        self._targets = (np.arange(fields)[:, None] + fields * cells[:, None]).ravel()
         whole = slice(0, len(e.cells))
         self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
 
@@ -242,22 +245,22 @@ class System:
             # a law is linear in its modulus and the pressure, so that they carry the weights of the points
             W, P, A = self.law(k, w * self.mu[part], w * p)
             soft = self.inverse_K[part]
-            energy += float(np.sum(W) - np.sum(w * p**2 * soft) / 2)
+            energy += float(W.sum() - np.vdot(w * p * soft, p) / 2)
             fu[part] = integrals.displacement_forces(e, part, P)
             fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
             if tangent:
                 Kuu.append(integrals.displacement_stiffness(e, part, A))
                 Kup.append(integrals.coupling(e, part, w * material.cofactor(k)))
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
+        forces += np.bincount(self._targets, weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
         forces -= self.dead
-        energy += spring_energy - float(np.sum(self.dead * state.u))
-        np.add.at(forces, e.cells, np.swapaxes(fu.reshape(m, fields, a), 1, 2))
+        energy += spring_energy - float(np.vdot(self.dead, state.u))
         residual = np.zeros(self.size)
+        residual[:] = np.bincount(self._p[self._kept], weights=fp[self._kept], minlength=self.size)
         residual[: self.n_free] = forces[self.free]
-        kept = self._p >= 0
-        residual += np.bincount(self._p[kept], weights=fp[kept], minlength=self.size)
         T = self._follow(state)
-        residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
+        if self.rigid:
+            residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
             return Assembly(residual, energy, forces, None)
         n = self._inner
