@@ -176,27 +176,35 @@ def _pair_keys(a: Index, b: Index, count: int) -> Index:
     return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))
 
 
-@functools.cache
 def have_pardiso() -> bool:
     """Whether the extra `fast` is installed and its library loads."""
-    _locate_mkl()
-    try:
-        import pypardiso  # noqa: F401
-    except ImportError:
-        return False
-    return True
+    return _mkl() is not None
 
 
-def _locate_mkl() -> None:
-    """Tell pypardiso where MKL is: it would search the whole environment's tree, 0.3 s for every solver."""
-    try:
-        parts = importlib.metadata.files("mkl") or []
-    except importlib.metadata.PackageNotFoundError:
-        return
-    for part in parts:
+@functools.cache
+def _mkl() -> Any:
+    """MKL, with what it loads itself at its first call; None if it is not installed."""
+    for part in _files("mkl"):
+        # pypardiso would search the whole environment's tree for it, 0.3 s for every solver
         if "mkl_rt" in part.name:
             os.environ.setdefault("PYPARDISO_MKL_RT", str(part.locate()))
-            return
+    if "1" in (os.environ.get("MKL_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")):
+        os.environ.setdefault("MKL_THREADING_LAYER", "SEQUENTIAL")  # loads in half the time
+    try:
+        import pypardiso
+
+        found = pypardiso.PyPardisoSolver().libmkl
+    except ImportError:
+        return None
+    found.MKL_Get_Max_Threads()
+    return found
+
+
+def _files(package: str) -> list[importlib.metadata.PackagePath]:
+    try:
+        return importlib.metadata.files(package) or []
+    except importlib.metadata.PackageNotFoundError:
+        return []
 
 
 class Solver:
@@ -278,9 +286,7 @@ class _Pardiso:
     """
 
     def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool) -> None:
-        import pypardiso
-
-        self._mkl = pypardiso.PyPardisoSolver().libmkl
+        self._mkl = _mkl()
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         size = matrix.shape[0]

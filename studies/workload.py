@@ -1,7 +1,8 @@
 """One measured solve, in a process of its own: `python -m studies.workload SPEC` prints one JSON object.
 
-Imports are over before the clock starts, so that they can be told apart. CPU seconds count this process and its
-children; those of the children alone are the tetrahedral mesher's. `SPEC` is a JSON object:
+Imports are over before the clock starts, and so is the loading of the solver's library, so that they can be told
+apart. CPU seconds count this process and its children; those of the children alone are the tetrahedral mesher's.
+`SPEC` is a JSON object:
 
     {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
     {"task": "small shear", "depth"}         stiffness and tilt about a press, with the magnet, at level standard
@@ -25,7 +26,7 @@ Answer = dict[str, Any]
 def main(text: str) -> None:
     """Do what a specification says and print the answer."""
     spec = json.loads(text)
-    tasks = {"first": first, "trace": trace, "small shear": linear, "modes": linear}
+    tasks = {"first": first, "trace": trace, "small shear": linearised, "modes": linearised}
     print(json.dumps(tasks[spec["task"]](spec)))
 
 
@@ -33,14 +34,13 @@ def trace(spec: Answer) -> Answer:
     """Follow a path of loads with the finite elements and tell forces, iterations and cost."""
     from dataclasses import replace
 
-    from fem import equilibrium, levels
+    from fem import equilibrium, levels, linear
     from fem.solution import slides
     from geometry import cache
     from geometry.design import paper
     from geometry.scene import Load
 
-    with contextlib.suppress(ImportError):
-        import pypardiso  # noqa: F401
+    pardiso = linear.have_pardiso()
     loads = [Load(**load) for load in spec["loads"]]
     accuracy = replace(levels.STANDARD, name="bench", **spec["accuracy"])
     before, wall, base = _cpu(), time.perf_counter(), _peak(resource.RUSAGE_SELF)
@@ -62,19 +62,18 @@ def trace(spec: Answer) -> Answer:
         "mesh_s": children,
         "wall_s": time.perf_counter() - wall,
         "base_MB": base,
-        "solver": "pardiso" if "pypardiso" in sys.modules else "superlu",
+        "solver": "pardiso" if pardiso else "superlu",
     }
 
 
-def linear(spec: Answer) -> Answer:
+def linearised(spec: Answer) -> Answer:
     """What follows from one tangent: a small shear, or vibrations."""
-    from fem import modes, stability
-    from geometry.design import paper
-
-    with contextlib.suppress(ImportError):
-        import pypardiso  # noqa: F401
     import scipy.sparse.linalg  # noqa: F401
 
+    from fem import linear, modes, stability
+    from geometry.design import paper
+
+    linear.have_pardiso()
     before, wall, base = _cpu()[0], time.perf_counter(), _peak(resource.RUSAGE_SELF)
     if spec["task"] == "modes":
         modes.modes(paper(), spec["count"])
