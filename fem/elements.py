@@ -137,6 +137,12 @@ class Elements:
         return np.array(self.angles.components or range(9))
 
     @functools.cached_property
+    def places(self) -> Index:
+        """Where the nodal fields of each element, fields first, are among all (n, fields) in a row: (m, f a)."""
+        f = self.angles.fields
+        return np.asarray((np.arange(f)[:, None] + f * self.cells[:, None]).reshape(len(self.cells), -1))
+
+    @functools.cached_property
     def B(self) -> Array | None:
         """Where few components of G differ from zero: these per nodal field (fields first), (m, q, c, f a)."""
         if self.angles.components is None:

@@ -22,7 +22,7 @@ def gradient(e: Elements, part: slice, u: Array) -> Array:
     t, f = len(V), V.shape[-1]
     if e.B is not None:
         G = np.zeros((9, m, q))
-        own = np.swapaxes(u[e.cells[part]], 1, 2).reshape(m, -1, 1)
+        own = u.ravel()[e.places[part], None]
         G[e.components] = (e.B[part].reshape(m, -1, f * a) @ own).reshape(m, q, -1).transpose(2, 0, 1)
         return G.reshape(3, 3, m, q)
     g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)

@@ -296,8 +296,14 @@ class _Pardiso:
         for i, value in {1: 1, 2: order, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
             self.iparm[i - 1] = value
         self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
-        self._memory, self._order = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
-        self._rows, self._columns = matrix.indptr, matrix.indices
+        memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
+        self._kept = memory, permutation, matrix.indptr, matrix.indices
+        first = _address(self._numbers)
+        most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
+        structure = _address(matrix.indptr), _address(matrix.indices)
+        self._before = _address(memory), most, which, kind, phase, many
+        self._between = *structure, _address(permutation), right, _address(self.iparm), talk
+        self._error = error
         self._values, self._known = matrix.data, False
 
     def factorise(self, matrix: sp.csr_matrix) -> None:
@@ -321,14 +327,10 @@ class _Pardiso:
     def _call(self, phase: int, b: Array, x: Array) -> None:
         numbers = self._numbers
         numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
-        most, which, kind, at, size, many, talk, error = range(_address(numbers), _address(numbers) + 32, 4)
-        matrix = [_address(a) for a in (self._values, self._rows, self._columns, self._order)]
         # threads that wait for each other cost a small system more than they save
         own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
-        self._pardiso(
-            _address(self._memory), most, which, kind, at, size, *matrix, many, _address(self.iparm), talk,
-            _address(b), _address(x), error,
-        )  # fmt: skip
+        values = _address(self._values)
+        self._pardiso(*self._before, values, *self._between, _address(b), _address(x), self._error)
         self._mkl.MKL_Set_Num_Threads_Local(own)
         if numbers[7]:
             raise SingularMatrixError(f"PARDISO error {numbers[7]}")

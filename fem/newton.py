@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,9 +76,10 @@ def newton(
         return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out")
     frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, frozen)
+    force, volume = _sizes(assembly, n)
     rate = 1.0
     for iteration in range(most):
-        force, volume, reference, reach = _norms(system, assembly, state, n)
+        reference, reach = _length(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
         left = max(force / max(reference, NOTHING), volume / max(reach, NOTHING))
         own = iteration > 0 or frozen is plate
         plate, held = watched(system.surface, state.u, plate)
@@ -98,16 +100,18 @@ def newton(
         if trial is None:
             return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
         scale = reference or 1.0, reach or 1.0
-        before, step = _merit(assembly, n, scale), state.q - trial.q
+        before, step = _merit(force, volume, scale), state.q - trial.q
         # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
         likely = rate**2
         fresh = not _goes_on(likely, likely * left, tolerance)
         state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
-        rate = _merit(assembly, n, scale) / before if before else 0.0
+        force, volume = _sizes(assembly, n)
+        rate = _merit(force, volume, scale) / before if before else 0.0
         if not fresh and not _goes_on(rate, rate * left, tolerance):
             assembly = system.assemble(state, plate)
         if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n, scale)
+            force, volume = _sizes(assembly, n)
     return Equilibrium(state, assembly, most, f"no convergence in {most} iterations")
 
 
@@ -123,17 +127,19 @@ def _goes_on(rate: float, left: float, tolerance: float) -> bool:
     return rate <= CHORD or rate**CHORDS * left <= tolerance
 
 
-def _norms(system: System, assembly: Assembly, state: State, n: int) -> tuple[float, float, float, float]:
-    force = float(np.linalg.norm(assembly.residual[:n]))
-    volume = float(np.linalg.norm(assembly.residual[n:]))
-    reference = float(np.linalg.norm(assembly.forces[system.eliminated]))
-    return force, volume, reference, float(np.abs(state.u).max(initial=0.0))
+def _length(x: Array) -> float:
+    """Euclidean norm of numbers (n,), as `numpy.linalg.norm` but quicker for few."""
+    return math.sqrt(x @ x)
 
 
-def _merit(assembly: Assembly, n: int, scale: tuple[float, float]) -> float:
+def _sizes(assembly: Assembly, n: int) -> tuple[float, float]:
+    """Norms of the residual forces, the first n, and of the residual volumes."""
+    return _length(assembly.residual[:n]), _length(assembly.residual[n:])
+
+
+def _merit(force: float, volume: float, scale: tuple[float, float]) -> float:
     """Residual forces and volumes over those that count, the same before and after a step."""
-    force, volume = np.linalg.norm(assembly.residual[:n]), np.linalg.norm(assembly.residual[n:])
-    return float(force / scale[0] + volume / scale[1])
+    return force / scale[0] + volume / scale[1]
 
 
 def _damped(
@@ -146,11 +152,12 @@ def _damped(
     scale: tuple[float, float],
 ) -> tuple[State, Assembly]:
     """The best of a full step and of its half and quarter, by the residual."""
-    tried = [(_merit(assembly, n, scale), state)]
+    tried = [(_merit(*_sizes(assembly, n), scale), state)]
     for back in (0.5, 0.75):
         shorter = system.admissible(state.q + back * step)
         if shorter is not None:
-            tried.append((_merit(system.assemble(shorter, plate, tangent=False), n, scale), shorter))
+            there = system.assemble(shorter, plate, tangent=False)
+            tried.append((_merit(*_sizes(there, n), scale), shorter))
     best = min(tried, key=lambda one: one[0])[1]
     return best, assembly if best is state else system.assemble(best, plate)
 

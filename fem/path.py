@@ -328,7 +328,7 @@ class Path:
         length = float(np.linalg.norm(ahead))
         back = [float((place - self.position) @ ahead) / length for place, _, _ in self._past]
         on_line = [
-            np.allclose(b * ahead / length, p[0] - self.position, rtol=0, atol=1e-9) and b < 0
+            b < 0 and np.abs(b * ahead / length - (p[0] - self.position)).max() < 1e-9
             for b, p in zip(back, self._past, strict=True)
         ]
         if not all(on_line):

@@ -177,7 +177,7 @@ def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         shift[place] = motion[: len(place)]
         return shift, _angles(rigid.axis(motion))
     shift, G = d.centre(u)
-    return shift, _angles(_rotation(G)[:, 2])
+    return shift, np.zeros(2) if d.model == "axisymmetric" else _angles(_rotation(G)[:, 2])
 
 
 def _rotation(G: Array) -> Array:

@@ -180,8 +180,6 @@ class System:
         self.pattern = Pattern(groups, sizes)
         self._p = pressures.unknowns[:, 0]
         self._kept = self._p >= 0
-        fields = self.fixed.shape[1]
-        self._targets = (np.arange(fields)[:, None] + fields * cells[:, None]).ravel()
         whole = slice(0, len(e.cells))
         self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
 
@@ -252,7 +250,7 @@ class System:
                 Kuu.append(integrals.displacement_stiffness(e, part, A))
                 Kup.append(integrals.coupling(e, part, w * material.cofactor(k)))
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
-        forces += np.bincount(self._targets, weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
+        forces += np.bincount(e.places.ravel(), weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
         forces -= self.dead
         energy += spring_energy - float(np.vdot(self.dead, state.u))
         residual = np.zeros(self.size)
