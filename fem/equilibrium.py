@@ -25,7 +25,7 @@ from fem import contact, models
 from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
-from fem.solution import Solution, coulomb, read, slides
+from fem.solution import Solution, along, coulomb, read, slides
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, check_load
 
@@ -219,8 +219,8 @@ def _follow(
     if grip is not None and name in ("half", "full"):
         _check_grip(design, grip, accuracy.solid_patch)
     path = _start(design, loads, accuracy, magnet, name, mesh)
-    angle = next((_axis(load) for load in loads if slides(load)), 0.0) if name != "full" else 0.0
-    direction = np.array([math.cos(angle), math.sin(angle)])
+    sheared = next((load for load in loads if slides(load)), None)
+    direction = np.array([1.0, 0.0] if sheared is None or name == "full" else along(sheared))
     turn = np.array([direction, [-direction[1], direction[0]]])
     try:
         for i, load in enumerate(loads):

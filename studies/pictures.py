@@ -90,8 +90,7 @@ def _seen(solution: Solution) -> Solution:
     """The solution with what the section shows of it as motion along x and rotation about y."""
     from fem.revolve import bearing
 
-    angle, load, response = bearing(solution), solution.load, solution.response
-    c, s = math.cos(angle), math.sin(angle)
+    (c, s), load, response = bearing(solution), solution.load, solution.response
     x, y, z = response.shift
     load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
     response = replace(
@@ -104,7 +103,7 @@ def _slope(solution: Solution) -> float:
     """How steeply the plate falls along the section."""
     from fem.revolve import bearing
 
-    return math.cos(bearing(solution)) * math.tan(solution.load.plate_tilt)
+    return bearing(solution)[0] * math.tan(solution.load.plate_tilt)
 
 
 def quiet() -> None:

@@ -127,6 +127,7 @@ def test_shear_direction_only_turns_the_answer():
         )
     )
     force, tilt = along.force[0], along.tilt
+    assert (across.force[0], across.shift[0], across.tilt) == (0, 0, 0)
     np.testing.assert_allclose(across.force[:2], (0, force), atol=1e-9)
     np.testing.assert_allclose(between.force[:2], (-0.6 * force, 0.8 * force), atol=1e-9)
     np.testing.assert_allclose((across.tilt, across.tilt_y), (0, tilt), atol=1e-9)
