@@ -44,6 +44,10 @@ SHARE, NEAR, MOST_PRESSES = 0.05, 0.05, 3
 """Looking for the end of a contact: the edge length there over its radius, the relative change of the radius after
 which it is found, and the most presses."""
 
+LEAST_SPOT = 0.01
+"""Least radius over D of a gripped spot of skin: springs as soft as those of a grip let a smaller one slip by more
+than a percent."""
+
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
     """The smallest model that can answer the loads, or BadInput if the one asked for cannot.
@@ -216,8 +220,8 @@ def _follow(
 ) -> Generator[Solution]:
     begin = time.perf_counter()
     D, grip = design.D, loads[0].grip
-    if grip is not None and name in ("half", "full"):
-        _check_grip(design, grip, accuracy.solid_patch)
+    if grip is not None:
+        _check_grip(design, grip, accuracy.solid_patch if name in ("half", "full") else None)
     path = _start(design, loads, accuracy, magnet, name, mesh)
     sheared = next((load for load in loads if slides(load)), None)
     direction = np.array([1.0, 0.0] if sheared is None or name == "full" else along(sheared))
@@ -322,8 +326,13 @@ def contact_edge(d: models.Discretisation, depth: float) -> float:
         path.close()
 
 
-def _check_grip(design: Design, grip: float, patch_size: float) -> None:
-    """Refuse a grip whose cap of skin is narrower than two elements."""
+def _check_grip(design: Design, grip: float, patch_size: float | None) -> None:
+    """Refuse a grip whose cap of skin is narrower than two tetrahedra, or on a section than what is held firmly."""
+    if patch_size is None:
+        firm = LEAST_SPOT**2 * design.D
+        if grip < firm:
+            raise BadInput(f"grip must be at least D/{design.D / firm:.0f} = {firm:.3g} mm; got {grip:g} mm")
+        return
     least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
     if grip < least:
         raise BadInput(
