@@ -67,7 +67,11 @@ def test_output_file(tmp_path):
     (tmp_path / "b.vtu").mkdir()
     with pytest.raises(BadInput, match="is a folder"):
         files.check_output_file(tmp_path / "b.vtu", ".vtu")
+    new = files.check_output_file(tmp_path / "new" / "folder" / "a.csv", ".csv")
     assert [found.name for found in tmp_path.iterdir()] == ["b.vtu"]
+    files.write_text(new, "x")
+    with pytest.raises(BadInput, match="is, or lies in, a file"):
+        files.check_output_file(new / "b.csv", ".csv")
 
 
 @pytest.mark.parametrize(
