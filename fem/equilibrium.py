@@ -135,6 +135,7 @@ def walk(
     if not loads:
         raise BadInput("a path needs at least one load")
     for load in loads:
+        _check_spot(design, load)
         check_load(design, load, magnet)
     name = choose_model(loads, model)
     _check_path(loads)
@@ -220,8 +221,8 @@ def _follow(
 ) -> Generator[Solution]:
     begin = time.perf_counter()
     D, grip = design.D, loads[0].grip
-    if grip is not None:
-        _check_grip(design, grip, accuracy.solid_patch if name in ("half", "full") else None)
+    if grip is not None and name in ("half", "full"):
+        _check_grip(design, grip, accuracy.solid_patch)
     path = _start(design, loads, accuracy, magnet, name, mesh)
     sheared = next((load for load in loads if slides(load)), None)
     direction = np.array([1.0, 0.0] if sheared is None or name == "full" else along(sheared))
@@ -326,13 +327,15 @@ def contact_edge(d: models.Discretisation, depth: float) -> float:
         path.close()
 
 
-def _check_grip(design: Design, grip: float, patch_size: float | None) -> None:
-    """Refuse a grip whose cap of skin is narrower than two tetrahedra, or on a section than what is held firmly."""
-    if patch_size is None:
-        firm = LEAST_SPOT**2 * design.D
-        if grip < firm:
-            raise BadInput(f"grip must be at least D/{design.D / firm:.0f} = {firm:.3g} mm; got {grip:g} mm")
-        return
+def _check_spot(design: Design, load: Load) -> None:
+    """Refuse a grip of so small a spot of skin that it would not be held firmly."""
+    least = LEAST_SPOT**2 * design.D
+    if load.grip is not None and load.grip < least:
+        raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
+
+
+def _check_grip(design: Design, grip: float, patch_size: float) -> None:
+    """Refuse a grip whose cap of skin is narrower than two elements."""
     least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
     if grip < least:
         raise BadInput(

@@ -51,7 +51,7 @@ BAD = [
     ("solve", "paper", "--grip", 0, "--shear", 1),
     ("solve", "paper", "--grip", 9, "--shear", 1),
     ("solve", "paper", "--grip", 1e-9, "--shear", 1),
-    ("solve", "paper", "--grip", 1e-9, "--shear", 1e-6),
+    ("solve", "paper", "--grip", 1e-3, "--shear", 1),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--depth", 1),
     ("solve", "paper", "--depth", 1, "--imperfection", 50),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--friction", "stick"),
