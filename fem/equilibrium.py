@@ -25,7 +25,7 @@ from fem import contact, models
 from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
-from fem.solution import Solution, coulomb, read, slides
+from fem.solution import Solution, along, coulomb, read, slides
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, check_load
 
@@ -43,6 +43,10 @@ elements turn inside out there. A shear gains nothing by it."""
 SHARE, NEAR, MOST_PRESSES = 0.05, 0.05, 3
 """Looking for the end of a contact: the edge length there over its radius, the relative change of the radius after
 which it is found, and the most presses."""
+
+LEAST_SPOT = 0.01
+"""Least radius over D of a gripped spot of skin: springs as soft as those of a grip let a smaller one slip by more
+than a percent."""
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
@@ -131,6 +135,7 @@ def walk(
     if not loads:
         raise BadInput("a path needs at least one load")
     for load in loads:
+        _check_spot(design, load)
         check_load(design, load, magnet)
     name = choose_model(loads, model)
     _check_path(loads)
@@ -219,8 +224,8 @@ def _follow(
     if grip is not None and name in ("half", "full"):
         _check_grip(design, grip, accuracy.solid_patch)
     path = _start(design, loads, accuracy, magnet, name, mesh)
-    angle = next((_axis(load) for load in loads if slides(load)), 0.0) if name != "full" else 0.0
-    direction = np.array([math.cos(angle), math.sin(angle)])
+    sheared = next((load for load in loads if slides(load)), None)
+    direction = np.array([1.0, 0.0] if sheared is None or name == "full" else along(sheared))
     turn = np.array([direction, [-direction[1], direction[0]]])
     try:
         for i, load in enumerate(loads):
@@ -320,6 +325,13 @@ def contact_edge(d: models.Discretisation, depth: float) -> float:
         return contact.material_radius(path.skin, path.u, path.plate(), radius)
     finally:
         path.close()
+
+
+def _check_spot(design: Design, load: Load) -> None:
+    """Refuse a grip of so small a spot of skin that it would not be held firmly."""
+    least = LEAST_SPOT**2 * design.D
+    if load.grip is not None and load.grip < least:
+        raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
 
 
 def _check_grip(design: Design, grip: float, patch_size: float) -> None:

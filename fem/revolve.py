@@ -5,7 +5,6 @@ The fields of all models but the full one are those of a load along their own x 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem import elements
-from fem.solution import Field, Solution, slides
+from fem.solution import Field, Solution, along, slides
 
 Array = NDArray[np.float64]
 
@@ -31,12 +30,9 @@ class Body:
     vertices: NDArray[np.int64]
 
 
-def bearing(solution: Solution) -> float:
-    """Angle from the user's x axis to the line along which a solution's load shears, in (-90, 90] degrees, rad."""
-    x, y = solution.load.shear_x, solution.load.shear_y
-    if not slides(solution.load):
-        return 0.0
-    return math.atan2(-y, -x) if x < 0 or (x == 0 and y < 0) else math.atan2(y, x)
+def bearing(solution: Solution) -> tuple[float, float]:
+    """Unit vector in the user's (x, y) of the line along which a solution's load shears, as `fem.solution.along`."""
+    return along(solution.load) if slides(solution.load) else (1.0, 0.0)
 
 
 def in_place(solution: Solution) -> Body:
@@ -45,11 +41,11 @@ def in_place(solution: Solution) -> Body:
     return found if solution.model == "full" else turned(found, bearing(solution))
 
 
-def turned(solid: Body, angle: float) -> Body:
-    """A solid body turned about z; a section stays as it is."""
-    if angle == 0 or solid.mesh.dim() == 2:
+def turned(solid: Body, direction: tuple[float, float]) -> Body:
+    """A solid body turned about z, so that its x axis gets a direction (unit); a section stays as it is."""
+    if direction == (1.0, 0.0) or solid.mesh.dim() == 2:
         return solid
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = direction
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     mesh = skfem.MeshTet2(turn @ solid.mesh.doflocs, solid.mesh.t)
     return Body(mesh, solid.u @ turn.T, solid.p, solid.vertices)

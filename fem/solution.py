@@ -11,11 +11,11 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, friction, integrals, rigid
+from fem import contact, drucker, elements, friction, integrals, rigid
 from fem.material import strain
 from fem.models import Discretisation
 from fem.path import Path
-from geometry.design import Design
+from geometry.design import LAWS, Design
 from geometry.scene import Load, Response
 
 Array = NDArray[np.float64]
@@ -94,6 +94,19 @@ def slides(load: Load) -> bool:
     """Whether a load moves the tip sideways (a frictionless plate does not)."""
     rough = load.friction == "stick" if isinstance(load.friction, str) else load.friction > 0
     return bool(load.shear_x or load.shear_y) and (load.grip is not None or rough)
+
+
+def along(load: Load) -> tuple[float, float]:
+    """Unit vector of the line along which a load shears, with x > 0 or (0, 1); without a shear (1, 0).
+
+    Along an axis it is exact, so that nothing of a response is across it.
+
+    >>> along(Load(shear_y=-2.0)), along(Load(shear_x=-3.0, shear_y=4.0))
+    ((0.0, 1.0), (0.6, -0.8))
+    """
+    x, y = load.shear_x, load.shear_y
+    length = math.copysign(math.hypot(x, y), x or y)
+    return (x / length + 0.0, y / length + 0.0) if length else (1.0, 0.0)
 
 
 def coulomb(loads: Sequence[Load]) -> float | None:
@@ -199,8 +212,9 @@ def _judge(
     if reason:
         shear = float(np.linalg.norm(path.position[1:])) * D
         at = f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
+        remedy = _weak(path, design) or "try a smaller load or another accuracy"
         before = f"; {_instability(path, D)}" if path.onset is not None else ""
-        return "not_converged", f"stopped at {at}: {reason}; try a smaller load or another accuracy{before}"
+        return "not_converged", f"stopped at {at}: {reason}; {remedy}{before}"
     if load.depth > 0 and not normal > 0 and not sheared:
         remedy = (
             "the plate has not reached it to within rounding: take a larger depth"
@@ -209,7 +223,7 @@ def _judge(
         )
         return "no_contact", f"depth {load.depth:g} mm touches no integration point of this mesh: {remedy}"
     if path.unstable or path.onset is not None:
-        return "unstable", _instability(path, D)
+        return "unstable", "; ".join(filter(None, (_instability(path, D), _weak(path, design))))
     if path.friction is not None and load.depth > 0 and not normal > 0:
         return "ok", "the tip has lost touch with the plate: it carries no load any more"
     if load.depth > 0 and normal < 0:
@@ -261,6 +275,21 @@ def _instability(path: Path, D: float) -> str:
     return (
         f"unstable since a {what} between {low:.4g} and {high:.4g} mm ({count}): "
         "beyond that the answer may depend on the path"
+    )
+
+
+def _weak(path: Path, design: Design) -> str:
+    """Where the law itself loses stability in the present state or just beyond it: what is to be said of it."""
+    stretches = drucker.lost(path.d.system, path.u)
+    if stretches is None:
+        return ""
+    numbers = ", ".join(
+        f"{name} = {value:g}" for name, value in zip(LAWS[design.law], design.law_numbers, strict=True)
+    )
+    return (
+        f"the law {design.law} with {numbers} loses stability (Drucker) at principal stretches of "
+        f"{', '.join(f'{value:.3g}' for value in stretches)}, to which this load leads: choose other numbers, such "
+        "as magtip fit finds stable, or a smaller load"
     )
 
 

@@ -12,6 +12,10 @@ Magnet = Literal["rigid", "ignored"]
 STEEPEST = 0.7
 """Largest tilt of a plate, rad: beyond it the wall of the beam is touched soon after the dome."""
 
+MOST_PULL = 5.0
+"""How far a grip may pull the spot of skin that it holds out of the beam, in radii of that spot: the silicone beside
+it is stretched about as many times."""
+
 
 @dataclass(frozen=True, slots=True)
 class Load:
@@ -92,7 +96,9 @@ class Response:
 def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
     """Refuse a load that the silicone has no room for.
 
-    The plate can never come deeper than all the silicone on the axis, and a grip must lie on the beam.
+    The plate can never come deeper than all the silicone on the axis, and a grip must lie on the beam. What a shear
+    does not bend the beam by, it pulls out the spot of a grip by: a disc on a half-space, (2 - nu) / (8 G a) for a
+    radius a. An imperfection that by itself bends the beam as far as the tip is wide is none.
     """
     rigid = magnet == "rigid"
     if rigid and not design.shape.has_magnet:
@@ -109,3 +115,34 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
         raise BadInput(
             f"shear must not exceed 2 L = {2 * design.L:g} mm; got {math.hypot(load.shear_x, load.shear_y):g} mm"
         )
+    if load.imperfection:
+        _check_imperfection(design, load.imperfection)
+    if load.grip is not None:
+        _check_pull(design, load.grip, math.hypot(load.shear_x, load.shear_y))
+
+
+def _check_imperfection(design: Design, force: float) -> None:
+    most = design.R / _compliance(design)
+    if not abs(force) <= most:
+        raise BadInput(
+            f"imperfection must lie within +-{most:.3g} N, which bends the free beam by the tip radius; got "
+            f"{force:g} N: a thousandth of that, {most / 1000:.2g} N, is enough to pick a side"
+        )
+
+
+def _check_pull(design: Design, grip: float, shear: float) -> None:
+    radius = math.sqrt(grip * (2 * design.R - grip)) if grip < design.R else design.R
+    spot = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
+    most = MOST_PULL * radius * (1 + _compliance(design) / spot)
+    if not shear <= most:
+        raise BadInput(
+            f"shear must not exceed {most:.3g} mm under a grip of {grip:g} mm, which holds a spot of {radius:.3g} mm "
+            f"radius; got {shear:g} mm: take a larger grip or a smaller shear"
+        )
+
+
+def _compliance(design: Design) -> float:
+    """Sideways motion of the tip of a straight all-silicone beam over the force on it, bending and shear, mm/N."""
+    area, G = math.pi * design.R**2, design.E / (2 * (1 + design.nu))
+    bending = design.L**3 / (3 * design.E * area * design.R**2 / 4)
+    return bending + design.L / (0.9 * G * area)

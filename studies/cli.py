@@ -6,12 +6,13 @@ Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve 
 
 from __future__ import annotations
 
+import difflib
 import io
 import os
 import re
 import sys
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnknownOptionError
 
 from geometry.design import BadInput
 from studies import console, evidence, inverse, jobs, meshing, verbs
@@ -80,6 +81,15 @@ def _joined(tokens: list[str]) -> list[str]:
     return found
 
 
+def _unknown(error: UnknownOptionError) -> str:
+    """What to do about an option that a verb does not have; the dashes, alike in all, say nothing of nearness."""
+    given = error.token.keyword or error.token.value
+    known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
+    close = difflib.get_close_matches(given.strip("-"), [name.strip("-") for name in known], n=1)
+    remedy = f"did you mean --{close[0]}?" if close else f"choose one of {', '.join(known)}"
+    return f"there is no option {given}{f': {remedy}' if known else ''}"
+
+
 def main(tokens: list[str] | None = None) -> int:
     """Run one command line (that of the process if not told) and return its exit status."""
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -92,6 +102,9 @@ def main(tokens: list[str] | None = None) -> int:
             result_action="return_value",
         )
         sys.stdout.flush()
+    except UnknownOptionError as error:
+        console.say(f"magtip: {_unknown(error)}")
+        return BAD
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")
         return BAD

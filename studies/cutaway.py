@@ -38,7 +38,8 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
 
     solid = revolve.body(solution.field)
     if solution.model == "full":
-        return _sliced(revolve.turned(solid, -revolve.bearing(solution)), quantity)
+        x, y = revolve.bearing(solution)
+        return _sliced(revolve.turned(solid, (x, -y)), quantity)
     u = spatial(solid.u)
     value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
     x = spatial(solid.mesh.doflocs.T)

@@ -78,7 +78,9 @@ def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path |
 
 
 def check_output_file(path: str | Path, *suffixes: str) -> Path:
-    """A file that can be written later: right ending, and an existing folder fit to write into. Writes nothing.
+    """A file that can be written later: right ending, and a folder fit to write into, or to make it in.
+
+    Writes nothing: a folder that does not exist is made with the file.
 
     Raises
     ------
@@ -91,9 +93,12 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
     try:
         if file.is_dir():
             raise BadInput(f"{str(path)!r} is a folder: give a file's name")
-        if not file.parent.is_dir():
-            raise BadInput(f"there is no folder {str(file.parent)!r} for {file.name!r}: make it or choose another")
-        with tempfile.TemporaryFile(dir=file.parent):
+        folder = next(parent for parent in file.absolute().parents if os.path.lexists(parent))
+        if not folder.is_dir():
+            raise BadInput(
+                f"the folder {str(file.parent)!r} is, or lies in, a file: choose another for {file.name!r}"
+            )
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         where = str(file.parent)
@@ -103,8 +108,12 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
 
 @contextlib.contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
-    """A temporary name of the same ending in the same folder, to be written; it becomes `path` if all goes well."""
+    """A temporary name of the same ending in the same folder, to be written; it becomes `path` if all goes well.
+
+    The folder is made if it does not exist.
+    """
     file = Path(path)
+    file.parent.mkdir(parents=True, exist_ok=True)
     with _temporary(file.parent) as folder:
         temporary = Path(folder, f"part{file.suffix}")
         with _named(file):

@@ -11,8 +11,8 @@ Residuals of less than 1e-9 of the largest stress count as none, and n <= k + 1 
 at a bound of the search: the criterion does not hold there, for the best fit lies beyond or a number is undetermined.
 
 A law is called stable at a homogeneous stretch if, the body being incompressible and its free directions without
-stress, d(tau) : d(h) > 0 for every change of the principal stretches (Drucker; tau Kirchhoff stress, h logarithmic
-strain), and dP : dF > 0 along the mode itself, so that the nominal stress still rises.
+stress, it is so in Drucker's sense (`fem.drucker`), and dP : dF > 0 along the mode itself, so that the nominal stress
+still rises.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.material import kinematics, law, strain
+from fem import drucker
+from fem.material import law
 from geometry.design import LAWS, LEAST_ALPHA, BadInput, Design
 from studies.files import write_text
 from studies.specimen import Specimen, read
@@ -226,16 +227,11 @@ def stable_ranges(
 
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
     """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
-    l = stretch[:, None] ** strains
-    k = kinematics(strain(np.einsum("ij,nj->ijn", np.eye(3), l - 1)))
-    silicone = law(name, numbers)
-    _, P, A = silicone(k, 1.0, -silicone(k, 1.0)[1][2, 2] * l[:, 2])
-    tau = np.einsum("iin->ni", P) * l
-    D = A[::4, ::4].transpose(2, 0, 1) * l[:, :, None] * l[:, None, :] + tau[:, :, None] * np.eye(3)
-    plane = np.array([[1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
-    drucker = np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0]
+    tau, D = drucker.stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
+    # the pressure that frees the last direction of stress
+    tau = tau - tau[:, 2:]
     along = (D @ strains) @ strains - tau @ strains**2
-    return np.asarray((drucker > 0) & (along > 0))
+    return np.asarray((drucker.least(D) > 0) & (along > 0))
 
 
 def run(path: str, nu: float, folder: Path | None) -> list[dict[str, Any]]:

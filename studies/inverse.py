@@ -99,11 +99,8 @@ def table(
     given = design_of(source, sets)
     target = files.check_output_file(out, ".npy")
     model, grid = tables.plan(given, step, level, responses)
-    if plane:
-        record = tables.write_plane(model, grid, target)
-    else:
-        with console.progress(as_json=as_json) as progress:
-            record = tables.write(model, grid, target, progress)
+    with files.filled(target.parent), console.progress(as_json=as_json) as progress:
+        record = tables.write_plane(model, grid, target) if plane else tables.write(model, grid, target, progress)
     console.report([record], as_json=as_json, title="Table")
     return GOOD
 

@@ -50,6 +50,9 @@ def compare(
 ) -> int:
     """Finite elements and formulas side by side, in press and in shear.
 
+    A press in 12 steps to a depth of 3 D/8, or of 0.6 of the silicone on the axis if that is less; at a third of that
+    depth a shear in 6 steps to 3 D/8. For other depths there is magtip sweep --axis depth=a,b,c.
+
     Parameters
     ----------
     out

@@ -101,7 +101,7 @@ class Method:
     model
         auto takes the smallest that can carry the load.
     harmonics
-        Number of harmonics of the harmonic model, in place of the accuracy's.
+        Number of harmonics of the harmonic model, 0 to 12 (a shear needs 1 or more), in place of the accuracy's.
     mesh
         A file with tetrahedra of this design to solve on, whole or the half at y >= 0, that meshio reads (.vtu, .msh,
         .inp, ...), with regions named silicone and magnet; errors are not estimated then.

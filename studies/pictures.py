@@ -1,6 +1,6 @@
 """PyVista pictures of solutions, drawn off-screen: the deformed section with its magnet and the plate.
 
-Lengths in mm, in the plane of the shear (y = 0 without one) seen from the front.
+Lengths in mm, in the plane of the shear (y = 0 without one), which is named, with its direction to the right.
 """
 
 from __future__ import annotations
@@ -32,6 +32,12 @@ TEXT = 36
 PLATE = 0.06
 """Thickness that the plate is drawn with, in units of D."""
 
+WIDE = 0.71
+"""Share of the picture's width that is for the section; the scalar bar and its title take the rest."""
+
+NEAR = 0.5
+"""Silicone this close below the plate, in units of the tip radius, has some of the plate drawn above it."""
+
 _TITLES = {"displacement": "displacement (mm)", "pressure": "pressure (MPa)"}
 _DARK, _GREY, _PLATE = "#222222", "#8a8a8a", "#c9ced6"
 
@@ -55,11 +61,12 @@ def section_picture(
 
     quiet()
     cut = cut_of(solution, quantity)
-    slope = _slope(solution)
+    slope, plane = _slope(solution), plane_name(solution)
     solution = _seen(solution)
+    span = plate_span(design, solution, cut.moved, slope)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")
-    reach = _reach(design, solution, slope)
+    reach = _reach(design, solution, slope, span)
     ticks = _ticks(cut, quantity)
     actor = plotter.add_mesh(
         surface(cut.moved, cut.value),
@@ -75,12 +82,12 @@ def section_picture(
     if magnet == "rigid":
         _add_magnet(plotter, design, solution.response, reach)
     if solution.load.grip is None:
-        _add_plate(plotter, design, solution, slope, reach)
-    _add_ground(plotter, design, reach)
+        _add_plate(plotter, design, solution, slope, span, reach)
+    _add_ground(plotter, design, plane, reach)
     top = design.L + max(0.0, PLATE * design.D - solution.load.depth)
-    _label(plotter, (0.0, top + 0.045 * design.D), "at rest", _GREY)
+    _label(plotter, (0.0, top + 0.06 * reach), "at rest", _GREY)
     _add_bar(plotter, _TITLES[quantity], actor.mapper, len(ticks))
-    _aim(plotter, design, solution, slope, reach)
+    _aim(plotter, design, solution, slope, span, reach)
     with atomic(path) as temporary:
         plotter.screenshot(temporary)
     plotter.close()
@@ -90,8 +97,7 @@ def _seen(solution: Solution) -> Solution:
     """The solution with what the section shows of it as motion along x and rotation about y."""
     from fem.revolve import bearing
 
-    angle, load, response = bearing(solution), solution.load, solution.response
-    c, s = math.cos(angle), math.sin(angle)
+    (c, s), load, response = bearing(solution), solution.load, solution.response
     x, y, z = response.shift
     load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
     response = replace(
@@ -100,11 +106,20 @@ def _seen(solution: Solution) -> Solution:
     return replace(solution, load=load, response=response)
 
 
+def plane_name(solution: Solution) -> str:
+    """Which section is shown, by the direction that points to the right: along x, y, or as 0.6 x - 0.8 y."""
+    from fem.revolve import bearing
+
+    c, s = bearing(solution)
+    parts = [f"{size:.2g} {axis}".removeprefix("1 ") for size, axis in ((c, "x"), (abs(s), "y")) if size > 0.005]
+    return f"section along {(' - ' if s < 0 else ' + ').join(parts)}"
+
+
 def _slope(solution: Solution) -> float:
     """How steeply the plate falls along the section."""
     from fem.revolve import bearing
 
-    return math.cos(bearing(solution)) * math.tan(solution.load.plate_tilt)
+    return bearing(solution)[0] * math.tan(solution.load.plate_tilt)
 
 
 def quiet() -> None:
@@ -163,7 +178,9 @@ def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) 
     place = _placed(local, design, response)
     plotter.add_mesh(_polygon(place, 0.04), color="#e4e4e4", lighting=False)
     _loop(plotter, place, 0.05, color=_DARK, line_width=5)
-    if design.magnet_diameter > 0.26 * reach and design.magnet_height > 0.1 * reach:
+    c, s = abs(math.cos(response.tilt)), abs(math.sin(response.tilt))
+    wide, high = 0.26 * reach, 0.1 * reach
+    if design.magnet_diameter > c * wide + s * high and design.magnet_height > s * wide + c * high:
         _label(plotter, (response.shift[0], design.H + response.shift[2]), "magnet")
 
 
@@ -174,22 +191,45 @@ def _placed(local: Array, design: Design, response: Response) -> Array:
     return np.stack([x, z], axis=1)
 
 
-def _add_plate(plotter: Any, design: Design, solution: Solution, slope: float, reach: float) -> None:
+def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -> tuple[float, float]:
+    """Ends of the plate as it is drawn, beyond its middle and all silicone that lies close below it, mm.
+
+    Parameters
+    ----------
+    solution : with its shear along x, as `_seen`.
+    moved : places (..., 3) of the section's nodes.
+    """
+    x, z = moved[..., 0], moved[..., 2]
+    close = x[z + slope * x > _bottom(design, solution) - NEAR * design.R]
+    middle, half, edge = solution.load.shear_x, 1.25 * design.R, 0.25 * design.R
+    low, high = close.min(initial=middle), close.max(initial=middle)
+    return min(middle - half, float(low) - edge), max(middle + half, float(high) + edge)
+
+
+def _bottom(design: Design, solution: Solution) -> float:
+    """Height of the plate's lower face on the axis, mm."""
     load = solution.load
-    bottom = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
-    middle, half, thick = load.shear_x, 1.25 * design.R, PLATE * design.D
-    leans = solution.response.shift[0] if not load.shear_x else 0.0
-    span = middle - half + min(1.2 * leans, 0.0), middle + half + max(1.2 * leans, 0.0)
+    return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+
+
+def _add_plate(
+    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
+) -> None:
+    bottom, thick = _bottom(design, solution), PLATE * design.D
     ends = [(x, bottom - slope * x) for x in span]
     corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
     plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
     _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)
-    at = min(middle + 1.02 * design.R, 1.5 * design.R)
+    # at the end that the plate moves to, and beside the body at rest, whose outline would cross it
+    half = 0.09 * reach
+    at = max(span[1] - half, design.R + half)
+    if solution.load.shear_x < 0:
+        at = min(span[0] + half, -design.R - half)
     _label(plotter, (at, bottom - slope * at + thick + 0.05 * reach), "plate")
 
 
-def _add_ground(plotter: Any, design: Design, reach: float) -> None:
-    """The clamped base, and a bar that gives the scale."""
+def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
+    """The clamped base, a bar that gives the scale, and the plane's name."""
     R, thick = design.R, 0.053 * reach
     ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
     plotter.add_mesh(_polygon(ground, -0.01), color="#dddddd", lighting=False)
@@ -198,6 +238,7 @@ def _add_ground(plotter: Any, design: Design, reach: float) -> None:
     bar = np.array([(-1.4 * R, -2.6 * thick), (-1.4 * R + length, -2.6 * thick)])
     _loop(plotter, bar, 0.06, color=_DARK, line_width=8)
     _label(plotter, (bar[:, 0].mean(), -4.0 * thick), f"{length:g} mm")
+    _label(plotter, (bar[1, 0] + 0.15 * reach, -4.0 * thick), plane, aligned="left")
 
 
 def _round_length(length: float) -> float:
@@ -206,7 +247,7 @@ def _round_length(length: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9))
 
 
-def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK) -> None:
+def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK, aligned: str = "center") -> None:
     plotter.add_point_labels(
         _in_section(np.array([at]), 0.1),
         [text],
@@ -215,7 +256,7 @@ def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK)
         shape=None,
         show_points=False,
         always_visible=True,
-        justification_horizontal="center",
+        justification_horizontal=aligned,
         justification_vertical="center",
         bold=False,
     )
@@ -237,27 +278,30 @@ def _add_bar(plotter: Any, title: str, mapper: Any, labels: int) -> None:
     )
 
 
-def _width(design: Design, solution: Solution) -> tuple[float, float]:
+def _width(design: Design, span: tuple[float, float]) -> tuple[float, float]:
     """Least and greatest x in the picture."""
-    shear = solution.load.shear_x
-    return min(-1.4 * design.R, shear - 1.3 * design.R), max(1.4 * design.R, shear + 1.3 * design.R)
+    edge = 0.05 * design.R
+    return min(-1.4 * design.R, span[0] - edge), max(1.4 * design.R, span[1] + edge)
 
 
 def _top(design: Design, solution: Solution, slope: float) -> float:
     """Greatest height in the picture."""
     end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
-    return max(design.L, end if slope else 0.0) + 0.14 * design.D
+    highest = max(design.L, end if slope else 0.0)
+    return max(highest + 0.14 * design.D, 1.06 * highest)
 
 
-def _reach(design: Design, solution: Solution, slope: float) -> float:
+def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, float]) -> float:
     """Half the height of the picture; its lowest 0.28 parts are for the ground and the scale."""
-    left, right = _width(design, solution)
-    return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (0.78 * SIZE[0] / SIZE[1]))
+    left, right = _width(design, span)
+    return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (WIDE * SIZE[0] / SIZE[1]))
 
 
-def _aim(plotter: Any, design: Design, solution: Solution, slope: float, reach: float) -> None:
+def _aim(
+    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
+) -> None:
     """Look along +y at the section, everything in the frame, the scalar bar beside it."""
-    left, right = _width(design, solution)
+    left, right = _width(design, span)
     centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
     height = (_top(design, solution, slope) - 0.28 * reach) / 2
     plotter.enable_parallel_projection()

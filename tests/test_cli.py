@@ -50,7 +50,10 @@ BAD = [
     ("solve", "paper", "--grip", 2),
     ("solve", "paper", "--grip", 0, "--shear", 1),
     ("solve", "paper", "--grip", 9, "--shear", 1),
+    ("solve", "paper", "--grip", 1e-9, "--shear", 1),
+    ("solve", "paper", "--grip", 1e-3, "--shear", 1),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--depth", 1),
+    ("solve", "paper", "--depth", 1, "--imperfection", 50),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--friction", "stick"),
     ("solve", "paper", "--grip", 2, "--shear", 1, "--plate-tilt", 5),
     ("solve", "paper", "--depth", 1, "--shear-y", "inf"),
@@ -70,7 +73,7 @@ BAD = [
     ("solve", "paper", "--depth", 1, "--shear", 1, "--model", "axisymmetric"),
     ("solve", "paper", "--depth", 1, "--accuracy", "best"),
     ("solve", "paper", "--depth", 1, "--out", "field.txt"),
-    ("solve", "paper", "--depth", 1, "--out", "nowhere/field.vtu"),
+    ("solve", "paper", "--depth", 1, "--out", "/proc/nowhere/field.vtu"),
     ("solve", "paper", "--depth", 1, "--out", "/proc/field.vtu"),
     ("solve", "paper", "--depth", 1, "--picture", "field.jpg"),
     ("analytic", "paper"),
@@ -124,7 +127,8 @@ def test_bad_input_is_one_sentence(run, tmp_path, tokens):
     ("tokens", "part"),
     [
         (("slove",), 'Did you mean "solve"?'),
-        (("solve", "paper", "--dpeth", 1), "Did you mean --depth?"),
+        (("solve", "paper", "--dpeth", 1), "did you mean --depth?"),
+        (("compare", "paper", "--depth", 1), "choose one of --out, --accuracy, --set, --json"),
         (("solve", "papre", "--depth", 1), "did you mean paper?"),
         (("design", "paper", "--set", "magnet_hieght=3"), "did you mean magnet_height?"),
         (("solve", "paper", "--depth", 1, "--accuracy", "best"), '"quick", "standard", "fine"'),
@@ -272,6 +276,9 @@ def test_what_is_set_in_vain_is_said(run, verb):
 
 
 def test_options_that_take_whole_numbers_say_so(run):
+    from fem.equilibrium import MOST_HARMONICS
+
     text = run("solve", "--help")[1]
+    assert f"0 to {MOST_HARMONICS} (a shear needs 1 or more)" in " ".join(text.replace("│", "").split())
     for option in ("--steps", "--harmonics"):
         assert re.search(rf"{option} +INT", text)

@@ -127,6 +127,7 @@ def test_shear_direction_only_turns_the_answer():
         )
     )
     force, tilt = along.force[0], along.tilt
+    assert (across.force[0], across.shift[0], across.tilt) == (0, 0, 0)
     np.testing.assert_allclose(across.force[:2], (0, force), atol=1e-9)
     np.testing.assert_allclose(between.force[:2], (-0.6 * force, 0.8 * force), atol=1e-9)
     np.testing.assert_allclose((across.tilt, across.tilt_y), (0, tilt), atol=1e-9)
@@ -292,7 +293,20 @@ def test_a_press_that_gives_way_sideways_is_called_unstable():
 
 def test_a_grip_that_the_mesh_would_miss_is_refused():
     with pytest.raises(BadInput, match="grip must be at least"):
-        solve(paper(), Load(grip=1e-3, shear_x=1.0), QUICK, model="half")
+        solve(paper(), Load(grip=1e-3, shear_x=0.1), QUICK, model="half")
+    with pytest.raises(BadInput, match=r"grip must be at least D/10000 = 0\.0008 mm; got 1e-09 mm"):
+        solve(paper(), Load(grip=1e-9, shear_x=1.0), QUICK)
+
+
+def test_a_small_grip_is_held_like_a_disc_on_a_half_space():
+    """Its compliance (2 - nu) / (8 G a) lies beside one of the beam, which grips of two sizes share."""
+    design, grips, shear = paper(), (1e-3, 4e-3), 0.01
+    forces = [
+        solve(design, Load(grip=grip, shear_x=shear), QUICK, magnet="ignored").response.force[0] for grip in grips
+    ]
+    G = design.E / (2 * (1 + design.nu))
+    discs = [(2 - design.nu) / (8 * G * math.sqrt(grip * design.D)) for grip in grips]
+    assert shear / forces[0] - shear / forces[1] == pytest.approx(discs[0] - discs[1], rel=0.03)
 
 
 def test_stick_without_shear_says_that_the_press_is_frictionless():

@@ -67,7 +67,11 @@ def test_output_file(tmp_path):
     (tmp_path / "b.vtu").mkdir()
     with pytest.raises(BadInput, match="is a folder"):
         files.check_output_file(tmp_path / "b.vtu", ".vtu")
+    new = files.check_output_file(tmp_path / "new" / "folder" / "a.csv", ".csv")
     assert [found.name for found in tmp_path.iterdir()] == ["b.vtu"]
+    files.write_text(new, "x")
+    with pytest.raises(BadInput, match="is, or lies in, a file"):
+        files.check_output_file(new / "b.csv", ".csv")
 
 
 @pytest.mark.parametrize(
@@ -177,6 +181,25 @@ def test_picture_of_a_shear_leans_to_its_side(tmp_path, gripped):
     coloured = image.max(axis=2) - image.min(axis=2) > 0.1
     tip, base = (np.flatnonzero(coloured[rows].any(axis=0)).mean() for rows in (slice(200, 300), slice(900, 960)))
     assert tip > base + 50
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "name"), [(0, 0, "x"), (-2, 0, "x"), (0, 1, "y"), (0, -1, "y"), (-3, 4, "0.6 x - 0.8 y")]
+)
+def test_a_picture_names_its_section(pressed, x, y, name):
+    from studies.pictures import plane_name
+
+    load = Load(depth=1.0, shear_x=x, shear_y=y, friction="stick")
+    assert plane_name(dataclasses.replace(pressed, load=load)) == f"section along {name}"
+
+
+def test_the_plate_is_drawn_above_all_silicone_that_is_close_to_it(pressed):
+    from studies.pictures import plate_span
+
+    sheared = dataclasses.replace(pressed, load=Load(depth=1.0, shear_x=10.0, friction="stick"))
+    moved = np.array([[-4.0, 0.0, 0.0], [2.5, 0.0, 7.5], [10.0, 0.0, 8.0], [16.0, 0.0, 7.9]])
+    assert plate_span(paper(), sheared, moved, 0.0) == (1.5, 17.0)
+    assert plate_span(paper(), sheared, moved[:1], 0.0) == (5.0, 15.0)
 
 
 def test_cut_through_a_full_body(pressed):

@@ -6,8 +6,8 @@ import pytest
 
 from fem.equilibrium import choose_model, trace
 from fem.levels import QUICK
-from geometry.design import BadInput, Design
-from geometry.scene import Load
+from geometry.design import BadInput, Design, paper
+from geometry.scene import Load, check_load
 
 SLENDER = Design(L=24.0)
 CRITICAL_N, CRITICAL_MM = 1.311, 0.960
@@ -63,3 +63,18 @@ def test_models_that_can_carry_one():
 def test_bad_imperfections(given):
     with pytest.raises(BadInput, match="imperfection"):
         Load(**given)
+
+
+def test_a_force_that_bends_the_beam_by_its_radius_is_no_imperfection():
+    """Its bound scales with E and, for similar beams, with their area; a beam that is slender bends more easily."""
+    for design, bound in ((paper(), 2.2), (replace(paper(), E=2.0), 4.4), (replace(paper(), L=32.0), 0.071)):
+        check_load(design, Load(depth=1.0, imperfection=0.95 * bound))
+        with pytest.raises(BadInput, match=r"^imperfection must lie within .* is enough to pick a side$"):
+            check_load(design, Load(depth=1.0, imperfection=-1.05 * bound))
+
+
+def test_a_shear_that_only_pulls_out_what_a_grip_holds_is_refused():
+    check_load(paper(), Load(grip=1e-3, shear_x=0.5))
+    check_load(replace(paper(), L=40.0), Load(grip=1.0, shear_x=80.0))
+    with pytest.raises(BadInput, match=r"shear must not exceed 0\.5.* mm under a grip of 0\.001 mm"):
+        check_load(paper(), Load(grip=1e-3, shear_x=1.0))

@@ -1,0 +1,75 @@
+"""Where a law loses its stability.
+
+A law is stable in Drucker's sense at principal stretches if d(tau) : d(h) > 0 for every change of the logarithms h of
+these stretches that keeps the volume (tau Kirchhoff stress). A pressure adds the same to all of tau, and so nothing
+to this. Beyond, strains gather in ever smaller spots, which no mesh resolves: a solve ends there, or depends on the
+mesh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import integrals
+from fem.material import Law, kinematics, strain
+from fem.system import System
+
+Array = NDArray[np.float64]
+
+REACH = 1.1
+"""Logarithmic strains that are looked at, over those of a state: where no next state is found, it had larger ones."""
+STEPS, BATCH = 200, 256
+"""Steps in which the strain is found where stability is lost, and elements at a time."""
+
+
+def stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
+    """Kirchhoff stresses (n, 3) without a pressure, and their derivatives by h (n, 3, 3); both over mu.
+
+    Parameters
+    ----------
+    h : logarithms of the principal stretches, which add up to 0, shape (n, 3).
+    """
+    stretch = np.exp(h)
+    _, P, A = silicone(kinematics(strain(np.einsum("ij,nj->ijn", np.eye(3), np.expm1(h)))), 1.0)
+    tau = np.einsum("iin->ni", P) * stretch
+    slopes = A[::4, ::4].transpose(2, 0, 1)
+    return tau, slopes * stretch[:, :, None] * stretch[:, None, :] + tau[:, :, None] * np.eye(3)
+
+
+def least(D: Array) -> Array:
+    """Least d(tau) : d(h) over mu and a change of unit size that keeps the volume, shape (n,), of `stiffness`.
+
+    >>> from fem.material import neo_hookean
+    >>> round(float(least(stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
+    2.0
+    """
+    plane = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
+    return np.asarray(np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0])
+
+
+def lost(system: System, u: Array) -> Array | None:
+    """Principal stretches (3,), the largest first, at which the law loses stability in a body; None if nowhere.
+
+    Looked for on the straight way from rest to REACH times the logarithmic strains of the point where the law is
+    least stable.
+
+    Parameters
+    ----------
+    u : (nodes, fields) displacements with all J > 0 at the points of integration.
+    """
+    e, worst, where = system.elements, 0.0, np.zeros(3)
+    for at in range(0, len(e.cells), BATCH):
+        G = integrals.gradient(e, slice(at, at + BATCH), u).reshape(3, 3, -1)
+        F = np.moveaxis(G, -1, 0) + np.eye(3)
+        h = REACH * np.log(np.linalg.svd(F, compute_uv=False))
+        h -= h.mean(axis=1, keepdims=True)
+        found = least(stiffness(system.law, h)[1])
+        lowest = int(np.argmin(found))
+        if found[lowest] < worst:
+            worst, where = float(found[lowest]), h[lowest]
+    if worst == 0:
+        return None
+    way = np.linspace(0, 1, STEPS + 1)[:, None] * where
+    first = int(np.argmax(least(stiffness(system.law, way)[1]) <= 0))
+    return np.asarray(np.exp(way[first]))

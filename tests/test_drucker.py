@@ -1,0 +1,68 @@
+"""Stability of the laws: against differences of their own energies, and told where a solve ends by it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem import drucker, equilibrium
+from fem.levels import QUICK
+from fem.material import kinematics, law, strain
+from fem.solution import read
+from geometry.design import paper
+from geometry.scene import Load
+
+SOFT = replace(paper(), law="yeoh", yeoh_2=-5.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"), [("mooney-rivlin", (0.4,)), ("yeoh", (-0.3, 0.1)), ("ogden", (5.0, -3.0, 0.3))]
+)
+def test_stiffness_is_the_second_derivative_of_the_energy(name, numbers):
+    silicone, h, step = law(name, numbers), np.array([0.3, 0.05, -0.35]), 1e-3
+    ways = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0], [0.2, 0.5, -0.7]])
+
+    def energy(at):
+        return silicone(kinematics(strain(np.diag(np.expm1(at)))), 1.0)[0]
+
+    _, D = drucker.stiffness(silicone, h[None])
+    for way in ways:
+        bent = (energy(h + step * way) - 2 * energy(h) + energy(h - step * way)) / step**2
+        assert way @ D[0] @ way == pytest.approx(bent, rel=1e-5)
+        assert drucker.least(D)[0] <= bent / (way @ way) * (1 + 1e-5)
+
+
+def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
+    """W = mu/2 (x + c x^2) has W'' = 0 by h somewhere before x = -1 / (2 c), where the stress vanishes."""
+    silicone = law("yeoh", (-0.2, 0.0))
+    h = np.linspace(0, 0.7, 2001)
+    x = np.exp(2 * h) + 2 * np.exp(-h) - 3
+    bent = np.gradient(np.gradient((x - 0.2 * x**2) / 2, h), h)
+    way = h[:, None] * np.array([1.0, -0.5, -0.5])
+    least = drucker.least(drucker.stiffness(silicone, way)[1])
+    end = h[np.argmax(least <= 0)]
+    assert end <= h[np.argmax(bent < 0)] + 1e-3
+    assert 0 < np.exp(2 * end) + 2 * np.exp(-end) - 3 < 2.5
+
+
+@pytest.mark.parametrize(("depth", "lost"), [(0.05, False), (0.16, True)])
+def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lost):
+    load = Load(depth=depth)
+    path = equilibrium._start(SOFT, [load], QUICK, "rigid", "axisymmetric", None)
+    try:
+        assert not path.go(depth / SOFT.D, np.zeros(2))
+        state = read(path, SOFT, load, np.array([1.0, 0.0]), "no convergence", 0.0)
+    finally:
+        path.close()
+    assert state.status == "not_converged"
+    assert ("the law yeoh with yeoh_2 = -5, yeoh_3 = 0 loses stability" in state.message) is lost
+    assert ("another accuracy" in state.message) is not lost
+
+
+def test_what_is_always_stable_is_never_lost():
+    path = equilibrium._start(paper(), [Load(depth=2.0)], QUICK, "rigid", "axisymmetric", None)
+    try:
+        assert not path.go(2.0 / paper().D, np.zeros(2))
+        assert drucker.lost(path.d.system, path.u) is None
+    finally:
+        path.close()
