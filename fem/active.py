@@ -66,7 +66,8 @@ def settled(
             return step
         rows = system.pushes(new, plate)
         points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
-        force = _exchanged(B @ Z, plain[points], was[points], hard[points])
+        own = B.any(axis=0)
+        force = _exchanged(B[:, own] @ Z[own], plain[points], was[points], hard[points])
         if force is None:
             return step
         better = step - Z @ force

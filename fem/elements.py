@@ -152,13 +152,11 @@ class Elements:
         B = self.angles.V[0, rows, along][:, :, None] * self.D[:, :, along, None, :]
         return np.asarray(B.reshape(m, q, len(rows), -1))
 
-    def D_products(self, part: slice) -> Array:
-        """Products D_Ja D_Lb of a range of elements, shape (m, q 3 3, a a); kept where there are not many."""
-        return self._section_products[part] if self.dim == 2 else _products(self.D[part])
-
     @functools.cached_property
-    def _section_products(self) -> Array:
-        return _products(self.D)
+    def D_products(self) -> Array:
+        """Products D_Ja D_Lb of a section's elements, shape (m, q 3 3, a a)."""
+        m, q, _, a = self.D.shape
+        return np.asarray((self.D[:, :, :, None, :, None] * self.D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a))
 
     @property
     def dim(self) -> int:
@@ -167,11 +165,6 @@ class Elements:
     @property
     def corners(self) -> Index:
         return self.cells[:, : self.dim + 1]
-
-
-def _products(D: Array) -> Array:
-    m, q, _, a = D.shape
-    return np.asarray((D[:, :, :, None, :, None] * D[:, :, None, :, None, :]).reshape(m, 9 * q, a * a))
 
 
 @dataclass(frozen=True)

@@ -80,14 +80,16 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
 
     There is a piece (a, a) for each pair of fields of `e.angles.pairs`, what is not there follows from the symmetry
     of A; or where components of G are few one piece of all fields, (f a, f a). First over the angles, H_JL of the
-    derivatives of the fields, then over the section: K = sum D_J D_L H_JL.
+    derivatives of the fields, then over the section: K = sum D_J D_L H_JL. In a solid there is nothing to sum first.
     """
     m, q, _, a = e.D[part].shape
     t, f = len(e.angles.theta), e.angles.fields
     if e.B is not None:
         B, A = e.B[part], np.ascontiguousarray(A.transpose(2, 3, 0, 1))
         return np.asarray(np.swapaxes(B.reshape(m, -1, f * a), 1, 2) @ (A @ B).reshape(m, -1, f * a))[:, None]
-    A, D, done = A.reshape(3, 3, 3, 3, m * q, t), e.D_products(part), 0
+    if e.dim == 3:
+        return _solid_stiffness(e.D[part], A)
+    A, D, done = A.reshape(3, 3, 3, 3, m * q, t), e.D_products[part], 0
     K = np.empty((m, sum(len(pairs.first) for pairs in e.angles.pairs), a * a))
     for pairs in e.angles.pairs:
         s = len(pairs.first)
@@ -98,6 +100,16 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
         np.matmul(np.swapaxes(H.reshape(m, 9 * q, s), 1, 2), D, out=K[:, done : done + s])
         done += s
     return K.reshape(m, -1, a, a)
+
+
+def _solid_stiffness(D: Array, A: Array) -> Array:
+    """Pieces K_ik, i <= k, of a solid: T_iJk = sum_L A_iJkL D_L at each point, then K_ik = sum D_J T_iJk."""
+    m, q, _, a = D.shape
+    A = np.ascontiguousarray(A.reshape(81, m * q).T).reshape(m * q, 27, 3)
+    T = (A @ D.reshape(m * q, 3, a)).reshape(m, q, 3, 3, 3, a)
+    D = np.swapaxes(D.reshape(m, 3 * q, a), 1, 2)
+    rows = [(D @ T[:, :, i, :, i:].reshape(m, 3 * q, -1)).reshape(m, a, -1, a) for i in range(3)]
+    return np.concatenate([np.swapaxes(row, 1, 2) for row in rows], axis=1)
 
 
 def whole(e: Elements, K: Array) -> Array:

@@ -22,6 +22,9 @@ Ints = NDArray[np.int64]
 GROWTH = 0.7
 """Growth of the edge length per length away from a refined place."""
 
+TUBE = 0.05
+"""How far around a ring, over D, the sizing field is told on tubes, which its grid is too coarse for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
@@ -135,18 +138,33 @@ def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
     near[::8] = near[-1] = True
     axes[2] = axes[2][near]
     n = [len(axis) for axis in axes]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    if sizes.ring:
-        grid, cells = _denser(grid, sizes, half)
-        return grid, cells, sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     strides = np.array([n[1] * n[2], n[2], 1])
-    corner = np.arange(len(grid)).reshape(n)[:-1, :-1, :-1].ravel()
-    tets = []
+    corner = np.arange(len(axes[0]) * strides[0]).reshape(n)[:-1, :-1, :-1]
+    points, denser = grid.reshape(-1, 3), np.empty((0, 4), dtype=np.int64)
+    if sizes.ring:
+        around = _around_ring(axes, sizes)
+        own, denser = _denser(grid[tuple(around)].reshape(-1, 3), sizes, half)
+        points, denser = np.vstack([points, own]), len(points) + denser
+        kept = np.ones(corner.shape, dtype=bool)
+        kept[tuple(slice(each.start, each.stop - 1) for each in around)] = False
+        corner = corner[kept]
+    corner, tets = corner.ravel(), [denser]
     for order in permutations(range(3)):
         path = np.concatenate([[0], np.cumsum(strides[list(order)])])
         odd = np.linalg.det(np.eye(3)[list(order)]) < 0
         tets.append(corner[:, None] + (path[[0, 2, 1, 3]] if odd else path))
-    return grid, np.vstack(tets), sizes.at(np.hypot(grid[:, 0], grid[:, 1]), grid[:, 2])
+    return points, np.vstack(tets), sizes.at(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
+
+
+def _around_ring(axes: list[Floats], sizes: Sizes) -> list[slice]:
+    """Which points of a grid, along each axis, make the least box that holds the ring and TUBE around it."""
+    r, z, wide = sizes.ring_radius, sizes.ring_height, TUBE * sizes.shape.D
+    found = []
+    for axis, middle, reach in zip(axes, (0.0, 0.0, z), (r + wide, r + wide, wide), strict=True):
+        first = int(np.searchsorted(axis, middle - reach, side="right")) - 1
+        found.append(slice(max(first, 0), int(np.searchsorted(axis, middle + reach)) + 1))
+    return found
 
 
 def _denser(grid: Floats, sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
@@ -157,7 +175,7 @@ def _denser(grid: Floats, sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     low, high = grid.min(axis=0), grid.max(axis=0)
     r, z, h = sizes.ring_radius, sizes.ring_height, sizes.ring
     turn = np.arange(8) * math.pi / 4
-    radii = h * 2.0 ** np.arange(max(math.ceil(math.log2(0.05 * sizes.shape.D / h)), 0) + 1)
+    radii = h * 2.0 ** np.arange(max(math.ceil(math.log2(TUBE * sizes.shape.D / h)), 0) + 1)
     out = np.concatenate([[0.0], *(radius * np.cos(turn) for radius in radii)])
     up = np.concatenate([[0.0], *(radius * np.sin(turn) for radius in radii)])
     count = sizes.steps(r, z, half)
