@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem.active import settled
 from fem.contact import Plate, watched
 from fem.linear import SingularMatrixError, Solver
+from fem.relaxation import patch
 from fem.system import Assembly, State, System
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ CHORD, CHORDS = 0.02, 3
 with the same factorisation."""
 PATIENCE = 6
 """Full steps after which one that does not halve the residual is compared with shorter ones."""
+LOCAL, MOST_LOCAL = 1e-3, 12
+"""Tolerance, and most iterations, for cells that are balanced by themselves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +110,11 @@ def newton(
         state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
         force, volume = _sizes(assembly, n)
         rate = _merit(force, volume, scale) / before if before else 0.0
+        relaxed = None if _goes_on(rate, rate * left, tolerance) else _relaxed(system, state, assembly, plate, n)
+        if relaxed is not None:
+            (state, assembly), fresh = relaxed, False
+            force, volume = _sizes(assembly, n)
+            rate = _merit(force, volume, scale) / before if before else 0.0
         if not fresh and not _goes_on(rate, rate * left, tolerance):
             assembly = system.assemble(state, plate)
         if iteration >= PATIENCE and rate > 1 / 2:
@@ -140,6 +148,25 @@ def _sizes(assembly: Assembly, n: int) -> tuple[float, float]:
 def _merit(force: float, volume: float, scale: tuple[float, float]) -> float:
     """Residual forces and volumes over those that count, the same before and after a step."""
     return force / scale[0] + volume / scale[1]
+
+
+def _relaxed(
+    system: System, state: State, assembly: Assembly, plate: Plate | None, n: int
+) -> tuple[State, Assembly] | None:
+    """State and residual once the few cells that the residual hangs on are in balance; None if that leads nowhere."""
+    part = patch(system, state, assembly, plate)
+    if part is None:
+        return None
+    solver = Solver()
+    try:
+        local = newton(part.system, solver, part.q, part.plate, most=MOST_LOCAL, tolerance=LOCAL)
+    finally:
+        solver.close()
+    calmer = system.admissible(part.into(system, state, local.state)) if local.converged else None
+    if calmer is None:
+        return None
+    after = system.assemble(calmer, plate, tangent=False)
+    return (calmer, after) if _sizes(after, n)[0] < _sizes(assembly, n)[0] else None
 
 
 def _damped(

@@ -32,8 +32,8 @@ PRESS_RUB, SHEAR_RUB, PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest steps over D with Coulomb friction, whose answer depends on the way: second-order errors in their length.
 Those of a press are also at most a share of its depth."""
 SHORTEST_STEP = 1e-3
-ON_THE_WAY = 1e-4
-"""Tolerance of states that are only passed, without friction."""
+ON_THE_WAY, SOLID_WAY = 1e-4, 3e-3
+"""Tolerances of states that are only passed, without friction, on sections and in tetrahedra."""
 FAST = 7
 """Iterations up to which a step counts as easy."""
 FIRST_TOUCH = 1e-14
@@ -253,11 +253,12 @@ class Path:
             return ""
         longest = self._longest((goal - start) / length, max(start[0], goal[0])) / length
         now, step = 0.0, min(longest, 1.0)
+        on_the_way = ON_THE_WAY if self.d.revolved else SOLID_WAY
         while now < 1:
             target = 1.0 if 1 - now <= 1.001 * step else now + step
             position = goal if target == 1 else start + target * (goal - start)
             rough = self.friction is None and (passing or target < 1)
-            answer = self._try(position, ON_THE_WAY if rough else TOLERANCE)
+            answer = self._try(position, on_the_way if rough else TOLERANCE)
             flat = flattest(answer)
             doubtful = (answer.unstable and not self.unstable) or (flat < CRUSHED <= self.flattest)
             if answer.converged and doubtful and step * length > SURE_STEP:
@@ -299,7 +300,7 @@ class Path:
         Where the direction is a new one, all that touches is expected to stick at first.
         """
         if self.friction is None:
-            return SOLID_STEP if self.d.model in ("half", "full") else LONGEST_STEP
+            return LONGEST_STEP if self.d.revolved else SOLID_STEP
         if way @ self._heading < 1 - 1e-9:
             self.friction = friction.turned_back(self.friction)
         self._heading = way

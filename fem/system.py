@@ -90,6 +90,7 @@ class System:
     dead : (nodes, fields) nodal forces that do not change with the deformation.
     law : the silicone's, isochoric.
     prescribed : (nodes, fields) what the fixed displacements are; read there only.
+    held : (nodes, pressures) pressures that are prescribed, nan where they are unknowns; or None.
 
     Attributes
     ----------
@@ -111,6 +112,7 @@ class System:
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
         prescribed: Array | None = None,
+        held: Array | None = None,
     ) -> None:
         self.law = law
         self.surface = surface
@@ -131,10 +133,10 @@ class System:
         step = max(CHUNK // (elements.weights.shape[1] * len(elements.angles.theta)), 1)
         cuts = [*range(0, self._inner, step), *range(self._inner, m, step), m]
         self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
-        self._number(fixed)
+        self._number(fixed, held)
         self._fill()
 
-    def _number(self, fixed: NDArray[np.bool_]) -> None:
+    def _number(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
         """Number the unknowns."""
         e = self.elements
         used = np.zeros(fixed.shape, dtype=bool)
@@ -149,6 +151,10 @@ class System:
         self._corners = corners.reshape(e.corners.shape)
         carried = np.ones((len(self.corner_nodes), e.angles.pressures), dtype=bool)
         carried[e.nodes[self.corner_nodes, 0] < ON_AXIS, 1:] = False
+        self._held = np.zeros(carried.shape)
+        if held is not None:
+            carried &= np.isnan(held[self.corner_nodes])
+            self._held = np.where(carried, 0.0, held[self.corner_nodes])
         self.n_pressure = int(carried.sum())
         first = self.n_free + self.n_rigid
         self._pressures = np.full(carried.shape, -1, dtype=np.int64)
@@ -206,7 +212,7 @@ class System:
         u[self.free] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.rigid.displacement(self.motion(q))
-        p = np.zeros(self._carried.shape)
+        p = self._held.copy()
         p[self._carried] = q[self.n_free + self.n_rigid :]
         return State(q, u, p)
 
