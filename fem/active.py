@@ -27,7 +27,9 @@ from fem.system import State, System
 
 Array = NDArray[np.float64]
 
-MOST_POINTS, MOST_ROUNDS, MOST_EXCHANGES = 160, 4, 50
+MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
+"""Points that may flip on sections, and in tetrahedra, where so many right-hand sides cost as much as a plain step
+or two; rounds, and exchanges in each."""
 
 
 def settled(
@@ -62,7 +64,7 @@ def settled(
         new = np.flatnonzero(flips)
         if not len(new):
             break
-        if len(points) + len(new) > MOST_POINTS:
+        if len(points) + len(new) > (MOST_POINTS if system.elements.dim == 2 else MOST_SOLID):
             return step
         rows = system.pushes(new, plate)
         points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
