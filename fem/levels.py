@@ -56,6 +56,16 @@ RULES: dict[tuple[str, Magnet], tuple[Rule, ...]] = {
         (0.00347, 2, 2, 1.8, 0.1),
         (0.00347, 2, 2, 1.8, 0.1),
     ),
+    ("deep", "rigid"): (
+        (0.082, 1, -2, 2.31, 0.1),
+        (0.00103, 1.5, 2, 1.73, 0.1),
+        (0.00103, 1.5, 2, 1.73, 0.1),
+    ),
+    ("deep", "ignored"): (
+        (0.285, 1.75, -2.75, 3.15, 0.3),
+        (0.00291, 1.5, 1.25, 1.38, 0),
+        (0.00291, 1.5, 1.25, 1.38, 0),
+    ),
     ("pressed", "rigid"): (
         (0.000185, 0.5, 0, 3.8, 0.1),
         (0.000249, 0.5, 0, 2.39, 0.3),
@@ -64,6 +74,8 @@ RULES: dict[tuple[str, Magnet], tuple[Rule, ...]] = {
     ("pressed", "ignored"): ((0.00016, 0.5, 0, 1.4, 0.2), (0.0923, 2.5, 0, 1.36, 0.5), (0.0923, 2.5, 0, 1.36, 0.5)),
     ("stick", "rigid"): ((0.00587, 1, 0, 1.41, 0.3), (0.00516, 1, 0, 1.75, 0.5), (0.0266, 1.5, 0, 1.13, 0.1)),
     ("stick", "ignored"): ((0.0053, 1, 0, 1.76, 0.3), (0.00288, 0.75, 0, 2.26, 0.2), (0.0705, 2, 0, 0.979, 0.1)),
+    ("far", "rigid"): ((0.466, 1.5, 0, 0.58, 0.5), (0.061, 1.5, 0, 1.1, 0.2), (0.107, 1.5, 0, 1.25, 0.4)),
+    ("far", "ignored"): ((0.466, 1.5, 0, 0.58, 0.5), (0.061, 1.5, 0, 1.1, 0.2), (0.107, 1.5, 0, 1.25, 0.4)),
     ("grip", "rigid"): ((0.00301, 0.5, 0, 2.36, 0.2), (0.0401, 2.5, 0, 4.98, 0.4), (0.00556, 2, 0, 7.01, 0.5)),
     ("grip", "ignored"): ((0.00245, 0.5, 0, 2.53, 0.1), (0.0433, 2.5, 0, 4.37, 0.3), (0.0721, 2.5, 0, 1.64, 0.2)),
     ("friction", "rigid"): ((0.0545, 1.5, 0, 1.22, 0.3), (0.00558, 0.5, 0, 1.37, 0.2), (0.118, 1.5, 0, 0.824, 0.1)),
@@ -77,11 +89,14 @@ found is d, and the estimate c u^(1 - s) d^s, with d no less than LEAST_SHARE u:
 between two points of a mesh a contact ends is chance and makes for errors of either sign: u tells more of them than
 d. Where d is far from usual, so is the scene from those of the study: the estimate is at least SURE_SHARE d, and what
 d exceeds UNUSUAL u by.
-"pressed" is the press before a stick shear, whose mesh is fine where the contact ends; "solid" are tetrahedra. With
-Coulomb friction the companion takes longer steps too; its numbers were found with a rigid magnet."""
+"deep" are presses beyond DEEPEST and ROOM, "far" shears of a glued plate beyond SHEARED; "pressed" is the press
+before a stick shear, whose mesh is fine where the contact ends; "solid" are tetrahedra. With Coulomb friction the
+companion takes longer steps too; its numbers were found with a rigid magnet."""
 SIDEWAYS: dict[tuple[str, Magnet], Rule] = {
     ("stick", "rigid"): (0.0173, 0.5, 0, 1.46, 0.5),
     ("stick", "ignored"): (0.0898, 1.25, 0, 1.27, 0.4),
+    ("far", "rigid"): (0.3, 1.5, 0, 1.25, 0.8),
+    ("far", "ignored"): (0.3, 1.5, 0, 1.25, 0.8),
     ("grip", "rigid"): RULES["grip", "rigid"][0],
     ("grip", "ignored"): RULES["grip", "ignored"][0],
     ("friction", "rigid"): (0.285, 2, 0.5, 1.02, 0.1),
@@ -96,11 +111,15 @@ LEAST_SHARE, SURE_SHARE, UNUSUAL = 0.2, 0.25, 8.0
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the mesh shrinks with it."""
 ROOM, DEEPEST, SHEARED, RUBBED = 0.3, 0.25, 0.15, 0.25
-"""How far the study goes: depths over the silicone above the magnet (or base) and over D; shears over D, of a plate
-or grip that holds and of one with Coulomb friction. Beyond, errors are expected to grow like the shear, and like the
-power DEEPER of the depth: four times as deep (`magtip solve paper --depth 3.6`) the force at level standard is 0.27 %
-off that at fine, five times what the rules say."""
+"""Loads at which the rules change: depths over the silicone above the magnet (or base) and over D; shears over D, of
+a plate or grip that holds and of one with Coulomb friction."""
+DEEP, SQUEEZED, FAR = 3.3, 0.45, 0.6
+"""How far the study goes: presses so many times as deep as that, and no deeper than a share of the silicone on the
+axis; shears of a glued plate over D."""
+ROUNDED = 1.001
+"""The study's loads are rounded to four digits."""
 DEEPER = 1.5
+"""Where the study does not go, errors are expected to grow like this power of the depth, and like the shear."""
 COARSER = 1.5
 """Edge lengths of the companion that the error is estimated with, over those of the solution."""
 NOTHING = 1e-12
@@ -133,10 +152,11 @@ def estimates(
         scene = "friction"
     elif any(map(slides, loads)):
         scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
+    scene = _farther(scene, load, magnet, design)
     if model in ("half", "full"):
         scene, edge = "solid", accuracy.solid_size
     radius = max(one.contact_radius / design.D, LEAST_RADIUS)
-    beyond = _beyond(load, loads, magnet, design)
+    beyond = _beyond(scene, load, loads, magnet, design)
     if load.imperfection and not slides(load) and one.shift[0] * other.shift[0] < 0:
         other = _mirrored(other)
     # what a second harmonic changes is all missing from an answer with one
@@ -156,11 +176,27 @@ def estimates(
     return force, shift, None if tilt is None or (upright and tilt > 1) else tilt, sideways
 
 
-def _beyond(load: Load, loads: Sequence[Load], magnet: Magnet, design: Design) -> float:
-    """By how much more than usual to expect where a load lies beyond those of the study, see DEEPEST."""
-    room = ROOM * (design.R - design.magnet_height / 2 if magnet == "rigid" else design.L)
-    deep = load.depth / min(DEEPEST * design.D, room)
-    reach = RUBBED if coulomb(loads) is not None else SHEARED
+def deepest(magnet: Magnet, design: Design) -> tuple[float, float]:
+    """Depth beyond which a press is deep, and the greatest of the study, mm."""
+    first = min(DEEPEST * design.D, ROOM * (design.R - design.magnet_height / 2 if magnet == "rigid" else design.L))
+    silicone = design.L - design.magnet_height if magnet == "rigid" else design.L
+    return first, min(DEEP * first, SQUEEZED * silicone)
+
+
+def _farther(scene: str, load: Load, magnet: Magnet, design: Design) -> str:
+    """The scene, or that of deep presses and far shears in place of it."""
+    if scene == "press" and load.depth > ROUNDED * deepest(magnet, design)[0]:
+        return "deep"
+    if scene == "stick" and math.hypot(load.shear_x, load.shear_y) > ROUNDED * SHEARED * design.D:
+        return "far"
+    return scene
+
+
+def _beyond(scene: str, load: Load, loads: Sequence[Load], magnet: Magnet, design: Design) -> float:
+    """By how much more than usual to expect where a load lies beyond those of the study, see DEEPER."""
+    first, most = deepest(magnet, design)
+    deep = load.depth / (most if scene == "deep" else first)
+    reach = FAR if scene == "far" else SHEARED if coulomb(loads) is None else RUBBED
     far = math.hypot(load.shear_x, load.shear_y) / (reach * design.D) if slides(load) else 0.0
     return math.pow(max(deep, 1.0), DEEPER) * max(far, 1.0)
 

@@ -37,8 +37,10 @@ JUMP = 0.25
 REPEATS, NUDGE = 3, 1e-4
 """Meshes of tetrahedra for each state, and the relative change of their size that makes fTetWild mesh anew."""
 FINE_SHEARS = (0, 1, 2, 3)
+FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(trials.DESIGNS), "ignored": range(2)}
 SOLIDS, CHECKED = (0, 3), (0, 6)
-"""Designs that are sheared at level fine too, those solved with tetrahedra, and those whose reference is checked."""
+"""Designs that are sheared at level fine too, those sheared far, those solved with tetrahedra, and those whose
+reference is checked."""
 NOTHING = 1e-6
 """Shift in mm, tilt in rad or force along the shear in N, below which there is no relative error."""
 
@@ -72,12 +74,13 @@ def tasks(*, quick: bool = False) -> list[Task]:
         return [replace(task, fineness=0) for task in made]
     names, numbers, repeats = ("quick", "standard", "fine"), range(trials.DESIGNS), range(REPEATS)
     magnets: Sequence[Magnet] = ("rigid", "ignored")
-    found = [_task(n, m, "press", name) for name in names for m in magnets for n in numbers]
+    found = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
     checked = [trials.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
     found += [Task(trial, trials.reference(trial.scene)) for trial in checked]
     found += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
     for magnet in magnets:
         found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
+        found += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
         found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
         found += [_task(n, magnet, "stick", name, "half", i) for name in names[:2] for n in SOLIDS for i in repeats]
     return found
@@ -140,7 +143,7 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
     unused: dict[str, Any] = {"name": ""}
     unused |= {"section_patch": 0} if trial.scene == "friction" else {"rub": 0}
     unused |= {"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {}
-    unused |= {"harmonics": 0, "section_patch": 0} if trial.scene == "press" else {}
+    unused |= {"harmonics": 0, "section_patch": 0} if trial.scene in ("press", "deep") else {}
     loads = [dataclasses.astuple(load) for load in trial.loads]
     used = dataclasses.astuple(replace(accuracy, **unused))
     return json.dumps([trial.magnet, trial.model, dataclasses.astuple(trial.design), *loads, used])

@@ -16,8 +16,10 @@ from studies.files import atomic, write_text
 
 LOOKS = {
     "press": "#0072B2",
+    "deep": "#000000",
     "pressed": "#56B4E9",
     "stick": "#D55E00",
+    "far": "#882255",
     "grip": "#009E73",
     "friction": "#E69F00",
     "half": "#CC79A7",

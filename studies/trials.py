@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fem.equilibrium import Model
-from fem.levels import DEEPEST, ROOM, RUBBED, SHEARED, Accuracy
+from fem.levels import DEEPEST, RUBBED, SHEARED, Accuracy, deepest
+from fem.levels import FAR as FARTHEST
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Magnet
 
@@ -21,8 +22,12 @@ DEPTHS = (0.03, 0.1, DEEPEST)
 """Depths of a press over D; all shrink alike where the deepest has no room."""
 STICK = (0.1, (0.0, 0.05, SHEARED))
 """Depth at most, and shears of the glued plate, over D."""
-RUB = (0.1, (0.0, 0.04, RUBBED), 0.4)
-"""Depth at most, and shears of the rubbing plate, over D: partial and full slip; coefficient of friction."""
+RUB = ((0.0, 0.04, RUBBED), 0.4)
+"""Shears of the rubbing plate over D, at the same depth: partial and full slip; coefficient of friction."""
+DEEP = (0.25, 0.5, 1.0)
+"""Depths of deep presses, on the way from the deepest of the others to the deepest of the study."""
+FAR = (0.3, FARTHEST)
+"""Far shears of the glued plate over D."""
 GRIP = (0.2, SHEARED)
 """Height and shear of a grip over D."""
 THINNEST = 0.06
@@ -36,7 +41,7 @@ class Trial:
     Attributes
     ----------
     number : of the design; 0 is the paper's.
-    scene : press, stick, friction or grip.
+    scene : press, deep, stick, far, friction or grip.
     """
 
     number: int
@@ -58,18 +63,19 @@ class Trial:
 def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     """The loads of a scene, in proportion to the design."""
     design = designs()[number]
-    D, rigid = design.D, magnet == "rigid"
-    room = ROOM * (design.R - design.magnet_height / 2 if rigid else design.L)
+    D = design.D
+    first, most = deepest(magnet, design)
+    depth = _rounded(min(STICK[0] * D, first))
     loads: tuple[Load, ...]
     if scene == "press":
-        shrink = min(1.0, room / (DEPTHS[-1] * D))
-        loads = tuple(Load(depth=_rounded(d * shrink * D)) for d in DEPTHS)
-    elif scene == "stick":
-        depth = _rounded(min(STICK[0] * D, room))
-        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction="stick") for x in STICK[1])
+        loads = tuple(Load(depth=_rounded(d / DEPTHS[-1] * first)) for d in DEPTHS)
+    elif scene == "deep":
+        loads = tuple(Load(depth=_rounded(first + part * (most - first))) for part in DEEP)
+    elif scene in ("stick", "far"):
+        shears = STICK[1] if scene == "stick" else FAR
+        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction="stick") for x in shears)
     elif scene == "friction":
-        depth = _rounded(min(RUB[0] * D, room))
-        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction=RUB[2]) for x in RUB[1])
+        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction=RUB[1]) for x in RUB[0])
     else:
         loads = (Load(grip=_rounded(GRIP[0] * D), shear_x=_rounded(GRIP[1] * D)),)
     return Trial(number, design, magnet, scene, model, loads)
@@ -118,7 +124,7 @@ def _rounded(value: float) -> float:
 def reference(scene: str, fineness: int = 1) -> Accuracy:
     """The mesh that stands for the truth; 0 a rougher one for a quick look, 2 a finer one to check it."""
     name = ("rough", "reference", "finer")[fineness]
-    if scene == "press":
+    if scene in ("press", "deep"):
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
     if scene == "friction":
         size, harmonics, rub = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]

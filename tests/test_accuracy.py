@@ -51,6 +51,14 @@ def test_loads_leave_room_for_the_magnet(scene, magnet):
         assert all(load.depth <= 0.3001 * above for load in loads)
 
 
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
+    for n, design in enumerate(trials.designs()):
+        press, deep = (trials.trial(n, magnet, scene, "auto").loads for scene in ("press", "deep"))
+        assert deep[0].depth > press[-1].depth
+        assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
+
+
 def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
     for scene, same in (("friction", False), ("stick", True)):
         trial = trials.trial(0, "rigid", scene, "auto")

@@ -89,8 +89,19 @@ def test_estimates_grow_beyond_the_loads_of_the_study():
         return levels.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
 
     assert found(0.8) == found(0.5)
-    assert found(3.6)[0] == pytest.approx(8 * found(0.8)[0])
-    assert found(0.5, 6.0)[2] == pytest.approx(5 * found(0.5, 1.0)[2])
+    assert found(2.9) == found(1.0)
+    assert found(3.6)[0] == pytest.approx((3.6 / 2.97) ** 1.5 * found(2.9)[0])
+    assert found(0.5, 9.6)[2] == pytest.approx(2 * found(0.5, 4.8)[2])
+
+
+def test_deep_presses_and_far_shears_have_rules_of_their_own():
+    def scene(name, load):
+        return levels._farther(name, load, "rigid", paper())
+
+    assert [scene("press", Load(depth=depth)) for depth in (0.9, 0.92)] == ["press", "deep"]
+    sheared = (Load(depth=0.5, shear_x=0.6 * far, shear_y=0.8 * far, friction="stick") for far in (1.2, 1.3))
+    assert [scene("stick", load) for load in sheared] == ["stick", "far"]
+    assert scene("grip", Load(grip=1.0, shear_x=3.0)) == "grip"
 
 
 def test_a_companion_that_leans_to_the_other_side_is_mirrored():
