@@ -91,7 +91,7 @@ d. Where d is far from usual, so is the scene from those of the study: the estim
 d exceeds UNUSUAL u by.
 "deep" are presses beyond DEEPEST and ROOM, "far" shears of a glued plate beyond SHEARED; "pressed" is the press
 before a stick shear, whose mesh is fine where the contact ends; "solid" are tetrahedra. With Coulomb friction the
-companion takes longer steps too; its numbers were found with a rigid magnet."""
+companion takes longer steps too; its numbers, and those of far shears, were found with a rigid magnet."""
 SIDEWAYS: dict[tuple[str, Magnet], Rule] = {
     ("stick", "rigid"): (0.0173, 0.5, 0, 1.46, 0.5),
     ("stick", "ignored"): (0.0898, 1.25, 0, 1.27, 0.4),
