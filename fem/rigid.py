@@ -3,7 +3,7 @@
 A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j phi_j(q) B_j with constant fields B_j
 and functions phi_j of the few unknowns q:
 
-- axial: q = U_z, and with torsion the angle about z, small;
+- axial: q = U_z, and with torsion the angle about z, which turns X by u_r = r (cos q2 - 1), u_theta = r sin q2;
 - planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x,
   Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
 - spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
@@ -67,8 +67,8 @@ def section(arms: Array, angles: Angles) -> RigidBody:
     r, z = arms.T
     rise = len(k)
     if angles.harmonics == 0 and angles.fields == 3:
-        B = np.zeros((2, len(arms), 3))
-        B[0, :, 2], B[1, :, 1] = 1, r
+        B = np.zeros((3, len(arms), 3))
+        B[0, :, 2], B[1, :, 1], B[2, :, 0] = 1, r, r
         return RigidBody(B, 2)
     if angles.harmonics == 0:
         B = np.zeros((1, len(arms), angles.fields))
@@ -85,14 +85,14 @@ def section(arms: Array, angles: Angles) -> RigidBody:
 def _functions(q: Array) -> tuple[Array, Array, Array]:
     """phi (j,), its first (j, size) and second derivatives (j, size, size)."""
     n = len(q)
-    if n < 3:
-        return q, np.eye(n), np.zeros((n, n, n))
-    if n == 3:
-        s, c = np.sin(q[2]), np.cos(q[2])
-        first, second = np.zeros((4, 3)), np.zeros((4, 3, 3))
-        first[0, 0] = first[1, 1] = 1
-        first[2:, 2], second[2:, 2, 2] = (c, -s), (-s, -c)
-        return np.array([q[0], q[1], s, -2 * np.sin(q[2] / 2) ** 2]), first, second
+    if n == 1:
+        return q, np.eye(1), np.zeros((1, 1, 1))
+    if n < 6:  # translations, then one rotation
+        s, c = np.sin(q[-1]), np.cos(q[-1])
+        first, second = np.zeros((n + 1, n)), np.zeros((n + 1, n, n))
+        first[: n - 1, : n - 1] = np.eye(n - 1)
+        first[-2:, -1], second[-2:, -1, -1] = (c, -s), (-s, -c)
+        return np.array([*q[:-1], s, -2 * np.sin(q[-1] / 2) ** 2]), first, second
     turns = [_turn(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
 
     def product(*orders: int) -> Array:

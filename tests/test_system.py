@@ -178,10 +178,11 @@ def test_rigid_body_motion_gives_no_forces():
     assert abs(here.energy) < 1e-14
 
 
-@pytest.mark.parametrize("kind", ["axial", "harmonic", "planar", "spatial"])
+@pytest.mark.parametrize("kind", ["axial", "torsion", "harmonic", "planar", "spatial"])
 def test_rigid_motion_derivatives(kind):
     body = {
         "axial": lambda: rigid.section(RNG.normal(size=(4, 2)), elements.around(0)),
+        "torsion": lambda: rigid.section(RNG.normal(size=(4, 2)), elements.twisting()),
         "harmonic": lambda: rigid.section(RNG.normal(size=(4, 2)), elements.around(2)),
         "planar": lambda: rigid.solid(RNG.normal(size=(4, 3)), 3),
         "spatial": lambda: rigid.solid(RNG.normal(size=(4, 3)), 6),
@@ -208,33 +209,67 @@ def test_both_linear_solvers_agree():
     np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
 
 
-def test_rigid_magnet_equals_a_very_stiff_one():
-    """The exact constraint against an elastic magnet 1e5 times stiffer, on one mesh."""
+def stiff_or_rigid(magnet, angles, depth):
+    """The paper's sensor, pressed: the magnet rigid ("hole") or silicone 1e5 times stiffer ("meshed"), on one mesh."""
     shape = Design().shape.scaled(1 / 8)
     mu, inverse_K = lame(1.0, 0.4998)
+    mesh = section(shape, 0.1, tip_size=0.05, magnet=magnet)
+    e = elements.build(mesh, axisymmetric=True, angles=angles)
+    fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
+    fixed[elements.boundary_nodes(mesh, "base")] = True
+    fixed[elements.boundary_nodes(mesh, "axis"), :-1] = True
+    skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
+    stiff = np.ones(len(e.cells))
+    if magnet == "meshed":
+        stiff[mesh.subdomains["magnet"]] = 1e5
+    glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
+    body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if magnet == "hole" else None
+    system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, body)
+    q = np.zeros(system.size)
+    for press in np.linspace(0.1, depth, round(depth / 0.1)):
+        flat = Plate(shape.L - press, 5000.0, np.zeros(2))
+        guess = skin.points[..., 2] >= shape.L - press / 2 if press == 0.1 else None
+        answer = newton(system, Solver(), q, flat, guess)
+        assert answer.converged
+        q = answer.state.q
+    return system, answer
+
+
+def test_rigid_magnet_equals_a_very_stiff_one():
     forces, shifts = [], []
     for magnet in ("hole", "meshed"):
-        mesh = section(shape, 0.1, tip_size=0.05, magnet=magnet)
-        e = elements.build(mesh, axisymmetric=True)
-        fixed = np.zeros(e.nodes.shape, dtype=bool)
-        fixed[elements.boundary_nodes(mesh, "base")] = True
-        fixed[elements.boundary_nodes(mesh, "axis"), 0] = True
-        skin = elements.surface(mesh, "skin", e, axisymmetric=True, order=5)
-        stiff = np.ones(len(e.cells))
-        if magnet == "meshed":
-            stiff[mesh.subdomains["magnet"]] = 1e5
-        glued = elements.boundary_nodes(mesh, "magnet") if magnet == "hole" else NONE
-        body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if magnet == "hole" else None
-        system = System(e, skin, mu * stiff, inverse_K / stiff, fixed, glued, body)
-        flat = Plate(shape.L - 0.1, 5000.0, np.zeros(2))
-        guess = skin.points[..., 2] >= shape.L - 0.05
-        answer = newton(system, Solver(), np.zeros(system.size), flat, guess)
-        assert answer.converged
-        forces.append(answer.assembly.forces[fixed[:, 1], 1].sum())
-        centre = np.argmin(np.hypot(e.nodes[:, 0] - shape.magnet_diameter / 2, e.nodes[:, 1] - shape.H))
+        system, answer = stiff_or_rigid(magnet, elements.around(0), 0.1)
+        nodes, shape = system.elements.nodes, Design().shape.scaled(1 / 8)
+        forces.append(answer.assembly.forces[system.fixed[:, 1], 1].sum())
+        centre = np.argmin(np.hypot(nodes[:, 0] - shape.magnet_diameter / 2, nodes[:, 1] - shape.H))
         shifts.append(answer.state.u[centre, 1])
     assert forces[0] == pytest.approx(forces[1], rel=2e-3)
     assert shifts[0] == pytest.approx(shifts[1], rel=2e-3)
+
+
+def test_a_press_softens_torsion_around_a_rigid_magnet_as_around_a_very_stiff_one():
+    """Torsional compliance, pressed over at rest: 1.07. The second-order part of the magnet's turn belongs to it."""
+    ratios = []
+    for magnet in ("hole", "meshed"):
+        system, answer = stiff_or_rigid(magnet, elements.twisting(), 0.2)
+        nodes, top = system.elements.nodes, (Design().H + Design().magnet_height / 2) / 8 + 1e-6
+        torque = np.zeros(system.fixed.shape)
+        torque[:, 1] = np.where(nodes[:, 1] > top, nodes[:, 0], 0.0)
+        load = system.unknowns(torque, answer.state.p * 0, np.zeros(system.n_rigid))
+        compliance = []
+        for state in (system.state(np.zeros(system.size)), answer.state):
+            solver = Solver()
+            solver.factorise(system.assemble(state, None).tangent)
+            compliance.append(load @ solver.solve(load))
+            solver.close()
+        ratios.append(compliance[1] / compliance[0])
+    assert ratios[0] == pytest.approx(ratios[1], rel=2e-3)
+
+
+def test_a_magnet_that_turns_about_its_axis_keeps_its_distances():
+    arms = np.abs(RNG.normal(size=(4, 2)))
+    u = rigid.section(arms, elements.twisting()).displacement(np.array([0.3, 2.0]))
+    np.testing.assert_allclose(np.hypot(arms[:, 0] + u[:, 0], u[:, 1]), arms[:, 0], rtol=1e-14)
 
 
 def test_a_pattern_sums_pieces_of_elements_like_dense_matrices():
