@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Response
-from studies import console, files, inputs
+from studies import console, files, inputs, readers
 from studies.fields import read_rows
 
 if TYPE_CHECKING:
@@ -78,26 +77,17 @@ def of_file(path: Path) -> Mechanics:
     from analytic import mechanics
 
     samples = []
-    try:
-        lines = path.read_text("utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
-    except (OSError, ValueError) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
-    for number, line in enumerate(lines, 1):
-        if line.strip():
-            try:
-                record = json.loads(line)
-                if record["status"] == "ok":
-                    samples.append(_sample(record))
-            except (ValueError, KeyError, TypeError) as error:
-                if isinstance(error, BadInput):
-                    raise
-                raise BadInput(
-                    f"{path}, line {number} is no state of `magtip solve --json`: it needs status, depth_mm,"
-                    " shear_mm, force_N, shift_mm and tilt_rad"
-                ) from None
+    for line, record in readers.json_objects(path):
+        try:
+            if record["status"] == "ok":
+                samples.append(_sample(record))
+        except BadInput as error:
+            raise BadInput(f"{path}, line {line}: {error}") from None
+        except (ValueError, KeyError, TypeError):
+            raise BadInput(
+                f"{path}, line {line} is no state of `magtip solve --json`: it needs status, depth_mm,"
+                " shear_mm, force_N, shift_mm and tilt_rad"
+            ) from None
     try:
         return mechanics.of_samples(samples)
     except BadInput as error:
@@ -181,8 +171,15 @@ def table(
     chosen = coder.forward.elements
     unit = units or chosen[0].unit
     target = None if out is None else files.check_output_file(out, ".csv")
-    names = [f"{name}_{unit}" for name in columns(chosen)]
-    head, rows, values = read_rows(path, names, FOUND, holes=True)
+    heads = {kind: [f"{name}_{kind}" for name in columns(chosen)] for kind in ("V", "T")}
+    other = "T" if unit == "V" else "V"
+    head, rows, values = read_rows(
+        path,
+        heads[unit],
+        FOUND,
+        holes=True,
+        instead={f"--units {other}": heads[other]} if chosen[0].unit == "V" else {},
+    )
     if len(rows) >= MANY:
         magnet.compiled()
     field = in_tesla(chosen, values, unit)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from studies import files, inputs
+from studies import files, inputs, readers
 from studies.options import FieldLevel, Pose
 
 if TYPE_CHECKING:
@@ -147,7 +148,12 @@ def read_points(path: Path) -> tuple[list[str], list[list[str]], Array]:
 
 
 def read_rows(
-    path: Path, wanted: list[str], added: list[str], *, holes: bool = False
+    path: Path,
+    wanted: list[str],
+    added: list[str],
+    *,
+    holes: bool = False,
+    instead: Mapping[str, list[str]] | None = None,
 ) -> tuple[list[str], list[list[str]], Array]:
     """Head and rows of a table as they stand, and the numbers in the wanted columns, shape (n, len(wanted)).
 
@@ -155,48 +161,41 @@ def read_rows(
     ----------
     added : columns that the table will get, and must not have.
     holes : an empty cell or a NaN is a NaN rather than bad input.
+    instead : columns that an option would want in their place, by the option.
     """
     import numpy as np
 
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-        rows = [(line, row) for line, row in _numbered(text) if row]
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
-    except (OSError, ValueError, csv.Error) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{str(path)!r} cannot be read as a UTF-8 table ({cause})") from None
+    rows = readers.csv_rows(path)
     if not rows:
         raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")
     head = [name.strip() for name in rows.pop(0)[1]]
-    _check_head(path, head, wanted, added)
+    _check_head(path, head, wanted, added, instead or {})
     columns = [head.index(name) for name in wanted]
     values = np.empty((len(rows), len(wanted)))
     for k, (line, row) in enumerate(rows):
-        if len(row) != len(head):
-            raise BadInput(f"{path}, line {line}: {len(row)} values under {len(head)} columns: give one for each")
+        readers.check_length(path, line, head, row)
         for j, column in enumerate(columns):
-            try:
-                values[k, j] = float(row[column].strip() or "nan") if holes else float(row[column])
-            except ValueError:
-                values[k, j] = math.inf
-            if not math.isfinite(values[k, j]) and not (holes and math.isnan(values[k, j])):
+            cell = row[column]
+            value = readers.number("nan" if holes and not cell.strip() else cell)
+            if value is None or not (math.isfinite(value) or (holes and math.isnan(value))):
                 unit = wanted[j].rpartition("_")[2]
                 raise BadInput(
-                    f"{path}, line {line}: {wanted[j]} must be a finite number of {unit}; got {row[column]!r}"
+                    f"{path}, line {line}: {wanted[j]} must be a finite number of {unit}; got {cell!r}"
+                    f"{readers.comma_remedy(cell)}"
                 )
+            values[k, j] = value
     return head, [row for _, row in rows], values
 
 
-def _numbered(text: str) -> list[tuple[int, list[str]]]:
-    reader = csv.reader(io.StringIO(text), strict=True)
-    return [(reader.line_num, row) for row in reader]
-
-
-def _check_head(path: Path, head: list[str], wanted: list[str], added: list[str]) -> None:
+def _check_head(
+    path: Path, head: list[str], wanted: list[str], added: list[str], instead: Mapping[str, list[str]]
+) -> None:
     names = ",".join(wanted)
     missing = [name for name in wanted if name not in head]
     if missing:
+        for option, others in instead.items():
+            if all(name in head for name in others):
+                raise BadInput(f"{path}: it has the columns {','.join(others)}, not {names}: add {option}")
         raise BadInput(
             f"{path}: column {missing[0]} is missing: the first line must name {names}; got {','.join(head)}"
         )

@@ -20,6 +20,9 @@ from geometry.scene import Magnet
 AXES = ("D", "L", "f", "E", "depth")
 """What a sweep can vary: fields of `Design`, and the depth of the press, mm."""
 
+AN_AXIS = "an axis takes numbers and is one of D, L, f (mm), E (MPa) and, in a sweep, depth (mm)"
+"""What an axis can be, for messages."""
+
 AccuracyName = Literal["quick", "standard", "fine"]
 
 Value = float | str
@@ -87,6 +90,7 @@ def parse_axes(axes: Sequence[str]) -> dict[str, list[float]]:
         name = name.strip()
         if not equals:
             raise BadInput(f"an axis must read NAME=a,b,c, such as D=6,8,10; got {text!r}")
+        _check_axis(name)
         if name in found:
             raise BadInput(f"axis {name} is given twice: give all its values at once, {name}=a,b,c")
         found[name] = parse_numbers(f"axis {name}", values)
@@ -144,6 +148,8 @@ def read_study(path: str) -> Study:
         "accuracy": AccuracyName | None,
     }
     _known(path, table, kinds)
+    for name in table["axes"] if isinstance(table.get("axes"), dict) else ():
+        _check_axis(name)
     if "axes" not in table:
         raise BadInput(f"{path}: a study needs a table [axes], with one or more of {', '.join(AXES)}")
     found = _validated(path, table, kinds)
@@ -257,12 +263,20 @@ def _table(path: str, what: str) -> dict[str, Any]:
         raise BadInput(f"{path!r} cannot be read ({cause}): check its path and permissions") from None
 
 
+def _check_axis(name: str) -> None:
+    """An axis must be one of `AXES`; for other fields of the design there is --set."""
+    if name in AXES:
+        return
+    if name not in _FIELDS:
+        raise BadInput(f"there is no axis {name!r}: {nearest(name, AXES)}; {AN_AXIS}")
+    raise BadInput(f"{name} cannot be an axis: {AN_AXIS}; give {name} by --set, one command for each value")
+
+
 def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
     if not axes:
         raise BadInput(f"a sweep needs an axis, such as D=6,8,10: choose from {', '.join(AXES)}")
     for name, values in axes.items():
-        if name not in AXES:
-            raise BadInput(f"there is no axis {name!r}: {nearest(name, AXES)}")
+        _check_axis(name)
         if not values:
             raise BadInput(f"axis {name} has no values: give numbers, such as {name}=1,2,3")
         if len(set(values)) < len(values):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import BadInput, nearest
+from studies import readers
 
 Array = NDArray[np.float64]
 
@@ -47,8 +45,8 @@ def read(path: str) -> Specimen:
         The file cannot be read, a column is missing or ambiguous, a value is no number or not possible, or there
         are too few points.
     """
-    rows = _rows(path)
-    line, header = next(rows, (1, []))
+    rows = [(line, [cell.strip() for cell in row]) for line, row in readers.csv_rows(Path(path), comments=True)]
+    line, header = rows.pop(0) if rows else (1, [])
     if not header:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
     along, across = _column(path, line, header, tuple(STRETCH)), _column(path, line, header, tuple(STRESS))
@@ -77,29 +75,6 @@ def read(path: str) -> Specimen:
     return Specimen(np.array(stretch), np.array(stress), header[across])
 
 
-def _rows(path: str) -> Iterator[tuple[int, list[str]]]:
-    """Line numbers and cells of the lines that hold something."""
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {path!r}: check its path") from None
-    except IsADirectoryError:
-        raise BadInput(f"{path!r} is a folder: give a CSV file") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{path!r} is not UTF-8 text: save it as a UTF-8 CSV file") from None
-    except (OSError, ValueError) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{path!r} cannot be read ({cause}): check its path and permissions") from None
-    for number, line in enumerate(io.StringIO(text), start=1):
-        content = line.partition("#")[0].strip()
-        if content:
-            try:
-                cells = next(csv.reader([content], strict=True))
-            except csv.Error as error:
-                raise BadInput(f"{path!r}, line {number} is not CSV ({error}): check its quotes") from None
-            yield number, [cell.strip() for cell in cells]
-
-
 def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
     """Place of the one column with a wanted name."""
     found = [k for k, name in enumerate(header) if name in wanted]
@@ -121,13 +96,11 @@ def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) ->
 
 
 def _value(path: str, line: int, header: list[str], row: list[str], column: int) -> float:
-    where = f"{path!r}, line {line}, column {header[column]}"
-    if len(row) != len(header):
-        raise BadInput(f"{where}: the header has {len(header)} columns and this line {len(row)}: make them agree")
-    try:
-        value = float(row[column])
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise BadInput(f"{where}: must be a finite number; got {row[column]!r:.40}")
+    readers.check_length(Path(path), line, header, row)
+    value = readers.number(row[column])
+    if value is None or not math.isfinite(value):
+        raise BadInput(
+            f"{path!r}, line {line}, column {header[column]}: must be a finite number; got {row[column]!r:.40}"
+            f"{readers.comma_remedy(row[column])}"
+        )
     return value

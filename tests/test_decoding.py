@@ -139,7 +139,11 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         (("--readings", "1,2,3", "--out", "d.csv"), "--out is for"),
         (("--readings", "1,2,3", "--level", "paper", "--responses", "s"), "leave one"),
         (("--readings", "1,2,3", "--responses", "none.jsonl"), "no file"),
-        (("--readings", "1,2,3", "--responses", "r.csv"), "line 1 is no state"),
+        (("--readings", "1,2,3", "--responses", "r.csv"), "r.csv, line 1 is not JSON"),
+        (("--readings", "1,2,3", "--responses", "nan.jsonl"), "nan.jsonl, line 2: numbers must be finite; got NaN"),
+        (("--readings", "1,2,3", "--responses", "inf.jsonl"), "inf.jsonl, line 1: numbers must be finite; got 1e999"),
+        (("--readings", "1,2,3", "--responses", "list.jsonl"), "list.jsonl, line 1 must hold a JSON object"),
+        (("--readings", "1,2,3", "--responses", "other.jsonl"), "other.jsonl, line 1 is no state"),
         (("--readings", "1,2,3", "--responses", "empty.csv"), "add both"),
         (("--readings", "1,2,3", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "magnet"),
         (("--readings", "1,2,3", "--set", "l0=3", "--set", "c=0"), "inside the beam"),
@@ -150,7 +154,10 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         ),
         (("--file", "none.csv"), "no file"),
         (("--file", "r.csv"), "in the order S1_V,S2_V,S3_V"),
-        (("--file", "r.csv", "--units", "T"), "S1_T is missing"),
+        (("--file", "text_T.csv", "--units", "T"), "S2_T is missing"),
+        (("--file", "tesla.csv"), "S1_T,S2_T,S3_T, not S1_V,S2_V,S3_V: add --units T"),
+        (("--file", "good.csv", "--units", "T"), "S1_V,S2_V,S3_V, not S1_T,S2_T,S3_T: add --units V"),
+        (("--file", "semicolons.csv"), "semicolons separate its columns"),
         (("--file", "text.csv"), "must be a finite number of V"),
         (("--file", "empty.csv"), "is empty"),
     ],
@@ -159,6 +166,14 @@ def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
     (tmp_path / "r.csv").write_text("S2_V,S1_V,S3_V\n1,2,3\n")
     (tmp_path / "text.csv").write_text("S1_V,S2_V,S3_V\n1,two,3\n")
     (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "text_T.csv").write_text("S1_T,S3_T\n1,3\n")
+    (tmp_path / "tesla.csv").write_text("S1_T,S2_T,S3_T\n0.01,0.01,0.01\n")
+    (tmp_path / "good.csv").write_text("S1_V,S2_V,S3_V\n3,3,3\n")
+    (tmp_path / "semicolons.csv").write_text("S1_V;S2_V;S3_V\n3,1;3;3\n")
+    (tmp_path / "nan.jsonl").write_text('{"status": "failed"}\n{"status": "ok", "tilt_rad": NaN}\n')
+    (tmp_path / "inf.jsonl").write_text('{"status": "ok", "tilt_rad": 1e999}\n')
+    (tmp_path / "list.jsonl").write_text("[1, 2]\n")
+    (tmp_path / "other.jsonl").write_text('{"depth_mm": 1}\n')
     status, out, err = run("decode", "paper", *tokens)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert words in err

@@ -50,7 +50,11 @@ def test_other_columns_stay(run, tmp_path):
         ("x_mm,y_mm,z_mm\n1,2,nan\n", "line 2: z_mm must be a finite number"),
         ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values under 3 columns"),
         ("x_mm,y_mm,z_mm\n2,0,6\n", "infinite on the magnet's rim"),
-        ('x_mm,y_mm,z_mm\n"1,2,3\n', "cannot be read"),
+        ('x_mm,y_mm,z_mm\n"1,2,3\n', "line 2 is not CSV"),
+        ("x_mm;y_mm;z_mm\n1,5;2;3\n", "line 1: semicolons separate its columns: save it with commas"),
+        ("x_mm\ty_mm\tz_mm\n1\t2\t3\n", "line 1: tabs separate its columns"),
+        ('x_mm,y_mm,z_mm\n"1,5",2,3\n', "got '1,5': write a point, no comma"),
+        ("x_mm,y_mm,z_mm\n1,5,2,0,3,0\n", "6 values under 3 columns: write a point"),
     ],
 )
 def test_bad_tables_are_a_sentence(run, tmp_path, text, words):

@@ -1,0 +1,156 @@
+"""The one reader of CSV tables and of JSON lines; what cannot be read ends in a sentence with file and line."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+from geometry.design import BadInput
+
+SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
+"""What spreadsheets and loggers put between columns in place of commas."""
+
+Rows = list[tuple[int, list[str]]]
+"""Number of each row's last line, from 1, and its cells as they stand."""
+
+
+def text_of(path: Path, kind: str) -> str:
+    """The text of a UTF-8 file, without a byte order mark.
+
+    Parameters
+    ----------
+    kind : of the file, such as CSV.
+
+    Raises
+    ------
+    BadInput
+        It cannot be read.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
+    except IsADirectoryError:
+        raise BadInput(f"{str(path)!r} is a folder: give a {kind} file") from None
+    except UnicodeDecodeError:
+        raise BadInput(f"{str(path)!r} is not UTF-8 text: save it as a UTF-8 {kind} file") from None
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
+
+
+def csv_rows(path: Path, *, comments: bool = False) -> Rows:
+    """The rows of a CSV table that hold something, the head first; it may be empty.
+
+    Parameters
+    ----------
+    comments : whether # begins a comment.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be read, its quotes do not close, or its columns are not separated by commas.
+    """
+    lines = io.StringIO(text_of(path, "CSV"), newline="")
+    reader = csv.reader((line.partition("#")[0] if comments else line for line in lines), strict=True)
+    rows: Rows = []
+    before = 0
+    try:
+        for row in reader:
+            before = reader.line_num
+            if row and (len(row) > 1 or row[0].strip()):
+                rows.append((reader.line_num, row))
+    except csv.Error as error:
+        raise BadInput(f"{str(path)!r}, line {before + 1} is not CSV ({error}): check its quotes") from None
+    if rows:
+        line, head = rows[0]
+        _check_separator(path, line, ",".join(head))
+    return rows
+
+
+def _check_separator(path: Path, line: int, head: str) -> None:
+    for sign, name in SEPARATORS.items():
+        if head.count(sign) > head.count(","):
+            raise BadInput(
+                f"{str(path)!r}, line {line}: {name} separate its columns: save it with commas between columns "
+                "and a point before decimals"
+            )
+
+
+def check_length(path: Path, line: int, head: list[str], row: list[str]) -> None:
+    """A row must have a cell for each column.
+
+    Raises
+    ------
+    BadInput
+        It has not.
+    """
+    if len(row) != len(head):
+        # 1,5,2,75 under two columns
+        halved = len(row) == 2 * len(head) and all(cell.strip().lstrip("+-").isdecimal() for cell in row)
+        remedy = "write a point, no comma, before decimals" if halved else "give one for each"
+        raise BadInput(f"{str(path)!r}, line {line}: {len(row)} values under {len(head)} columns: {remedy}")
+
+
+def number(cell: str) -> float | None:
+    """The number in a cell, NaN and infinity too; None if it holds none.
+
+    >>> number(" 1.5"), number("1,5")
+    (1.5, None)
+    """
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def comma_remedy(cell: str) -> str:
+    """What to do about a cell that is no number because of a decimal comma; nothing about others.
+
+    >>> comma_remedy("1,5")
+    ': write a point, no comma, before decimals'
+    """
+    pointed = number(cell.replace(",", ".")) if cell.count(",") == 1 else None
+    return "" if pointed is None else ": write a point, no comma, before decimals"
+
+
+def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Number of each line that holds something, and the object in it.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be read, or a line holds no JSON object of finite numbers.
+    """
+    for line, text in enumerate(text_of(path, "JSON lines").split("\n"), 1):
+        if not text.strip():
+            continue
+        try:
+            found = json.loads(text, parse_constant=_not_finite, parse_float=_finite)
+        except _NotFinite as error:
+            raise BadInput(f"{path}, line {line}: numbers must be finite; got {error}: leave this line out") from None
+        except (ValueError, RecursionError):
+            raise BadInput(f"{path}, line {line} is not JSON: give one object to a line") from None
+        if not isinstance(found, dict):
+            raise BadInput(f"{path}, line {line} must hold a JSON object, {{...}}; got {text.strip():.40}")
+        yield line, found
+
+
+class _NotFinite(Exception):
+    """A number of JSON that is not finite, as it stands."""
+
+
+def _not_finite(name: str) -> NoReturn:
+    raise _NotFinite(name)
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        _not_finite(text)
+    return value
