@@ -210,7 +210,7 @@ def test_both_linear_solvers_agree():
 
 
 def stiff_or_rigid(magnet, angles, depth):
-    """The paper's sensor, pressed: the magnet rigid ("hole") or silicone 1e5 times stiffer ("meshed"), on one mesh."""
+    """The paper's sensor, pressed: the magnet rigid ("hole") or silicone 1e5 times stiffer ("meshed"), one mesh."""
     shape = Design().shape.scaled(1 / 8)
     mu, inverse_K = lame(1.0, 0.4998)
     mesh = section(shape, 0.1, tip_size=0.05, magnet=magnet)
