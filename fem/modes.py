@@ -28,6 +28,7 @@ from fem.equilibrium import contact_end
 from fem.levels import STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import lame, law
+from fem.newton import STOPPED
 from fem.path import Path
 from fem.system import NONE, System
 from geometry.design import BadInput, Design
@@ -108,7 +109,7 @@ def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -
     if reason:
         path.close()
         raise BadInput(
-            f"the press stops at depth {path.position[0] * design.D:.4g} mm ({reason}): take a smaller depth"
+            f"the press stops at depth {path.position[0] * design.D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
     return path
 

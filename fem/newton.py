@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,16 @@ PATIENCE = 6
 LOCAL, MOST_LOCAL = 1e-3, 12
 """Tolerance, and most iterations, for cells that are balanced by themselves."""
 
+Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
+STOPPED: dict[Stop, str] = {
+    "": "",
+    "no_convergence": f"no convergence in {MOST_ITERATIONS} iterations",
+    "guess_inverted": "the first guess turns an element inside out",
+    "step_inverted": "an element is about to turn inside out",
+    "singular": "the stiffness is singular",
+}
+"""Why Newton's method stopped short, in words."""
+
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
@@ -37,14 +48,14 @@ class Equilibrium:
     ----------
     state, assembly : the last state whose residual was formed.
     iterations : linear solves done.
-    reason : why it stopped short; empty when converged.
+    reason : why it stopped short, a key of STOPPED; empty when converged.
     unstable : number of directions in which the last tangent is unstable, None where that is not known.
     """
 
     state: State
     assembly: Assembly
     iterations: int
-    reason: str
+    reason: Stop
     unstable: int | None = None
 
     @property
@@ -76,7 +87,7 @@ def newton(
     state = system.admissible(q)
     if state is None:
         state = system.state(q)
-        return Equilibrium(state, _empty(system), 0, "the first guess turns an element inside out")
+        return Equilibrium(state, _empty(system), 0, "guess_inverted")
     frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, frozen)
     force, volume = _sizes(assembly, n)
@@ -97,11 +108,11 @@ def newton(
             step = solver.solve(assembly.residual)
             if assembly.matrix is not None:
                 step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
-        except SingularMatrixError as error:
-            return Equilibrium(state, assembly, iteration, f"the stiffness is singular ({error})")
+        except SingularMatrixError:
+            return Equilibrium(state, assembly, iteration, "singular")
         trial = _search(system, state, step)
         if trial is None:
-            return Equilibrium(state, assembly, iteration, "an element is about to turn inside out")
+            return Equilibrium(state, assembly, iteration, "step_inverted")
         scale = reference or 1.0, reach or 1.0
         before, step = _merit(force, volume, scale), state.q - trial.q
         # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
@@ -120,7 +131,7 @@ def newton(
         if iteration >= PATIENCE and rate > 1 / 2:
             state, assembly = _damped(system, plate, state, assembly, step, n, scale)
             force, volume = _sizes(assembly, n)
-    return Equilibrium(state, assembly, most, f"no convergence in {most} iterations")
+    return Equilibrium(state, assembly, most, "no_convergence")
 
 
 def _unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:

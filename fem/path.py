@@ -21,7 +21,7 @@ from fem import contact, elements, friction
 from fem.contact import KAPPA, Plate
 from fem.linear import Solver
 from fem.models import Discretisation, raise_harmonics
-from fem.newton import TOLERANCE, Equilibrium, newton
+from fem.newton import TOLERANCE, Equilibrium, Stop, newton
 from fem.system import System
 
 Array = NDArray[np.float64]
@@ -143,8 +143,8 @@ class Path:
             friction=self.friction,
         )
 
-    def go(self, depth: float, shear: Array) -> str:
-        """Move to a depth, then to a shear (2,); returns an empty text or why it stopped on the way."""
+    def go(self, depth: float, shear: Array) -> Stop:
+        """Move to a depth, then to a shear (2,); returns why it stopped on the way, empty if it did not."""
         self.iterations = 0
         reason = self._leg(np.array([depth, *self.position[1:]]))
         if reason or np.array_equal(shear, self.position[1:]):
@@ -245,7 +245,7 @@ class Path:
         self.q, self.energy, self.position, self._past = answer.state.q, answer.assembly.energy, goal, []
         return True
 
-    def _leg(self, goal: Array, *, passing: bool = False) -> str:
+    def _leg(self, goal: Array, *, passing: bool = False) -> Stop:
         """Go to a position; if only `passing`, roughly."""
         start = self.position
         length = float(np.linalg.norm(goal - start))

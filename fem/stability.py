@@ -25,6 +25,7 @@ from fem.levels import QUICK, STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import law
 from fem.models import Discretisation
+from fem.newton import STOPPED
 from fem.path import Path
 from fem.solution import pose
 from fem.system import Assembly
@@ -145,7 +146,9 @@ def small_shear(
     try:
         reason = path.go(d, np.zeros(2))
         if reason:
-            raise BadInput(f"the press stops at depth {path.position[0] * D:.4g} mm ({reason}): take a smaller depth")
+            raise BadInput(
+                f"the press stops at depth {path.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
+            )
         high = build(harmonics=1)
         q = models.raise_harmonics(path.d.system, high.system, path.q)
         skin = high.system.surface

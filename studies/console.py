@@ -60,20 +60,27 @@ def report(
 
 
 def stream(
-    records: Iterable[Mapping[str, Any]], *, as_json: bool, title: str, keys: Sequence[str], count: int
+    records: Iterable[Mapping[str, Any]],
+    *,
+    as_json: bool,
+    title: str,
+    keys: Sequence[str],
+    count: int,
+    brief: Sequence[str] = (),
 ) -> list[dict[str, Any]]:
     """Print each record as soon as it is there, and return them all.
 
     Parameters
     ----------
     keys : of the columns of a table.
-    count : how many records are expected; a single one is printed upright.
+    count : how many records are expected; a single one is printed upright, without the keys in `brief`.
     """
     printed: list[dict[str, Any]] = []
     widths: list[int] = []
     for record in records:
         if as_json or count == 1:
-            report([record], as_json=as_json, title=title)
+            shown = {key: value for key, value in record.items() if as_json or key not in brief}
+            report([shown], as_json=as_json, title=title)
         else:
             first = not printed
             widths = widths or [_width(key, record.get(key)) for key in keys]

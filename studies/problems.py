@@ -20,7 +20,7 @@ from fem import elements, material
 from fem.elements import Elements
 from fem.linear import Solver
 from fem.material import lame
-from fem.newton import Equilibrium, newton
+from fem.newton import STOPPED, Equilibrium, newton
 from fem.system import System
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ def find(system: System, u: Array | None = None, q: Array | None = None) -> Equi
     finally:
         solver.close()
     if not answer.converged:
-        raise NotSolvedError(answer.reason)
+        raise NotSolvedError(STOPPED[answer.reason])
     return answer
 
 

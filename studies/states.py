@@ -15,12 +15,18 @@ from studies.console import Progress
 from studies.options import Method, Motion
 
 if TYPE_CHECKING:
+    from fem.facts import Facts
     from fem.levels import Accuracy
     from fem.solution import Solution
 
 MOST_STEPS = 1000
 MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 """Keys that tell the states of a path apart."""
+FACTS = (
+    *("stop", "remark", "unstable_directions", "unstable_stretches", "inside_out_share"),
+    *(f"onset_{what}_{end}_mm" for what in ("depth", "shear") for end in ("from", "to")),
+)
+"""Keys whose values the message tells in words."""
 
 
 def loads_of(motion: Motion) -> list[Load]:
@@ -233,6 +239,24 @@ def solution_record(state: Solution) -> dict[str, Any]:
         "dofs": state.dofs,
         "newton_iterations": state.newton_iterations,
         "seconds": state.seconds,
+        **_facts_record(state.facts),
+    }
+
+
+def _facts_record(facts: Facts) -> dict[str, Any]:
+    """What the message of a state says, for programs; the onset is where the path turned unstable, from and to."""
+    onsets = {
+        f"onset_{what}_{end}_mm": facts.onset_mm[i] if facts.onset_mm and facts.onset == what else None
+        for what in ("depth", "shear")
+        for i, end in enumerate(("from", "to"))
+    }
+    return {
+        "stop": facts.stop or None,
+        "remark": facts.remark,
+        "unstable_directions": facts.unstable_directions,
+        **onsets,
+        "unstable_stretches": None if facts.weak_at is None else list(facts.weak_at),
+        "inside_out_share": facts.inside_out_share,
     }
 
 
@@ -270,6 +294,8 @@ def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
         "dofs": 0,
         "newton_iterations": 0,
         "seconds": 0.0,
+        **dict.fromkeys(FACTS),
+        "stop": "no_mesh",
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fem import contact, models
 from fem.equilibrium import trace
 from fem.levels import LEVELS
-from fem.newton import newton
+from fem.newton import STOPPED, newton
 from fem.path import Path
 from geometry.design import paper
 from geometry.scene import Load, Magnet
@@ -58,5 +58,5 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     finally:
         path.close()
     if reason:
-        raise NotSolvedError(reason)
+        raise NotSolvedError(STOPPED[reason])
     return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))

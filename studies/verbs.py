@@ -139,7 +139,9 @@ def solve(
     with console.progress(as_json=as_json) as progress:
         reached = states.solve(given, loads, method, out=out, picture=picture, progress=progress)
         with contextlib.closing(reached):
-            records = console.stream(reached, as_json=as_json, title=title, keys=keys, count=len(loads))
+            records = console.stream(
+                reached, as_json=as_json, title=title, keys=keys, count=len(loads), brief=states.FACTS
+            )
     if len(loads) > 1 and not as_json:
         for remark in console.remarks(records, states.MOVED):
             print(remark)

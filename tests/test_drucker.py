@@ -51,7 +51,7 @@ def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lo
     path = equilibrium._start(SOFT, [load], QUICK, "rigid", "axisymmetric", None)
     try:
         assert not path.go(depth / SOFT.D, np.zeros(2))
-        state = read(path, SOFT, load, np.array([1.0, 0.0]), "no convergence", 0.0)
+        state = read(path, SOFT, load, np.array([1.0, 0.0]), "no_convergence", 0.0)
     finally:
         path.close()
     assert state.status == "not_converged"

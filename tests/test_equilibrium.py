@@ -10,9 +10,9 @@ from scipy.integrate import simpson
 
 from fem import equilibrium, models
 from fem.equilibrium import solve, trace
+from fem.facts import inside_out
 from fem.levels import QUICK, STANDARD
 from fem.path import Path
-from fem.solution import inside_out
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load
 

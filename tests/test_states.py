@@ -38,6 +38,15 @@ SOLVE_KEYS = {
     "dofs",
     "newton_iterations",
     "seconds",
+    "stop",
+    "remark",
+    "unstable_directions",
+    "onset_depth_from_mm",
+    "onset_depth_to_mm",
+    "onset_shear_from_mm",
+    "onset_shear_to_mm",
+    "unstable_stretches",
+    "inside_out_share",
 }
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 
@@ -52,6 +61,14 @@ def test_solve_json_has_the_contract_keys(run, strict):
     assert state["force_N"][2] > 0 > state["shift_mm"][2]
     assert 0 < state["contact_radius_mm"] < 4
     assert 0 < state["error_estimate"] < 0.2
+    assert [state[key] for key in ("stop", "remark", "onset_depth_from_mm", "inside_out_share")] == [None] * 3 + [0.0]
+
+
+def test_facts_are_for_programs_and_left_out_of_what_people_read(run):
+    status, out, _ = run("solve", "paper", "--depth", 1, *QUICK)
+    assert status == 0
+    assert "newton iterations" in out
+    assert "onset" not in out
 
 
 @pytest.mark.parametrize("flag", [("--depth", 1, "--steps", 2), ("--depths", "0.5,1")])
