@@ -40,6 +40,8 @@ Arrays = dict[str, NDArray[Any]]
 VARIABLE, LIMIT_VARIABLE = "MAGTIP_CACHE", "MAGTIP_CACHE_MB"
 OFF = "off"
 LIMIT_MB = 1000.0
+MOST = 2.0**63
+"""Of all limits, bytes: more than any disk has."""
 SUFFIX = ".mesh"
 FORGOTTEN_S = 3600.0
 """Age of a temporary file whose process must have died."""
@@ -90,8 +92,8 @@ def limit() -> int:
     except ValueError:
         size = math.nan
     if not 0 <= size < math.inf:
-        raise BadInput(f"{LIMIT_VARIABLE} must be a size in MB, 0 or more; got {text!r}")
-    return int(1e6 * size)
+        raise BadInput(f"{LIMIT_VARIABLE} must be a finite size in MB, 0 or more; got {text!r}")
+    return int(min(1e6 * size, MOST))
 
 
 def key(**parts: Any) -> str:
@@ -115,6 +117,9 @@ def load(name: str) -> Arrays | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
+        if file.is_dir():
+            _put_aside(file)
+            return None
         _say(f"cannot read the mesh cache {str(place)!r} ({error.strerror})")
         return None
     arrays = _opened(content)
@@ -180,6 +185,17 @@ def _opened(content: bytes) -> Arrays | None:
         return None
 
 
+def _put_aside(file: Path) -> None:
+    """Rename a folder that stands in the place of a file; it is not removed, for it may hold somebody's files."""
+    other = file.with_name(f"{file.stem}-{time.time_ns()}.folder")
+    try:
+        file.rename(other)
+    except OSError as error:
+        _say(f"a folder is in the place of the cached mesh {str(file)!r} ({error.strerror}): move it elsewhere")
+        return
+    _say(f"a folder was in the place of the cached mesh {str(file)!r}: its name is now {other.name!r}")
+
+
 def _write(place: Path, name: str, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(prefix=".writing-", dir=place)
     try:
@@ -200,7 +216,8 @@ def _files(place: Path) -> list[tuple[Path, int, float]]:
             if entry.name.endswith(SUFFIX):
                 with contextlib.suppress(FileNotFoundError):  # another process may have removed it
                     state = entry.stat()
-                    found.append((Path(entry.path), state.st_size, state.st_mtime))
+                    if not entry.is_dir():
+                        found.append((Path(entry.path), state.st_size, state.st_mtime))
     return sorted(found, key=lambda one: one[2])
 
 

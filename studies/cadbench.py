@@ -196,8 +196,8 @@ def _silent(fraction: float, text: str) -> None:
 
 def main(out: str) -> None:
     """Measure, and write everything into a folder."""
-    folder, about = files.output_folder(out), benchfiles.machine()
-    with tempfile.TemporaryDirectory() as work:
+    about = benchfiles.machine()
+    with files.filled(out) as folder, tempfile.TemporaryDirectory() as work:
         made = Path(work)
         found = {"times": times(made), "volumes": volumes(made / "paper"), "tolerances": tolerances()}
         console.say("paper's sensor done")
@@ -205,8 +205,8 @@ def main(out: str) -> None:
         for name in ("assembly.png", "sensor.svg", "base.svg", "mold.svg"):
             with files.atomic(folder / name) as temporary:
                 temporary.write_bytes((made / "paper" / name).read_bytes())
-    files.write_text(folder / "cad.csv", _csv(found["extremes"]))
-    files.write_text(folder / "CAD.md", document(found, about))
+        files.write_text(folder / "cad.csv", _csv(found["extremes"]))
+        files.write_text(folder / "CAD.md", document(found, about))
 
 
 if __name__ == "__main__":

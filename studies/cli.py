@@ -6,16 +6,17 @@ Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve 
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import errno
 import io
-import os
 import re
 import sys
 
 from cyclopts import App, CycloptsError, Parameter, UnknownOptionError
 
 from geometry.design import BadInput
-from studies import console, evidence, inverse, jobs, meshing, verbs
+from studies import console, evidence, inverse, jobs, meshing, streams, verbs
 from studies.options import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 
 NEGATIVE = re.compile(r"-[\d.]\S*,")
@@ -91,27 +92,31 @@ def _unknown(error: UnknownOptionError) -> str:
 
 
 def main(tokens: list[str] | None = None) -> int:
-    """Run one command line (that of the process if not told) and return its exit status."""
+    """Run one command line (default: that of the process) and return its exit status."""
+    streams.complete()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        status = app(
-            _joined(sys.argv[1:] if tokens is None else tokens),
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
-        sys.stdout.flush()
+        with contextlib.redirect_stdout(streams.Output(sys.stdout)):
+            status = app(
+                _joined(sys.argv[1:] if tokens is None else tokens),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
+            sys.stdout.flush()
     except UnknownOptionError as error:
         console.say(f"magtip: {_unknown(error)}")
         return BAD
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")
         return BAD
-    except BrokenPipeError:
-        # whoever read our output went away; nothing may be flushed into it at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
+    except streams.OutputLost as error:
+        streams.drop_output()
+        if error.errno == errno.EPIPE:
+            return BROKEN_PIPE
+        console.say(f"magtip: cannot write to standard output ({error.strerror}): send it elsewhere")
+        return BAD
     except OSError as error:
         name = repr(error.filename) if error.filename else "a file"
         console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")

@@ -32,6 +32,9 @@ Progress = Callable[[float, str], None]
 Row = dict[str, Any]
 NAN = math.nan
 
+FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
+"""What is written into a folder."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:

@@ -163,8 +163,9 @@ def _width(key: str, value: Any) -> int:
 
 
 def say(text: str) -> None:
-    """One line on standard error."""
-    print(" ".join(text.split()), file=sys.stderr, flush=True)
+    """One line on standard error; where that cannot be written, there is nobody to tell."""
+    with contextlib.suppress(OSError):
+        print(" ".join(text.split()), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

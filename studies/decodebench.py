@@ -208,26 +208,30 @@ def main(out: str, full: str | None = None) -> None:
     """Measure, and write DECODE.md into a folder; with the paper's table where it is given."""
     from studies import decodefiles
 
-    folder = files.output_folder(out)
-    about = benchfiles.machine()
-    magnet.compiled()
-    found: dict[str, Any] = {"trips": round_trips()}
-    console.say("round trips done")
-    found["searches"] = searches()
-    console.say("searches done")
-    found["tables"] = tablebench.steps()
-    if full is not None:
-        found["full"] = tablebench.whole(Path(full))
-    console.say("tables done")
-    found["tilts"] = {"the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))}
-    states = folder / "states.jsonl"
-    if states.exists():
-        law = decoding.of_file(states)
-        found["law"] = law
-        found["tilts"]["finite elements (states.jsonl), as far as they go"] = ignored(decode.decoder(paper(), law))
-    console.say("tilt done")
-    found["speed"] = speed()
-    files.write_text(folder / "DECODE.md", decodefiles.report(found, about, __doc__ or ""))
+    with files.filled(out) as folder:
+        about = benchfiles.machine()
+        magnet.compiled()
+        found: dict[str, Any] = {"trips": round_trips()}
+        console.say("round trips done")
+        found["searches"] = searches()
+        console.say("searches done")
+        found["tables"] = tablebench.steps()
+        if full is not None:
+            found["full"] = tablebench.whole(Path(full))
+        console.say("tables done")
+        found["tilts"] = {
+            "the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))
+        }
+        states = folder / "states.jsonl"
+        if states.exists():
+            law = decoding.of_file(states)
+            found["law"] = law
+            found["tilts"]["finite elements (states.jsonl), as far as they go"] = ignored(
+                decode.decoder(paper(), law)
+            )
+        console.say("tilt done")
+        found["speed"] = speed()
+        files.write_text(folder / "DECODE.md", decodefiles.report(found, about, __doc__ or ""))
 
 
 if __name__ == "__main__":

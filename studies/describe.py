@@ -95,14 +95,17 @@ def build_mesh(
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
     from geometry.mesh import tetrahedra
 
-    progress(0.0, "tetrahedra")
-    begin = time.perf_counter()
-    try:
-        made = tetrahedra(design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none")
-    except RuntimeError as error:
-        return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
-    seconds = time.perf_counter() - begin
-    files.write_mesh(file, made)
+    with files.sole_writer(file):
+        progress(0.0, "tetrahedra")
+        begin = time.perf_counter()
+        try:
+            made = tetrahedra(
+                design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none"
+            )
+        except RuntimeError as error:
+            return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
+        seconds = time.perf_counter() - begin
+        files.write_mesh(file, made)
     record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
     return record | mesh_quality(made, design)
 

@@ -238,15 +238,15 @@ def main(out: str) -> None:
     """Measure, and write field.csv and FIELD.md into a folder."""
     from studies.compare import write_table
 
-    folder = files.output_folder(out)
-    about = benchfiles.machine()
-    about |= {name: metadata.version(name) for name in ("numba", "magpylib", "mpmath")}
-    times = speed()
-    console.say("speed measured")
-    waits = first_calls()
-    found = errors()
-    write_table(folder / "field.csv", found, digits=3)
-    files.write_text(folder / "FIELD.md", report(found, times, waits, about))
+    with files.filled(out) as folder:
+        about = benchfiles.machine()
+        about |= {name: metadata.version(name) for name in ("numba", "magpylib", "mpmath")}
+        times = speed()
+        console.say("speed measured")
+        waits = first_calls()
+        found = errors()
+        write_table(folder / "field.csv", found, digits=3)
+        files.write_text(folder / "FIELD.md", report(found, times, waits, about))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Files, written whole or not at all, and the meshes and fields in them.
 
 A file gets a temporary name in its own folder and is renamed when it is complete. The name tells machine and process:
-what a process that was killed has left is removed by the next one that writes into the folder.
+what a process that was killed has left is removed by the next one that writes into the folder. One process at a time
+fills a folder, or works for a file.
 """
 
 from __future__ import annotations
@@ -15,14 +16,18 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput
+from studies import lock
 
 WRITING = ".writing-"
 """How the name of a temporary folder begins; machine and process follow."""
+
+LOCK = ".magtip.lock"
+"""The file in a folder that is locked while it is filled; the end of the name of one beside a file."""
 
 if TYPE_CHECKING:
     import skfem
@@ -53,7 +58,46 @@ def output_folder(path: str | Path) -> Path:
 
 @contextlib.contextmanager
 def filled(path: str | Path) -> Iterator[Path]:
-    """The folder of `output_folder` while it is filled; if it is made here, it is not left empty."""
+    """The folder of `output_folder` while it is filled, by this process alone; if made here, it is not left empty.
+
+    Raises
+    ------
+    BadInput
+        It cannot be written, or another process fills it.
+    """
+    with _made(path) as folder, _alone(folder / LOCK, f"the folder {str(path)!r} is being filled"):
+        yield folder
+
+
+@contextlib.contextmanager
+def sole_writer(*paths: str | Path | None) -> Iterator[None]:
+    """No other process writes these files meanwhile. A folder that is made for them is not left empty.
+
+    Raises
+    ------
+    BadInput
+        A folder cannot be written, or another process writes one of the files.
+    """
+    with contextlib.ExitStack() as stack:
+        for file in (Path(path) for path in paths if path is not None):
+            folder = stack.enter_context(_made(file.parent))
+            stack.enter_context(_alone(folder / f".{file.name}{LOCK}", f"the file {str(file)!r} is being written"))
+        yield
+
+
+@contextlib.contextmanager
+def _alone(file: Path, what: str) -> Iterator[None]:
+    """Hold a lock, or say what is being done, and by whom."""
+    try:
+        with lock.only(file):
+            yield
+    except lock.Held as held:
+        raise BadInput(f"{what} by {held.owner}: wait until that ends, or choose another name") from None
+
+
+@contextlib.contextmanager
+def _made(path: str | Path) -> Iterator[Path]:
+    """The folder of `output_folder`; if it is made here, it is not left empty."""
     made = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
     try:
         yield output_folder(path)
@@ -104,6 +148,26 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
         where = str(file.parent)
         raise BadInput(f"cannot write to the folder {where!r} ({_cause(error)}): choose another folder") from None
     return file
+
+
+def check_apart(outputs: Iterable[Path | None], inputs: Iterable[str | Path | None]) -> None:
+    """Refuse to write over what is read, under whatever name it goes.
+
+    Raises
+    ------
+    BadInput
+        An output is the same file as an input.
+    """
+    given = [path for path in inputs if path is not None and os.path.isfile(path)]
+    for out in outputs:
+        for path in given if out is not None and os.path.isfile(out) else ():
+            if os.path.samefile(str(out), path):
+                raise BadInput(f"the output {str(out)!r} is the input {str(path)!r} itself: choose another name")
+
+
+def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
+    """The paths of files in an output folder; none where nothing is to be written."""
+    return [] if folder is None else [folder / name for name in names]
 
 
 @contextlib.contextmanager

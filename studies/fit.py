@@ -33,6 +33,12 @@ from studies.specimen import Specimen, read
 
 Array = NDArray[np.float64]
 
+FILES = ("fit.csv", "fit.png", "design.toml")
+"""What is written into a folder."""
+
+MARK = "# fitted to "
+"""How a design file begins that is written here."""
+
 EXACT = 1e-9
 """Residual over the largest stress that counts as rounding."""
 
@@ -243,6 +249,8 @@ def run(path: str, nu: float, folder: Path | None) -> list[dict[str, Any]]:
     Where E is none that a design may have, a warning says so, and where that leaves no law there is no design.toml.
     """
     data = read(path)
+    if folder is not None:
+        _refuse_foreign(folder / "design.toml")
     fits = fit(data, nu)
     low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
     possible = [low <= found.E <= high for found in fits]
@@ -269,6 +277,12 @@ def run(path: str, nu: float, folder: Path | None) -> list[dict[str, Any]]:
         if chosen is not None:
             write_text(folder / "design.toml", design_text(path, chosen, nu))
     return records
+
+
+def _refuse_foreign(file: Path) -> None:
+    """A design that was not written here is somebody's own: it must not be replaced."""
+    if file.exists() and not file.read_bytes().startswith(MARK.encode()):
+        raise BadInput(f"{str(file)!r} was not written by magtip fit and would be replaced: choose another folder")
 
 
 def _model(found: Fit, stretch: Array, nu: float) -> Array:
@@ -307,6 +321,4 @@ def design_text(path: str, found: Fit, nu: float) -> str:
         f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
     ]
     origin = "".join(letter if letter.isprintable() else "?" for letter in Path(path).name)
-    return "\n".join(
-        [f"# fitted to {origin}: rms residual {100 * found.share:.3g} % of the largest stress", *lines, ""]
-    )
+    return "\n".join([f"{MARK}{origin}: rms residual {100 * found.share:.3g} % of the largest stress", *lines, ""])

@@ -12,6 +12,9 @@ from geometry.scene import Load, Magnet
 from studies import files, inputs
 from studies.console import Progress
 
+FILES = ("solves.jsonl", "sweep.csv", "sweep.png")
+"""What a sweep writes into a folder."""
+
 
 @dataclass(frozen=True, slots=True)
 class Grid:

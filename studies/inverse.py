@@ -51,6 +51,7 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
         raise BadInput("--out is for --file FILE.csv: leave it out")
+    files.check_apart([out], [source, file, responses])
     coder = decoding.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     if readings is not None:
         record = decoding.one(coder, readings, units)
@@ -60,7 +61,8 @@ def decode(
             return GOOD
         return judged([record])
     assert file is not None
-    counts = decoding.table(coder, file, units, out, as_json=as_json)
+    with files.sole_writer(out):
+        counts = decoding.table(coder, file, units, out, as_json=as_json)
     if as_json and out is not None:
         console.report([counts], as_json=True)
     for status, count in counts.items():
@@ -97,9 +99,9 @@ def table(
         The table of two dimensions that is enough where the magnet does not tilt: B_rho and B_z over (rho, Z).
     """
     given = design_of(source, sets)
-    target = files.check_output_file(out, ".npy")
+    target = tables.target(out, [source, responses])
     model, grid = tables.plan(given, step, level, responses)
-    with files.filled(target.parent), console.progress(as_json=as_json) as progress:
+    with files.sole_writer(target), console.progress(as_json=as_json) as progress:
         record = tables.write_plane(model, grid, target) if plane else tables.write(model, grid, target, progress)
     console.report([record], as_json=as_json, title="Table")
     return GOOD
@@ -139,6 +141,7 @@ def layout(
     given = design_of(source, sets)
     if ranges and not search:
         raise BadInput("--range says where to search: add --search")
+    files.check_apart(files.inside(out, texts.FILES), [source, basis.responses])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         job = work.Job(given, basis, search, tuple(ranges or ()), count, claim)
         found = work.run(job, progress, folder, " ".join(["magtip layout", source, *_repeated("--set", sets)]))

@@ -65,6 +65,7 @@ def compare(
     from studies import compare as work
 
     _say_what_is_ignored(given)
+    files.check_apart(files.inside(out, work.FILES), [source])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         summary = work.run(given, folder, accuracy=LEVELS[accuracy], progress=progress)
     if as_json:
@@ -111,6 +112,7 @@ def sweep(
     """
     case = grids.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
     say_what_is_idle(case.design)
+    files.check_apart(files.inside(out, grids.FILES), [source, design])
     if case.magnet == "rigid":
         _say_what_is_ignored(case.design)
     rows: list[dict[str, Any]] = []
@@ -144,6 +146,7 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
     """
     from studies import fit as work
 
+    files.check_apart(files.inside(out, work.FILES), [data])
     with files.results(out) as folder:
         records = work.run(data, nu, folder)
     shown = records if as_json else [work.flat(record) for record in records]

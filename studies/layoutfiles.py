@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
+FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LAYOUT.md")
+"""What is written into a folder; of a search and of the claim only where they are asked for."""
+
 
 def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, room: float) -> None:
     """layout.csv, layout.png, LAYOUT.md and, of the claim, claim.csv and claim.png, into an existing folder."""

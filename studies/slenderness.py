@@ -29,6 +29,9 @@ FIGURES = (
 
 NEAR = 0.1
 
+FILES = ("stability.csv", "stability.png", "STABILITY.md")
+"""What is written into a folder."""
+
 
 def run(
     design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress

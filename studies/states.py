@@ -202,15 +202,16 @@ def _records(
 ) -> Generator[dict[str, Any]]:
     last: Solution | None = None
     reached = 0
-    try:
-        for last in found:
-            reached += 1
-            yield solution_record(last)
-    except RuntimeError as error:
-        yield _unsolved(loads[reached], method.model, str(error))
-    finally:
-        if last is not None:
-            _write(design, last, method.magnet, vtu, png)
+    with files.sole_writer(vtu, png):
+        try:
+            for last in found:
+                reached += 1
+                yield solution_record(last)
+        except RuntimeError as error:
+            yield _unsolved(loads[reached], method.model, str(error))
+        finally:
+            if last is not None:
+                _write(design, last, method.magnet, vtu, png)
 
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:

@@ -1,17 +1,19 @@
 """What `magtip table` writes: the paper's look-up table as a file of NumPy that can be read by memory mapping.
 
-The table is written slab by slab under a temporary name beside its own, with a note of what it is and how far it is;
+The table is written slab by slab under a hidden name beside its own, with a note of what it is and how far it is;
 the same command goes on from there. A complete table takes its name, and FILE.json says what is in it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
 import math
 import os
 import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +27,48 @@ if TYPE_CHECKING:
 
 NOTE_EVERY = 8
 """Slabs between two notes."""
+
+
+MAGIC = b"\x93NUMPY"
+"""How a file of NumPy begins."""
+KEYS = ("design", "step_mm", "shape", "axes")
+"""Of what stands beside a table that this program wrote."""
+
+
+def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
+    """The table's file, fit to be written; an older table in its place is replaced, nothing else.
+
+    Raises
+    ------
+    BadInput
+        It cannot be written, is an input, or there is a file already that is no table of this program.
+    """
+    file = files.check_output_file(out, ".npy")
+    about = file.with_suffix(".json")
+    files.check_apart([file, about], inputs)
+    for path, whose in ((file, _is_table(file)), (about, _is_about(about))):
+        if path.exists() and not whose:
+            raise BadInput(f"{str(path)!r} is no table that magtip wrote and would be replaced: choose another name")
+    return file
+
+
+def _is_about(file: Path) -> bool:
+    """Whether a file is what stands beside a table."""
+    try:
+        found = json.loads(file.read_text("utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(found, dict) and set(KEYS) <= set(found)
+
+
+def _is_table(file: Path) -> bool:
+    """Whether a file is one of NumPy, beside one that says what a table is."""
+    try:
+        with file.open("rb") as stream:
+            begin = stream.read(len(MAGIC))
+    except OSError:
+        return False
+    return begin == MAGIC and _is_about(file.with_suffix(".json"))
 
 
 def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
@@ -82,7 +126,7 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
         raise BadInput(f"the table takes {size / 1e6:.0f} MB and the disk has {room / 1e6:.0f}: raise --step")
     # from the start, or the kernel would be loaded on the way, and a table that went on would differ in its last bits
     magnet.compiled()
-    with part.open("r+b" if done else "w+b") as stream:
+    with _kept(part, note, key, shape[0], size // shape[0]), part.open("r+b" if done else "w+b") as stream:
         if not done:
             header = {"descr": "<f8", "fortran_order": False, "shape": shape}
             np.lib.format.write_array_header_1_0(stream, header)
@@ -137,6 +181,23 @@ def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]
         "shape": list(shape),
         "dtype": "<f8",
     }
+
+
+@contextlib.contextmanager
+def _kept(part: Path, note: Path, key: str, count: int, slab: int) -> Iterator[None]:
+    """An interruption says where the part that is made lies; one that is too small to go on from is removed."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        done, _ = _resume(part, note, key, slab)
+        if not done:
+            part.unlink(missing_ok=True)
+            note.unlink(missing_ok=True)
+            raise
+        size = part.stat().st_size / 1e6
+        raise KeyboardInterrupt(
+            f"{done} of {count} slabs are kept in {str(part)!r} ({size:.3g} MB); the same command goes on from there"
+        ) from None
 
 
 def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:

@@ -19,6 +19,9 @@ from studies import files, inputs
 from studies.console import Progress
 from studies.workshop import Making, build
 
+ENDING_S = 10.0
+"""Time that a process which is ended gets to be gone, so that its locks are."""
+
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     """The axes of a batch from texts NAME=a,b,c; none without."""
@@ -75,8 +78,11 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
             yield pool
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
+            children = multiprocessing.active_children()
+            for process in children:
                 process.terminate()
+            for process in children:
+                process.join(ENDING_S)
             raise
 
 
@@ -99,9 +105,11 @@ def _swept(folders: Sequence[Path]) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        for folder in folders:
-            for stage in folder.glob(".writing-*"):
-                shutil.rmtree(stage, ignore_errors=True)
+        for folder in (folder for folder in folders if folder.is_dir()):
+            # a folder that another process fills is left alone
+            with contextlib.suppress(BadInput), files.filled(folder):
+                for stage in folder.glob(f"{files.WRITING}*"):
+                    shutil.rmtree(stage, ignore_errors=True)
             with contextlib.suppress(OSError):
                 folder.rmdir()
         raise

@@ -72,6 +72,7 @@ def cad(
     from studies import variants, workshop
 
     given = design_of(source, sets)
+    files.check_apart(files.inside(out, workshop.names()), [source])
     making = workshop.making_of(process, mold or [], base or [], tolerance)
     axes = variants.axes_of(axis or [])
     with console.progress(as_json=as_json) as progress:
@@ -105,6 +106,7 @@ def mesh(
         Only the half at y >= 0.
     """
     given = design_of(source, sets)
+    files.check_apart([out], [source])
     with console.progress(as_json=as_json) as progress:
         record = describe.build_mesh(given, out, size, progress, half=half)
     console.report([record], as_json=as_json, title="Mesh")
@@ -134,6 +136,7 @@ def solve(
         A .png file for the deformed section of the last state.
     """
     given = design_of(source, sets, method.magnet)
+    files.check_apart([out, picture], [source, method.mesh])
     loads = states.loads_of(motion)
     title, keys = "Finite elements", states.columns(loads)
     with console.progress(as_json=as_json) as progress:
@@ -199,7 +202,9 @@ def field(
         The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
     """
     given = design_of(source, sets)
-    fields.add_field(given, points, pose, level, out)
+    files.check_apart([out], [source, points])
+    with files.sole_writer(out):
+        fields.add_field(given, points, pose, level, out)
     return GOOD
 
 
@@ -256,7 +261,7 @@ def stability(
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
-        return _stability_map(given, magnet, accuracy, slenderness, out, as_json)
+        return _stability_map(source, given, magnet, accuracy, slenderness, out, as_json)
     if out is not None:
         raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
     with console.progress(as_json=as_json) as progress:
@@ -266,14 +271,21 @@ def stability(
 
 
 def _stability_map(
-    given: Design, magnet: Magnet, accuracy: str, slenderness: str, out: Path | None, as_json: bool
+    source: str, given: Design, magnet: Magnet, accuracy: str, slenderness: str, out: Path | None, as_json: bool
 ) -> int:
     ratios = inputs.parse_numbers("--slenderness", slenderness)
     if not min(ratios) > 0.5:
         raise BadInput(f"--slenderness must exceed 0.5, for L exceeds the tip radius D/2; got {min(ratios):g}")
+    longest = Design.__dataclass_fields__["L"].metadata["high"]
+    if not min(ratios) * given.D <= longest:
+        raise BadInput(
+            f"--slenderness must be at most {longest / given.D:g} with D = {given.D:g} mm, for L is at most"
+            f" {longest:g} mm; got {min(ratios):g}"
+        )
     from studies import slenderness as work
     from studies.extremes import versions
 
+    files.check_apart(files.inside(out, work.FILES), [source])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = list(work.run(given, magnet, accuracy, ratios, progress))
         if folder is not None:

@@ -175,11 +175,15 @@ def build(
     return record
 
 
+def names() -> list[str]:
+    """The files of a folder, the recipe first; which of them there are depends on the design and its mould."""
+    parts = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
+    return [ALONE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg"]
+
+
 def left_over(folder: Path, stage: Path) -> list[str]:
     """A warning of files in the folder that an earlier run may have left, and that this one does not replace."""
-    ours = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
-    ours += ["assembly.step", PICTURE, "sensor.svg", "base.svg"]
-    old = [name for name in ours if (folder / name).exists() and not (stage / name).exists()]
+    old = [name for name in names()[1:] if (folder / name).exists() and not (stage / name).exists()]
     return [f"{', '.join(old)}: left by an earlier run, not of this sensor: remove them"] if old else []
 
 

@@ -91,8 +91,31 @@ def test_the_files_used_least_recently_go_first(place, monkeypatch):
 @pytest.mark.parametrize("text", ["-1", "nan", "inf", "much"])
 def test_a_bad_limit_is_a_sentence(place, monkeypatch, text):
     monkeypatch.setenv("MAGTIP_CACHE_MB", text)
-    with pytest.raises(BadInput, match=f"MAGTIP_CACHE_MB must be a size in MB, 0 or more; got '{text}'"):
+    with pytest.raises(BadInput, match=f"MAGTIP_CACHE_MB must be a finite size in MB, 0 or more; got '{text}'"):
         keep("a", 1)
+
+
+def test_the_largest_limit_keeps_everything(place, monkeypatch):
+    monkeypatch.setenv("MAGTIP_CACHE_MB", "1e308")
+    keep("a", 1)
+    assert cache.load("a") is not None
+
+
+def test_a_folder_in_place_of_a_mesh_is_put_aside_once_with_what_it_holds(place, caplog):
+    (place / "a.mesh").mkdir(parents=True)
+    (place / "a.mesh" / "mine.txt").write_text("mine")
+    with caplog.at_level(logging.WARNING):
+        assert cache.contents().files == 0
+        assert cache.clear().files == 0
+        for _ in range(2):
+            cache._say.cache_clear()  # as a new process would
+            cache.load("a")
+            keep("a", 1)
+    assert len(caplog.records) == 1
+    assert "a folder was in the place of the cached mesh" in caplog.text
+    assert cache.load("a") is not None
+    (aside,) = place.glob("*.folder")
+    assert (aside / "mine.txt").read_text() == "mine"
 
 
 def test_off_and_bypassed(place, monkeypatch):

@@ -99,6 +99,8 @@ BAD = [
     ("sweep", "paper", "--axis", "D=8", "--depth", 1, "--set", "D=9"),
     ("accuracy", "--quick", "--minutes", -1),
     ("accuracy", "--quick", "--minutes", "nan"),
+    ("stability", "paper", "--slenderness", 1e9),
+    ("stability", "paper", "--slenderness", 1e6),
     ("stability", "paper", "--slenderness", 0),
     ("stability", "paper", "--slenderness", -1),
     ("stability", "paper", "--slenderness", "nan"),

@@ -62,6 +62,18 @@ def test_output_folder(tmp_path):
         files.output_folder("/proc/x")
 
 
+def test_an_output_is_not_an_input_under_another_name(tmp_path):
+    file, link, hard = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "c.csv"
+    file.write_text("mine")
+    link.symlink_to(file)
+    hard.hardlink_to(file)
+    for out in (file, link, hard, tmp_path / "sub" / ".." / "a.csv"):
+        (tmp_path / "sub").mkdir(exist_ok=True)
+        with pytest.raises(BadInput, match=r"^the output '.*' is the input '.*a.csv' itself: choose another name$"):
+            files.check_apart([None, out], ["paper", None, file])
+    files.check_apart([tmp_path / "new.csv", None, tmp_path / "sub"], [file, tmp_path / "sub", "paper"])
+
+
 def test_output_file(tmp_path):
     assert files.check_output_file(tmp_path / "a.VTU", ".vtu").name == "a.VTU"
     (tmp_path / "b.vtu").mkdir()

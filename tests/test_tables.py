@@ -46,13 +46,46 @@ def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
         return slab(model, grid, i)
 
     monkeypatch.setattr(lookup, "slab", stop)
-    assert run(*command, "t.npy")[0] == 130
+    status, out, err = run(*command, "t.npy")
+    assert (status, out) == (130, "")
+    size = (tmp_path / ".t.npy.part").stat().st_size / 1e6
+    assert err.splitlines()[-1] == (
+        f"magtip: interrupted; 16 of 25 slabs are kept in '.t.npy.part' ({size:.3g} MB); "
+        "the same command goes on from there"
+    )
     assert not (tmp_path / "t.npy").exists()
     monkeypatch.setattr(lookup, "slab", slab)
     status, out, _ = run(*command, "t.npy")
     assert (status, strict(out)[0]["resumed"]) == (0, 16)
     assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
     assert not list(tmp_path.glob(".*"))
+
+
+def test_a_table_interrupted_at_once_leaves_nothing(run, tmp_path, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(lookup, "slab", stop)
+    status, _, err = run("table", "paper", "--step", 0.25, "--json", "--out", "new/t.npy")
+    assert (status, err) == (130, "magtip: interrupted; files that are complete stay\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("plane", [(), ("--plane",)])
+@pytest.mark.parametrize("name", ["t.npy", "t.json"])
+def test_a_foreign_file_is_not_replaced(run, tmp_path, plane, name):
+    np.save(tmp_path / "mine.npy", np.arange(3.0))
+    (tmp_path / "mine.npy").rename(tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+    status, out, err = run("table", "paper", "--step", 1, "--out", "t.npy", *plane)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert f"{name!r} is no table that magtip wrote and would be replaced: choose another name" in err
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [(name, before)]
+
+
+def test_a_table_of_this_program_is_replaced(run):
+    for plane in ((), ("--plane",), ()):
+        assert run("table", "paper", "--step", 1, "--out", "t.npy", *plane)[0] == 0
 
 
 def test_a_note_without_its_slabs_is_not_believed(run, strict, tmp_path, monkeypatch):

@@ -1,0 +1,118 @@
+"""One writer at a time: two processes, one that is killed, folders within folders, and no file that stays."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from geometry.design import BadInput
+from studies import files, lock
+
+ROOT = Path(__file__).parent.parent
+
+HOLD = (
+    "import sys; from studies import files\n"
+    "with getattr(files, sys.argv[1])(sys.argv[2]):\n"
+    "    print('held', flush=True); sys.stdin.read()"
+)
+
+
+@contextlib.contextmanager
+def holder(kind, path):
+    """A process that fills a folder, or writes a file, until its standard input ends."""
+    code = [sys.executable, "-c", HOLD, kind, str(path)]
+    with subprocess.Popen(code, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.stdin.close()
+
+
+@pytest.mark.parametrize(("kind", "what"), [("filled", "the folder"), ("sole_writer", "the file")])
+def test_the_second_process_is_refused_and_told_who_holds(tmp_path, kind, what):
+    path = tmp_path / "new" / "out"
+    with holder(kind, path) as process:
+        with pytest.raises(BadInput) as refused, getattr(files, kind)(path):
+            pass
+        assert str(refused.value).startswith(f"{what} {str(path)!r} is being")
+        assert f"by process {process.pid}: wait until that ends" in str(refused.value)
+    # nothing was written, so nothing stays
+    assert not (tmp_path / "new").exists()
+    with getattr(files, kind)(path):
+        pass
+
+
+def test_a_killed_process_does_not_bind(tmp_path):
+    with holder("filled", tmp_path) as process:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert (tmp_path / files.LOCK).exists()
+    with files.filled(tmp_path):
+        assert (tmp_path / files.LOCK).read_text().startswith(f"{os.getpid()} ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_verb_refuses_a_folder_that_another_process_fills(run, tmp_path):
+    with holder("filled", tmp_path / "o") as process:
+        for tokens in (
+            ("sweep", "--axis", "D=6,8", "--depth", 0.5, "--out", "o"),
+            ("cad", "paper", "--axis", "D=7,8", "--out", "o"),
+            ("cad", "paper", "--out", "o"),
+        ):
+            status, out, err = run(*tokens)
+            assert (status, out, err.count("\n")) == (2, "", 1)
+            assert f"the folder 'o' is being filled by process {process.pid}" in err
+        assert [file.name for file in (tmp_path / "o").iterdir()] == [files.LOCK]
+
+
+def test_a_verb_refuses_a_file_that_another_process_writes(run, tmp_path):
+    with holder("sole_writer", tmp_path / "t.npy"):
+        status, out, err = run("table", "paper", "--step", 0.5, "--out", "t.npy")
+        assert (status, out, err.count("\n")) == (2, "", 1)
+        assert "the file 't.npy' is being written by process" in err
+        # another file in the same folder is free
+        assert run("table", "paper", "--step", 1, "--out", "other.npy")[0] == 0
+    assert run("table", "paper", "--step", 1, "--out", "t.npy")[0] == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["other.json", "other.npy", "t.json", "t.npy"]
+
+
+def test_folders_within_a_folder_have_locks_of_their_own(tmp_path):
+    with files.filled(tmp_path), files.filled(tmp_path / "inner") as inner, files.sole_writer(tmp_path / "a.vtu"):
+        assert (inner / files.LOCK).exists()
+        with pytest.raises(BadInput, match=f"by process {os.getpid()}"), files.filled(inner):
+            pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_on_a_file_that_was_removed_meanwhile_is_taken_anew(tmp_path, monkeypatch):
+    """The holder ends between the opening of its file here and the lock on it."""
+    file, opened = tmp_path / "lock", os.open
+    file.write_text("1 elsewhere")
+
+    def slow(path, *rest):
+        handle = opened(path, *rest)
+        monkeypatch.setattr(lock.os, "open", opened)
+        file.unlink()
+        return handle
+
+    monkeypatch.setattr(lock.os, "open", slow)
+    with lock.only(file):
+        with pytest.raises(lock.Held), lock.only(file):
+            pass
+        assert file.exists()
+
+
+def test_the_machine_of_a_holder_elsewhere_is_named(tmp_path):
+    file = tmp_path / "lock"
+    with lock.only(file):
+        file.write_text("12 far-away")
+        with pytest.raises(lock.Held) as held, lock.only(file):
+            pass
+        assert held.value.owner == "process 12 on far-away"
+        file.write_text("")
+        with pytest.raises(lock.Held) as held, lock.only(file):
+            pass
+        assert held.value.owner == "another process"
