@@ -23,6 +23,7 @@ from analytic.hall import Mode, plates
 from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from analytic.parts import Element, of_design
 from geometry.design import BadInput, Design
+from geometry.scene import rotation_of
 
 Array = NDArray[np.float64]
 
@@ -190,7 +191,7 @@ def rotation(tau: Array, shift: Array) -> Array:
     """The tilt as a rotation vector (rx, ry), as `analytic.hall.field_at` takes it, shape (2, n), rad."""
     x, y, z = shift
     t = polynomial(tau, x * x + y * y, z)[0]
-    return np.stack([-t * y, t * x])
+    return np.stack(rotation_of(t * x, t * y))
 
 
 def polynomial(c: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:

@@ -159,7 +159,7 @@ def readings(
     if response is not None:
         if shift is not None or tilt is not None:
             raise BadInput("give a response, or a shift and a tilt, not both")
-        shift, tilt = response.shift, (-response.tilt_y, response.tilt)
+        shift, tilt = response.shift, response.rotation
     at = (0.0, 0.0, 0.0) if shift is None else shift
     chosen = of_design(design) if elements is None else tuple(elements)
     points, owners = plates(chosen)

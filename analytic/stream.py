@@ -18,6 +18,7 @@ from analytic.decode import EDGE, Decoder, Status, decode
 from analytic.magnet import meridian_field
 from analytic.refine import GOAL
 from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
+from geometry.scene import rotation_of
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -82,7 +83,7 @@ class Stream:
         self.last = shift
         turn = self._tau(shift[0] ** 2 + shift[1] ** 2, shift[2])[0]
         force = NAN3 if self.coder.mechanics is None else self._force(shift)
-        return Sample("ok", shift, (-turn * shift[1], turn * shift[0]), force, 1)
+        return Sample("ok", shift, rotation_of(turn * shift[0], turn * shift[1]), force, 1)
 
     def _slowly(self, field: Vector) -> Sample:
         found = decode(self.coder, np.asarray(field, dtype=np.float64)[None], near=self.last)

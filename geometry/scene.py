@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from geometry.design import BadInput, Design
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 Magnet = Literal["rigid", "ignored"]
+Angle = TypeVar("Angle", float, "NDArray[np.float64]")
 STEEPEST = 0.7
 """Largest tilt of a plate, rad: beyond it the wall of the beam is touched soon after the dome."""
 
@@ -83,7 +88,7 @@ class Response:
     shift : displacement of the magnet's centre, mm; z negative when the magnet sinks.
     tilt : rotation of the magnet about y that carries z towards x, rad.
     contact_radius : radius of the patch in contact with the plate, mm; 0 without a plate.
-    tilt_y : the same towards y, rad; the rotation vector of the magnet's axis is (-tilt_y, tilt, 0).
+    tilt_y : the same towards y, rad.
     """
 
     force: tuple[float, float, float]
@@ -91,6 +96,32 @@ class Response:
     tilt: float
     contact_radius: float
     tilt_y: float = 0.0
+
+    @property
+    def rotation(self) -> tuple[float, float]:
+        """The tilt as a rotation vector (rx, ry) of the magnet about its centre, rad."""
+        return rotation_of(self.tilt, self.tilt_y)
+
+
+def rotation_of(tilt: Angle, tilt_y: Angle) -> tuple[Angle, Angle]:
+    """Rotation vector (rx, ry), rad, of a magnet whose axis leans by the tilts towards x and towards y; rz is 0.
+
+    A right-handed turn about y carries z towards x, one about x carries z towards -y: (rx, ry) = (-tilt_y, tilt).
+
+    >>> rotation_of(0.2, 0.1)
+    (-0.1, 0.2)
+    """
+    # adding 0 takes the sign from a negative zero
+    return 0.0 - tilt_y, 0.0 + tilt
+
+
+def tilts_of(rx: Angle, ry: Angle) -> tuple[Angle, Angle]:
+    """Tilts towards x and towards y, rad, of a rotation vector: `rotation_of` turned round.
+
+    >>> tilts_of(*rotation_of(0.2, 0.1))
+    (0.2, 0.1)
+    """
+    return 0.0 + ry, 0.0 - rx
 
 
 def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:

@@ -29,6 +29,13 @@ UNITS = {
 }
 """Unit that a key's last word stands for, as it is shown, and its size in it."""
 
+TURNS = {
+    "tilt_rad": "tilt towards x",
+    "tilt_y_rad": "tilt towards y",
+    "rotation_rad": "rotation vector rx, ry",
+}
+"""Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
+
 MOST_NAMED = 6
 """Of the records that a message is of."""
 
@@ -221,6 +228,8 @@ def _heading(key: str) -> tuple[str, str]:
     >>> _heading("stiffness_N_per_mm"), _heading("shift_per_mm"), _heading("depth_mm")
     (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
     """
+    if key in TURNS:
+        return TURNS[key], UNITS["rad"][0]
     name, _, last = key.rpartition("_")
     if name.endswith("_per"):
         above, unit = _heading(name.removesuffix("_per"))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Response
+from geometry.scene import Load, Response, tilts_of
 from studies import console, files, inputs, readers
 from studies.fields import read_rows
 
@@ -124,14 +124,15 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
     field = in_tesla(chosen, [values], units)
     found = decode(coder, field)
     (status,) = found.status
-    tilt, tilt_y = _tilts(found)
+    tilt, tilt_y = tilts_of(*found.tilt[0].tolist())
     return {
         "status": status,
         "message": WHY[status],
         "readings_T": field[0].tolist(),
         "shift_mm": found.shift[0].tolist(),
-        "tilt_rad": float(tilt[0]),
-        "tilt_y_rad": float(tilt_y[0]),
+        "tilt_rad": tilt,
+        "tilt_y_rad": tilt_y,
+        "rotation_rad": found.tilt[0].tolist(),
         "force_N": found.force[0].tolist(),
         "depth_mm": float(found.load[0, 0]),
         "shear_mm": float(found.load[0, 1]),
@@ -184,7 +185,7 @@ def table(
         magnet.compiled()
     field = in_tesla(chosen, values, unit)
     found = decode(coder, field, follow=True)
-    tilt, tilt_y = _tilts(found)
+    tilt, tilt_y = tilts_of(*found.tilt.T)
     numbers = np.column_stack([found.shift, tilt, tilt_y, found.force, found.load, found.condition])
     if as_json and target is None:
         lines = zip(field.tolist(), found.status, numbers.tolist(), found.multiplicity.tolist(), strict=True)
@@ -224,8 +225,3 @@ def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Arr
     if units == "V":
         raise BadInput("these elements send flux densities: give the readings in T")
     return np.asarray(values, dtype=np.float64)
-
-
-def _tilts(found: Decoded) -> tuple[Array, Array]:
-    """Tilt towards x and towards y."""
-    return found.tilt[:, 1], -found.tilt[:, 0]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
+from geometry.scene import tilts_of
 from studies import files, inputs, readers
 from studies.options import FieldLevel, Pose
 
@@ -70,12 +71,15 @@ def readings(
         noise=noise,
     )
     volts = all(unit == "V" for unit in seen.units)
+    leaning = tilts_of(*tilt)
     return {
         "status": "ok",
         "level": level,
         "mode": mode,
         "layout": design.hall_layout,
         "shift_mm": list(shift),
+        "tilt_rad": leaning[0],
+        "tilt_y_rad": leaning[1],
         "rotation_rad": list(tilt),
         "ambient_T": [bx, by, bz],
         "elements": [element.name for element in chosen],

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
+from geometry.scene import tilts_of
 from studies import decoding
 from studies.console import Progress
 from studies.options import Basis
@@ -239,10 +240,10 @@ def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
 
     names = columns(coder.forward.elements)
     known, blocked = seen.weight > 0, seen.blocked
+    tilt, tilt_y = tilts_of(*seen.tilt)
     for k in range(len(known)):
         x, y, z = seen.shift[:, k].tolist()
-        row: Row = {"x_mm": x, "y_mm": y, "z_mm": z, "tilt_rad": seen.tilt[1, k] + 0.0}
-        row["tilt_y_rad"] = 0.0 - seen.tilt[0, k]
+        row: Row = {"x_mm": x, "y_mm": y, "z_mm": z, "tilt_rad": tilt[k], "tilt_y_rad": tilt_y[k]}
         row |= {f"{name}_mT": 1e3 * b for name, b in zip(names, seen.readings[:, k].tolist(), strict=True)}
         yield row | {
             "known": int(known[k]),

@@ -277,13 +277,14 @@ def _response_record(response: Response) -> dict[str, Any]:
         "shift_mm": list(response.shift),
         "tilt_rad": response.tilt,
         "tilt_y_rad": response.tilt_y,
+        "rotation_rad": list(response.rotation),
         "contact_radius_mm": response.contact_radius,
     }
 
 
 def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
     """The record of a state that has no mesh to be solved on."""
-    missing = ("force_N", "shift_mm", "tilt_rad", "tilt_y_rad", "contact_radius_mm")
+    missing = ("force_N", "shift_mm", "tilt_rad", "tilt_y_rad", "rotation_rad", "contact_radius_mm")
     names = ("", "shift_", "tilt_", "sideways_")
     estimates = [f"{name}error_estimate" for name in names]
     return {
@@ -322,7 +323,5 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
         "readings_V": list(seen.output) if seen and volts else None,
         "output_T": list(seen.output) if seen and not volts else None,
         "saturated": None if seen is None else list(seen.saturated),
-        "warnings": []
-        if seen is None
-        else fields.warnings(design, seen, response.shift, (-response.tilt_y, response.tilt)),
+        "warnings": [] if seen is None else fields.warnings(design, seen, response.shift, response.rotation),
     }

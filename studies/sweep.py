@@ -279,7 +279,9 @@ def _scaled(found: dict[str, Any], problem: Problem, case: Case) -> Solved:
     pose = Response(**state["response"])
     x, y, z = (length * value for value in pose.shift)
     fx, fy, fz = (force * value for value in pose.force)
-    response = Response((fx, fy, fz), (x, y, z), pose.tilt, length * pose.contact_radius)
+    response = dataclasses.replace(
+        pose, force=(fx, fy, fz), shift=(x, y, z), contact_radius=length * pose.contact_radius
+    )
     return Solved(response, *about, estimate, problem.number, state["seconds"])
 
 

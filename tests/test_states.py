@@ -35,6 +35,7 @@ SOLVE_KEYS = {
     "plate_tilt_rad",
     "imperfection_N",
     "tilt_y_rad",
+    "rotation_rad",
     "dofs",
     "newton_iterations",
     "seconds",

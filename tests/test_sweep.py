@@ -1,4 +1,5 @@
 import csv
+import dataclasses
 import itertools
 import math
 from dataclasses import replace
@@ -11,7 +12,7 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.scene import Load, Response
 from studies import kept, plots, sweep
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -237,3 +238,19 @@ def test_lines_that_coincide_are_drawn_once_without_what_they_differ_in():
     looks = [(line.get_color(), line.get_marker()) for line in axis.get_lines()]
     assert looks == [(plots.SHARED, "o"), ("red", "."), ("blue", "s")]
     assert not plots._sweep_lines(axis, lines[-1:], "x", {"y": "-"})
+
+
+def test_a_scaled_state_keeps_both_tilts():
+    """A state solved at D = 8 mm and E = 1 MPa, at twice the size and half the modulus."""
+    pose = Response((0.2, 0.4, 3.0), (0.1, 0.3, -0.5), 0.02, 1.0, 0.06)
+    state = {
+        "status": "ok",
+        "message": "",
+        "response": dataclasses.asdict(pose),
+        "error_estimate": 0.01,
+        "seconds": 1.0,
+    }
+    case = sweep.Case({"D": 16.0, "L": 18.0, "f": 5.0, "E": 0.5, "depth": 2.0}, None, "")
+    problem = sweep.Problem(1, paper(), [case], {0.125: 1.0}, "")
+    found = sweep._scaled({"D": 8.0, "E": 1.0, "states": [state]}, problem, case).response
+    assert found == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)

@@ -1,0 +1,27 @@
+"""The magnet's rotation: the one place that turns tilts into a rotation vector, held against SciPy."""
+
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from analytic import hall
+from geometry.design import paper
+from geometry.scene import Response, rotation_of, tilts_of
+
+
+@pytest.mark.parametrize(("tilt", "tilt_y"), [(0.3, 0.0), (0.0, 0.3), (0.2, -0.1)])
+def test_the_axis_leans_the_way_that_the_tilts_say(tilt, tilt_y):
+    response = Response((0.0,) * 3, (0.0,) * 3, tilt, 0.0, tilt_y)
+    axis = Rotation.from_rotvec([*response.rotation, 0.0]).apply([0.0, 0.0, 1.0])
+    # the angle from z, along the direction of (tilt, tilt_y)
+    angle = (tilt**2 + tilt_y**2) ** 0.5
+    length = (axis[0] ** 2 + axis[1] ** 2) ** 0.5
+    assert_allclose(axis[:2] / length, [tilt / angle, tilt_y / angle], atol=1e-14)
+    assert axis[2] > 0
+    assert tilts_of(*response.rotation) == (tilt, tilt_y)
+
+
+def test_a_response_reads_as_its_rotation_vector():
+    response = Response((0.0,) * 3, (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
+    by_pose = hall.readings(paper(), shift=response.shift, tilt=rotation_of(0.15, -0.08))
+    assert hall.readings(paper(), response) == by_pose
