@@ -84,8 +84,8 @@ class Pose:
     shift
         Displacement of its centre, x,y,z in mm; z is negative when it sinks.
     tilt
-        Rotation vector about its centre, rx,ry in rad, which is -tilt_y,tilt of a state: a positive ry carries z towards
-        x, a positive rx carries z towards -y.
+        Rotation vector about its centre, rx,ry in rad, which is -tilt_y,tilt of a state: a positive ry carries z
+        towards x, a positive rx carries z towards -y.
     """
 
     shift: str = "0,0,0"
