@@ -57,6 +57,8 @@ def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
     """Solve scenes at the edge of what is allowed: each must end in a right answer or a clear status, else status 3.
 
+    A scene that nothing could be measured of is not judged: it is counted apart, and fails nothing.
+
     Parameters
     ----------
     quick
@@ -71,7 +73,9 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
         for row in work.run(quick=quick, folder=folder, progress=progress):
             print(files.json_line(row) if as_json else work.line(row), flush=True)
             rows.append(row)
-    failed = [row["scene"] for row in rows if not row["passed"]]
+    failed, unjudged = ([row["scene"] for row in rows if row["verdict"] == v] for v in ("fail", "not judged"))
+    if unjudged:
+        console.say(f"magtip: {len(unjudged)} of {len(rows)} scenes are not judged: {'; '.join(unjudged)}")
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} scenes end wrongly: {'; '.join(failed)}")
     return FAILED if failed else GOOD

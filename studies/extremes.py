@@ -1,12 +1,4 @@
-"""Scenes at the edge of what is allowed: each must end in a right answer, or in a clear status with its state kept.
-
-A right answer is one that its check measures within the bound. Where a scene may stop short, the last good state is
-solved again by itself: force and energy must agree to 1e-6, and the message must name the load that was reached.
-A path that turns unstable on the way may end in one of several equilibria; it has to name the depth of the onset, and
-where it differs from what it is compared with, that is what it is judged by.
-A frictionless press that gives way must hold less energy than the symmetric press. The column `inside out` is the
-share of the silicone's volume where det F <= 0 between the points of integration (section meshes only).
-"""
+"""The verb extremes: scenes at the edge of what is allowed, each with a verdict. See ABOUT."""
 
 from __future__ import annotations
 
@@ -17,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from geometry.design import BadInput
 from studies import judges
@@ -30,6 +22,20 @@ Progress = Callable[[float, str], None]
 Row = dict[str, Any]
 
 NAN = math.nan
+Verdict = Literal["pass", "fail", "not judged"]
+
+ABOUT = """\
+Scenes at the edge of what is allowed: each must end in a right answer, or in a clear status with its state kept.
+
+A scene passes if it ends in a status that is right for it, and if what its check measures is within the bound. It
+fails if either is not so. Where nothing could be measured, as where what it is to be compared with stops, it is not
+judged, which is no pass. Where a scene may stop short, the last good state is solved again by itself: force and
+energy must agree to 1e-6. A path that turns unstable on the way may end in one of several equilibria. So if its state
+differs from what it is compared with, the depth of the onset is measured instead, against that on a mesh with edges
+of 0.7: they may differ by a tenth. A frictionless press that gives way sideways must hold less energy than the
+symmetric press. The column `inside out` is the share of the silicone's volume where det F <= 0 between the points of
+integration (section meshes only).
+"""
 
 
 def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> Iterator[Row]:
@@ -53,11 +59,11 @@ def judge(scene: Scene) -> Row:
     status: str
     try:
         finding = _finding(scene)
-        status, message = finding.solution.status, finding.solution.message
+        end = finding.solution
+        status, message = ("crashed", "") if end is None else (end.status, end.message)
     except BadInput as error:
         status, message = "bad_input", str(error)
-    except StoppedError as stop:
-        status, message = stop.solution.status, f"what it is compared with: {stop}"
+        finding = judges.refused(scene)
     except Exception as error:
         # any way to end that nobody meant is what this table is there to find
         status, message = "crashed", f"{type(error).__name__}: {error}"
@@ -65,36 +71,49 @@ def judge(scene: Scene) -> Row:
 
 
 def _finding(scene: Scene) -> Finding:
-    """What the scene's judge finds, or that of the state where it stopped."""
+    """What is measured of the scene: by its judge, or where it ended otherwise, of the state that was reached."""
+    states = judges.path(scene)
+    end = states[-1]
+    followed = end.status == "ok" or (end.status == "unstable" and "ok" in scene.ends)
     try:
-        return scene.judge(scene)
+        finding = scene.judge(scene, states) if followed else judges.stopped(scene, end)
     except StoppedError as stop:
-        if stop.solution.status not in scene.ends:
-            raise
-        return judges.stopped(scene, stop.solution)
+        finding = Finding(end, f"what it is compared with {stop}", None)
+    settled = end.status not in scene.ends or _verdict(scene, finding, end.status) == "pass"
+    if settled or end.facts.onset is None:
+        return finding
+    return judges.onset(scene, end, _judged(finding.check, finding.measured, _bound(scene, finding)))
+
+
+def _bound(scene: Scene, finding: Finding) -> float:
+    return scene.bound if finding.bound is None else finding.bound
+
+
+def _verdict(scene: Scene, finding: Finding | None, status: str) -> Verdict:
+    """Whether a scene ended as it should, by its status and by what was measured; both must be right."""
+    if finding is None or status not in scene.ends:
+        return "fail"
+    if finding.measured is None:
+        return "not judged"
+    return "pass" if finding.measured <= _bound(scene, finding) else "fail"
 
 
 def _row(scene: Scene, finding: Finding | None, status: str, message: str, seconds: float) -> Row:
     end = finding.solution if finding else None
-    measured = finding.measured if finding else NAN
-    bound = scene.bound if finding is None or finding.bound is None else finding.bound
-    right = measured <= bound if finding else status == "bad_input"
-    warned = status in ("unstable", "not_converged") and "unstable since" in message
+    measured = finding.measured if finding else None
     response = end.response if end else None
-    check = finding.check if finding else "refused, in one sentence" if status == "bad_input" else "none"
-    if warned and not right:
-        # equilibria part at the onset: what they differ by is told, and not judged
-        differs = f" ({check}: {measured:.3g}, not judged beyond it)" if finding else ""
-        check, measured, bound = f"the message names the depth of the onset{differs}", NAN, NAN
+    verdict = _verdict(scene, finding, status)
     return {
         "scene": scene.name,
+        "verdict": verdict,
         "status": status,
         "message": message,
         "seconds": seconds,
-        "check": check,
-        "measured": measured,
-        "bound": bound if finding else NAN,
-        "passed": bool((right and status in scene.ends) or warned),
+        "check": finding.check if finding else "none",
+        "measured": NAN if measured is None else measured,
+        "bound": NAN if finding is None or measured is None else _bound(scene, finding),
+        "passed": verdict == "pass",
+        "ends": " ".join(scene.ends),
         "model": end.model if end else scene.model,
         "accuracy": scene.accuracy.name,
         "magnet": scene.magnet,
@@ -111,50 +130,52 @@ def line(row: Row) -> str:
     """The row for a person to read.
 
     >>> numbers = {"seconds": 0.52, "measured": 2e-4, "bound": 5e-3}
-    >>> texts = {"scene": "deep", "status": "ok", "check": "force", "message": "", "passed": True}
+    >>> texts = {"scene": "deep", "status": "ok", "check": "force", "message": "", "verdict": "pass"}
     >>> line(numbers | texts)
     'pass  deep: ok in 0.5 s; force 0.0002, at most 0.005'
     """
-    verdict = "pass" if row["passed"] else "FAIL"
+    verdict = "FAIL" if row["verdict"] == "fail" else row["verdict"]
     message = f"; {row['message']}" if row["message"] else ""
-    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {_judged(row)}{message}"
+    measured = None if math.isnan(row["measured"]) else row["measured"]
+    judged = _judged(row["check"], measured, row["bound"])
+    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {judged}{message}"
 
 
-def _judged(row: Row) -> str:
-    if math.isnan(row["measured"]):
-        return str(row["check"])
-    return f"{row['check']} {row['measured']:.3g}, at most {row['bound']:.3g}"
+def _judged(check: str, measured: float | None, bound: float) -> str:
+    return check if measured is None else f"{check} {measured:.3g}, at most {bound:.3g}"
+
+
+def counted(rows: Sequence[Row]) -> str:
+    """How many scenes have which verdict.
+
+    >>> counted([{"verdict": "pass"}, {"verdict": "not judged"}])
+    '1 of 2 scenes pass, 0 fail, 1 is not judged'
+    """
+    passed, failed, open_ = (sum(row["verdict"] == v for row in rows) for v in ("pass", "fail", "not judged"))
+    verb = "is" if open_ == 1 else "are"
+    return f"{passed} of {len(rows)} scenes pass, {failed} fail, {open_} {verb} not judged"
 
 
 def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
     """extremes.csv with all columns, EXTREMES.md to read."""
     write_table(folder / "extremes.csv", rows, digits=9)
     command = f"magtip extremes{' --quick' if quick else ''}"
-    passed = sum(row["passed"] for row in rows)
     heads = ["scene", "status", "s", "how it was judged", "measured", "bound", "inside out", "", "what happened"]
-    lines = ["# Extremes", "", f"`{command}`: {passed} of {len(rows)} scenes end as they should.", ""]
+    lines = ["# Extremes", "", f"`{command}`: {counted(rows)}.", ""]
     lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for row in rows:
         numbers = [_number(row[key]) for key in ("measured", "bound", "inside_out_share")]
-        verdict = "pass" if row["passed"] else "**fail**"
         cells = [
             row["scene"],
             row["status"],
             f"{row['seconds']:.1f}",
             row["check"],
             *numbers,
-            verdict,
+            "pass" if row["passed"] else f"**{row['verdict']}**",
             row["message"],
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += [
-        "",
-        *(__doc__ or "").strip().splitlines(),
-        "",
-        *_designs(rows),
-        "",
-        f"Made with `{command}`, {origin}.",
-    ]
+    lines += ["", *ABOUT.splitlines(), "", *_designs(rows), "", f"Made with `{command}`, {origin}."]
     write_text(folder / "EXTREMES.md", "\n".join(lines) + "\n")
 
 

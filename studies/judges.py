@@ -1,4 +1,4 @@
-"""How a scene of `extremes` is judged: each judge solves it, and measures one number that must not exceed a bound.
+"""How a scene of `extremes` is judged: a judge measures one number of its states, which must not exceed a bound.
 
 Independent of the solver: Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of the applied force,
 the integral of F ds by Simpson's rule, against the energy gained; the uniform bar that lies between a long and a
@@ -9,7 +9,6 @@ model to the same state.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -32,15 +31,23 @@ SAME = 1e-6
 """Largest relative difference of force and energy between a last good state and a fresh solve to it."""
 RUBBED, RUBBED_SHORT = 1e-2, 0.05
 """The same two with Coulomb friction, where the answer and the end depend on the steps of the way."""
+FINER, ONSET = 0.7, 0.1
+"""Edges of the mesh that an onset is looked for again on, over the scene's, and how far off it may then be."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a judge saw: the state, and a number `measured` that must not exceed `bound`, or else the scene's."""
+    """What a judge saw: the scene's last state (None of a refused scene), and what was measured of it.
 
-    solution: Solution
+    Attributes
+    ----------
+    check : what was measured, or why nothing could be.
+    measured, bound : a number, and the largest that it may be; without a bound, the scene's. None if not judged.
+    """
+
+    solution: Solution | None
     check: str
-    measured: float
+    measured: float | None
     bound: float | None = None
 
 
@@ -52,13 +59,15 @@ class Scene:
     ----------
     loads : the path; the last load is the extreme.
     changes : fields that differ from the paper's design.
+    judge : measures the states of the path, if it is followed to its end.
     bound : the largest value that the judge may measure.
-    ends : statuses that are right; for one that is not "ok", what was reached is judged instead.
+    ends : statuses that are right; where a path stops short, or gives way in a scene that has no "ok" here, what was
+        reached is judged instead.
     """
 
     name: str
     loads: tuple[Load, ...]
-    judge: Callable[[Scene], Finding]
+    judge: Judge
     bound: float
     accuracy: Accuracy
     changes: Mapping[str, float] = field(default_factory=dict)
@@ -69,6 +78,9 @@ class Scene:
     @property
     def design(self) -> Design:
         return replace(paper(), **self.changes)  # type: ignore[arg-type]
+
+
+Judge = Callable[[Scene, Sequence[Solution]], Finding]
 
 
 def press(*depths: float) -> tuple[Load, ...]:
@@ -84,22 +96,23 @@ class StoppedError(Exception):
         self.solution = solution
 
 
+def path(scene: Scene) -> list[Solution]:
+    """The states of the scene's own path, to its end or to where it stopped."""
+    return trace(scene.design, scene.loads, scene.accuracy, magnet=scene.magnet, model=scene.model, estimate=False)
+
+
 def follow(scene: Scene, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
-    """The states of a path of the scene, or of one that differs in its loads, changes, magnet or model.
+    """The states of a path to compare with, which differs from the scene's in its loads, changes, magnet or model.
 
     Raises
     ------
     StoppedError
-        The path stopped short of its last load, or gave way in a scene that is there to give way.
+        The path stopped short of its last load.
     """
-    case = replace(scene, **other) if other else scene  # type: ignore[arg-type]
-    found = trace(
-        case.design, loads or case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False
-    )
-    gave_way = found[-1].status == "unstable" and "ok" not in scene.ends
-    if found[-1].status not in ("ok", "unstable") or gave_way:
-        raise StoppedError(found[-1])
-    return found
+    states = path(replace(scene, loads=tuple(loads or scene.loads), **other))  # type: ignore[arg-type]
+    if states[-1].status not in ("ok", "unstable"):
+        raise StoppedError(states[-1])
+    return states
 
 
 def force(solution: Solution) -> float:
@@ -113,16 +126,15 @@ def off(value: float, reference: float) -> float:
     return error if math.isfinite(error) else math.inf
 
 
-def hertz(scene: Scene) -> Finding:
+def hertz(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The force at first touch."""
-    last, design = follow(scene)[-1], scene.design
+    last, design = states[-1], scene.design
     reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
     return Finding(last, "force against Hertz 1882", off(force(last), reference))
 
 
-def work(scene: Scene) -> Finding:
+def work(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The work of the applied force between the first state and the last, against the energy gained."""
-    states = follow(scene)
     if scene.loads[0].shear_x == scene.loads[-1].shear_x:
         ways, forces = [s.load.depth for s in states], [force(s) for s in states]
     else:
@@ -131,9 +143,9 @@ def work(scene: Scene) -> Finding:
     return Finding(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
 
 
-def cone(scene: Scene) -> Finding:
+def cone(_: Scene, states: Sequence[Solution]) -> Finding:
     """Tangential force over the coefficient times the normal one: 1 at full slip, and never more."""
-    last = follow(scene)[-1]
+    last = states[-1]
     across, along, normal = last.response.force
     ratio = math.hypot(across, along) / (float(last.load.friction) * normal) if normal > 0 else math.inf
     short = last.slip_share == 1 and ratio < 1
@@ -152,9 +164,9 @@ def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
     return float(weights @ np.asarray(forces)) * (ways[-1] - ways[0]) / (len(ways) - 1) / 3
 
 
-def similarity(scene: Scene) -> Finding:
+def similarity(scene: Scene, states: Sequence[Solution]) -> Finding:
     """Force over E D^2, shift over D and tilt, against the paper's own E and D."""
-    last, (one, other) = follow(scene)[-1], (scene.design, paper())
+    last, (one, other) = states[-1], (scene.design, paper())
     ratio = other.D / one.D
     loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in scene.loads]
     changes = {key: value for key, value in scene.changes.items() if key not in (*LENGTHS, "E")}
@@ -170,23 +182,23 @@ def _farthest(a: np.ndarray, b: np.ndarray) -> float:
     return max(off(float(x), float(y)) for x, y in pairs)
 
 
-def incompressible(scene: Scene) -> Finding:
+def incompressible(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The force, which is smooth in 1 - 2 nu, against the line through nu = 0.4998 and 0.5."""
-    last = follow(scene)[-1]
+    last = states[-1]
     near, limit = (force(follow(scene, changes={**scene.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
     share = (1 - 2 * scene.design.nu) / (1 - 2 * 0.4998)
     reference = limit + share * (near - limit)
     return Finding(last, "force against the line through nu 0.4998 and 0.5", off(force(last), reference))
 
 
-def bar(scene: Scene) -> Finding:
+def bar(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The beam, without its lower half, at the depth that leaves the same force if that half is a uniform bar.
 
     A bar of stretch s under F in the area A: F / A = E / 3 (s^-2 - s), the incompressible neo-Hookean law.
     """
     from scipy.optimize import brentq
 
-    last, design = follow(scene)[-1], scene.design
+    last, design = states[-1], scene.design
     stress, half = force(last) / (math.pi * design.R**2), design.L / 2
     s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)
     load = Load(depth=last.load.depth - half * (1 - s))
@@ -194,26 +206,27 @@ def bar(scene: Scene) -> Finding:
     return Finding(last, "force against half the beam in series with a uniform bar", off(force(shorter), force(last)))
 
 
-def ordered(field: str, values: Sequence[float]) -> Callable[[Scene], Finding]:
-    """A judge: the all-silicone beam and then ever larger magnets take ever larger forces."""
+def ordered(field: str, values: Sequence[float]) -> Judge:
+    """A judge: the all-silicone beam, ever larger magnets and then the scene's own take ever larger forces."""
 
-    def judge(scene: Scene) -> Finding:
+    def judge(scene: Scene, states: Sequence[Solution]) -> Finding:
         softest = force(follow(scene, magnet="ignored")[-1])
-        states = [follow(scene, changes={**scene.changes, field: value})[-1] for value in values]
-        forces = [softest, *map(force, states)]
+        smaller = [follow(scene, changes={**scene.changes, field: value})[-1] for value in values]
+        forces = [softest, *map(force, smaller), force(states[-1])]
         largest = max(a / b for a, b in pairwise(forces))
-        check = f"force of the next smaller magnet over its own, from none over {len(values)} sizes"
+        check = f"force of the next smaller magnet over its own, from none over {len(values) + 1} sizes"
         return Finding(states[-1], check, largest)
 
     return judge
 
 
-def other_path(*loads: Load) -> Callable[[Scene], Finding]:
+def other_path(*loads: Load) -> Judge:
     """A judge: another path to the same last load and on the same mesh ends in the same force and energy."""
 
-    def judge(scene: Scene) -> Finding:
-        one, other = follow(scene)[-1], follow(scene, [*loads, scene.loads[-1]])[-1]
-        return Finding(one, f"force and energy against a path of {len(loads) + 1} loads", _apart(one, other))
+    def judge(scene: Scene, states: Sequence[Solution]) -> Finding:
+        other = follow(scene, [*loads, scene.loads[-1]])[-1]
+        check = f"force and energy against a path of {len(loads) + 1} loads"
+        return Finding(states[-1], check, _apart(states[-1], other))
 
     return judge
 
@@ -222,26 +235,25 @@ def _apart(one: Solution, other: Solution) -> float:
     return max(off(math.hypot(*one.response.force), math.hypot(*other.response.force)), off(one.energy, other.energy))
 
 
-def alone(scene: Scene) -> Finding:
+def alone(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The force of a path's last load against that load by itself, on a mesh for it."""
-    last = follow(scene)[-1]
+    last = states[-1]
     other = follow(scene, scene.loads[-1:])[-1]
     return Finding(last, "force against the last load by itself", off(force(last), force(other)))
 
 
-def half_model(scene: Scene) -> Finding:
+def half_model(scene: Scene, states: Sequence[Solution]) -> Finding:
     """The normal force against that of tetrahedra."""
-    last = follow(scene)[-1]
+    last = states[-1]
     solid = follow(scene, model="half")[-1]
     return Finding(last, "force against the half model", off(force(last), force(solid)))
 
 
-def folded(scene: Scene) -> Finding:
+def folded(_: Scene, states: Sequence[Solution]) -> Finding:
     """The share of the silicone that is inside out, on a grid of 45 points in every triangle, beyond what is told."""
-    last = follow(scene)[-1]
-    told = re.search(r"([\d.e-]+) of the silicone is inside out", last.message)
-    beyond = folded_share(last) - (WIDE * float(told[1]) if told else 0.0)
-    return Finding(last, f"share inside out beyond {WIDE:g} times what the message tells", max(beyond, 0.0))
+    last = states[-1]
+    beyond = folded_share(last) - WIDE * last.facts.inside_out_share
+    return Finding(last, f"share inside out beyond {WIDE:g} times what the state says", max(beyond, 0.0))
 
 
 def folded_share(solution: Solution) -> float:
@@ -279,17 +291,15 @@ def stopped(scene: Scene, end: Solution) -> Finding:
     if end.status == "unstable":
         symmetric = follow(scene, [end.load], model="axisymmetric")[-1]
         return Finding(end, "its energy over that of the symmetric press", end.energy / symmetric.energy, 1.0)
-    named = "axisymmetric" in end.message
-    return Finding(end, "the message names the model that can", 0.0 if named else math.inf, 0.0)
+    # the state says that the axisymmetric model can: at first touch its force is known
+    found = hertz(scene, follow(scene, [end.load], model="axisymmetric"))
+    return replace(found, solution=end, check=f"the model that the message names: {found.check}")
 
 
 def kept(scene: Scene, end: Solution) -> Finding:
-    """The last good state, whose load the message must name, against a fresh path that ends there."""
+    """The last good state against a fresh path that ends there."""
     before = [load for load in scene.loads if _way(load) < _way(end.load)]
-    where = f"{end.load.shear_x or end.load.depth:.4g} mm"
     check = "last good state against a fresh solve to it"
-    if where not in end.message:
-        return Finding(end, "the message names the load reached", math.inf, SAME)
     try:
         again = follow(scene, [*before, end.load])[-1]
     except StoppedError as stop:
@@ -297,6 +307,30 @@ def kept(scene: Scene, end: Solution) -> Finding:
         bound = SHORT if end.slip_share is None else RUBBED_SHORT
         return Finding(end, f"{check}, which stopped short of it", short, bound)
     return Finding(end, check, _apart(end, again), SAME if end.slip_share is None else RUBBED)
+
+
+def refused(scene: Scene) -> Finding:
+    """Of a design whose magnet does not fit: no smaller one that does would be refused with it."""
+    largest = largest_height({**scene.changes})
+    check = "height of the largest magnet that fits over its own"
+    return Finding(None, check, largest / float(scene.changes.get("magnet_height", paper().magnet_height)), 1.0)
+
+
+def onset(scene: Scene, end: Solution, why: str) -> Finding:
+    """Of a state beyond the onset of an instability, where equilibria part: the onset itself, on a finer mesh.
+
+    Parameters
+    ----------
+    why : how its state was to be judged, and what came of it.
+    """
+    finer = replace(scene.accuracy, section_size=FINER * scene.accuracy.section_size)
+    other = path(replace(scene, accuracy=finer))[-1]
+    (low, high), there = end.facts.onset_mm or (math.nan, math.nan), other.facts.onset_mm
+    check = f"{end.facts.onset} of the onset on a mesh with edges of {FINER:g} ({why})"
+    if there is None and _way(other.load) < high:
+        return Finding(end, f"{check}: the path on it stops before", None)
+    apart = math.inf if there is None else max(there[0] - high, low - there[1], 0.0) / high
+    return Finding(end, check, apart, ONSET)
 
 
 def _way(load: Load) -> float:

@@ -53,7 +53,7 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
 def test_the_judge_of_extremes_measures_the_cone():
     loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
     scene = judges.Scene("small", loads, judges.cone, 0.01, sliding.COARSE, magnet="ignored")
-    found = judges.cone(scene)
+    found = judges.cone(scene, judges.path(scene))
     assert found.solution.slip_share == 1
     assert found.measured < scene.bound
 
