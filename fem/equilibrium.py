@@ -321,10 +321,15 @@ def contact_edge(d: models.Discretisation, depth: float) -> float:
     path = Path(d)
     try:
         path.go(depth, np.zeros(2))
-        radius = contact.contact_radius(path.skin, path.u, path.plate())
-        return contact.material_radius(path.skin, path.u, path.plate(), radius)
+        return end_of_contact(path)
     finally:
         path.close()
+
+
+def end_of_contact(path: Path) -> float:
+    """Undeformed radius at which the contact of a press ends in the present state, in units of D."""
+    radius = contact.contact_radius(path.skin, path.u, path.plate())
+    return contact.material_radius(path.skin, path.u, path.plate(), radius)
 
 
 def _check_spot(design: Design, load: Load) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import drucker, elements, integrals
+from fem.lateral import lateral
 from fem.material import strain
 from fem.models import Discretisation
 from fem.newton import STOPPED, Stop
@@ -187,7 +188,7 @@ def _remark(
         return "leaning" if load.imperfection else "given_way"
     if (load.shear_x or load.shear_y) and not sheared:
         return "slides_over"
-    if watch and pressed and path.d.model == "axisymmetric" and path.sideways():
+    if watch and pressed and path.d.model == "axisymmetric" and lateral(path).unstable:
         return "guided_only"
     if path.friction is not None:
         return "full_slip" if slip_share == 1 and sheared else "part_slips" if slip_share else None

@@ -97,7 +97,7 @@ def section(
     )
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
-    dead = _pushed(skin, fixed.shape, shape.H, push) if push else None
+    dead = pushed(skin, fixed.shape, shape.H, push) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
@@ -132,12 +132,12 @@ def solid(
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
     symmetry = 2.0 if half else 1.0
-    dead = _pushed(skin, fixed.shape, shape.H, push / symmetry) if push else None
+    dead = pushed(skin, fixed.shape, shape.H, push / symmetry) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 
-def _pushed(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
+def pushed(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
     """Nodal forces of a uniform dead traction along x on the skin above a height, with that resultant."""
     weights = np.where(skin.points[..., 2] > above, skin.weights, 0.0)
     along = np.einsum("kq,qf,qn->knf", weights * (force / weights.sum()), skin.E[:, 0], skin.shape)

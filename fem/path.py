@@ -164,30 +164,6 @@ class Path:
             self._high = self._raised().system
         return self._high
 
-    def sideways(self, *, guided: bool = False) -> int | None:
-        """Number of unstable sideways directions of an axisymmetric press; None where it is not known.
-
-        Parameters
-        ----------
-        guided : what is in contact is glued to the plate; else the tip is free to slide.
-        """
-        high = self.high
-        assert high.surface is not None
-        state, plate = high.state(raise_harmonics(self.d.system, high, self.q)), self.plate()
-        if self.friction is not None:
-            plate = replace(plate, friction=friction.revolved(self.friction, high.surface.points))
-        if guided:
-            tied = contact.overlap(high.surface, state.u, plate) > 0
-            plate = replace(plate, tied=tied, targets=contact.along(high.surface, state.u, plate))
-        solver = Solver()
-        try:
-            raised = high.assemble(state, plate)
-            solver.factorise(raised.tangent, symmetric=raised.symmetric)
-            negative = solver.negative()
-        finally:
-            solver.close()
-        return None if negative is None else negative - high.n_pressure - (self.unstable or 0)
-
     def close(self) -> None:
         """Give the factorisation's memory back."""
         self.solver.close()

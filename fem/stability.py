@@ -1,9 +1,7 @@
 """Sideways stability and small shear of a pressed body of revolution, from one harmonic about the axisymmetric state.
 
-A press is followed with the axisymmetric model. About one of its states the tangent K of the model with one harmonic
-falls apart into an axisymmetric block and the block of all motions that go like cos theta or sin theta: bending,
-sideways shear, rocking on the plate. By Sylvester's law the number of negative eigenvalues of K, less that of the
-pressures and of the axisymmetric model, is the number of sideways directions in which the press is unstable.
+A press is followed with the axisymmetric model. It turns unstable sideways at the depth where its lateral stiffness
+passes through zero, see `fem.lateral`.
 
 Two plates are told apart: a frictionless one, on which the tip is free to slide, and one to which the patch in
 contact is glued (a guided tip). With it moved sideways by s, K dq = -dR/ds s gives the small-shear answer:
@@ -17,10 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from fem import contact, models
 from fem.contact import Plate
-from fem.equilibrium import SHARE, contact_edge, contact_end
+from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
+from fem.lateral import at_rest, lateral
 from fem.levels import QUICK, STANDARD, Accuracy
 from fem.linear import Solver
 from fem.material import law
@@ -38,12 +38,17 @@ DEEPEST = 0.5
 """Depth over the silicone's height up to which an instability is looked for."""
 STEP = 0.05
 """Depth over D between two states that are checked."""
-TOLERANCE = 2e-3
+TOLERANCE = 1e-4
 """Relative width of the interval in which a critical depth lies."""
+AROUND = 0.05
+"""Steps in which a critical depth is looked for around that of another mesh, over the depth."""
+MOVED = 0.02
+"""Relative change of the radius at which the contact ends that asks for another mesh."""
 ROUGH = 0.3
 """Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
 RIM = 0.25
-"""Edge length where the contact ends, over the section's, at most SHARE of its radius."""
+"""Edge length where the contact ends, over that of a glued patch, at most SHARE of the contact's radius. In
+larger elements the lateral stiffness scatters with the place where the contact ends: a critical depth by 2 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +96,13 @@ def critical(
 ) -> Critical:
     """The depth at which a press turns unstable sideways.
 
-    A coarse search first, then a mesh that is fine where the contact ends at that depth, and bisection on it.
+    A coarse mesh first, then one that is fine where the contact ends at that depth. There the lateral stiffness is
+    followed to its zero (see `fem.lateral`).
 
     Parameters
     ----------
     guided : the patch in contact is glued to the plate, which itself cannot move sideways.
-    deepest : where to stop looking, mm; half of the silicone's height if not told.
+    deepest : where to stop looking, mm; default: half of the silicone's height.
 
     Raises
     ------
@@ -107,23 +113,21 @@ def critical(
     deepest = DEEPEST * room if deepest is None else deepest
     check_load(design, Load(depth=deepest), magnet)
     end, D = deepest / design.D, design.D
-    low, high, reached = _bracket(_build(design, magnet, QUICK), guided, min(STEP, end / 8), 0.0, end)
-    if high is None:
-        return _none(reached, end, D)
-    edge = contact_edge(_build(design, magnet, QUICK)(), (low + high) / 2)
-    build = _build(design, magnet, accuracy, _rim(edge, accuracy))
-    low, high, reached = _bracket(build, guided, STEP / 2, max(low - STEP, 0.0), min(high + 4 * STEP, end))
-    if high is None:
-        return _none(reached, end, D)
-    # the mesh is finest where the contact ends at the depth that was found
-    edge = contact_edge(build(), (low + high) / 2)
-    build = _build(design, magnet, accuracy, _rim(edge, accuracy))
-    width = max(high - low, 0.02 * high)
-    low, high, reached = _bracket(build, guided, width, max(low - width, 0.0), min(high + 2 * width, end))
-    if high is None:
-        return _none(reached, end, D)
-    low, high, force = _bisect(build, guided, low, high)
-    return Critical((low + high) / 2 * D, force * design.E * D**2, low * D, "")
+    rough = _build(design, magnet, QUICK)
+    path = _path(rough)
+    try:
+        first = _located(path, guided, 0.0, min(STEP, end / 8), end)
+    finally:
+        path.close()
+    if isinstance(first, float):
+        return _none(first, end, D)
+    edge = contact_end(rough, RIM * accuracy.section_patch, first.depth)
+    found = _near(_build(design, magnet, accuracy, _rim(edge, accuracy)), guided, first.depth, end)
+    if not isinstance(found, float) and abs(found.edge / edge - 1) > MOVED:
+        found = _near(_build(design, magnet, accuracy, _rim(found.edge, accuracy)), guided, found.depth, end)
+    if isinstance(found, float):
+        return _none(found, end, D)
+    return Critical(found.depth * D, found.force * design.E * D**2, found.stable * D, "")
 
 
 def small_shear(
@@ -140,7 +144,7 @@ def small_shear(
     check_depth(design, depth, magnet)
     d, D = depth / design.D, design.D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_size, d)
+    edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_patch, d)
     build = _build(design, magnet, accuracy, _rim(edge, accuracy))
     path = Path(build(), rim=edge)
     try:
@@ -176,54 +180,72 @@ def _build(
     """Builds the section with any number of harmonics."""
     size, shape = accuracy.section_size, design.shape.scaled(1 / design.D)
     silicone = law(design.law, design.law_numbers)
-    return functools.partial(models.section, shape, design.nu, magnet, size, size / 2, silicone, rim=rim)
+    return functools.partial(
+        models.section, shape, design.nu, magnet, size, size / 2, silicone, rim=rim, fillet=PRESS_FILLET
+    )
 
 
 def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
-    return edge, min(RIM * accuracy.section_size, SHARE * edge)
+    return edge, min(RIM * accuracy.section_patch, SHARE * edge)
 
 
 def _path(build: functools.partial[Discretisation]) -> Path:
     return Path(build(), raised=functools.partial(build, harmonics=1))
 
 
-def _bracket(
-    build: functools.partial[Discretisation], guided: bool, step: float, start: float, end: float
-) -> tuple[float, float | None, float]:
-    """Depths over D between which the first instability appears (None if there is none), and the depth reached."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A critical state in units of D and E: depth, normal force, undeformed radius at which the contact ends.
+
+    `stable` is the greatest depth that was found stable.
+    """
+
+    depth: float
+    force: float
+    edge: float
+    stable: float
+
+
+class _StoppedError(ArithmeticError):
+    """The press does not reach a depth."""
+
+
+def _near(build: functools.partial[Discretisation], guided: bool, depth: float, end: float) -> _Found | float:
+    """What `_located` finds around a depth."""
     path = _path(build)
     try:
-        stable, depth = 0.0, start or step
-        while True:
+        return _located(path, guided, (1 - AROUND) * depth, AROUND * depth, end)
+    finally:
+        path.close()
+
+
+def _located(path: Path, guided: bool, start: float, step: float, end: float) -> _Found | float:
+    """The first instability, looked for from a depth on in steps; the depth reached if there is none."""
+    known: dict[float, float] = {}
+
+    def stiffness(depth: float) -> float:
+        """Lateral stiffness, with a minus wherever there is an unstable direction."""
+        if depth not in known:
             if path.go(depth, np.zeros(2)):
-                return stable, None, stable
-            if path.sideways(guided=guided):
-                return stable, depth, depth
-            if depth >= end:
-                return depth, None, depth
-            stable, depth = depth, min(depth + step, end)
-    finally:
-        path.close()
+                raise _StoppedError
+            now = lateral(path, guided=guided)
+            known[depth] = -abs(now.stiffness) if now.unstable else abs(now.stiffness)
+        return known[depth]
 
-
-def _bisect(
-    build: functools.partial[Discretisation], guided: bool, low: float, high: float
-) -> tuple[float, float, float]:
-    """A narrow interval of depths around the instability, and the force over E D^2 in its middle."""
-    path = _path(build)
+    stable, depth = 0.0, start or step
     try:
-        while high - low > TOLERANCE * high:
-            middle = (low + high) / 2
-            if path.go(middle, np.zeros(2)):
-                break
-            if path.sideways(guided=guided):
-                high = middle
-            else:
-                low = middle
-        path.go((low + high) / 2, np.zeros(2))
-        return low, high, _normal(path)
-    finally:
-        path.close()
+        while stiffness(depth) > 0:
+            if depth >= end:
+                return depth
+            stable, depth = depth, min(depth + step, end)
+        if not stable:
+            known[stable] = at_rest(path)
+        depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
+        path.go(depth, np.zeros(2))
+    except _StoppedError:
+        return stable
+    stable = max(depth for depth, value in known.items() if value > 0)
+    return _Found(depth, _normal(path), end_of_contact(path), stable)
 
 
 def _normal(path: Path) -> float:

@@ -1,0 +1,83 @@
+"""How stiff a pressed body of revolution still is against a force sideways on its tip, and when it gives way.
+
+About an axisymmetric state the tangent K of the model with one harmonic falls apart into an axisymmetric block and
+the block of all motions that go like cos theta or sin theta: bending, sideways shear, rocking on the plate. A dead
+force along x, spread over the dome as f, moves the dome by f . K^-1 f for each unit; the lateral stiffness is
+
+    k = 1 / (f . K^-1 f) = 1 / sum_i (f . v_i)^2 / lambda_i
+
+with the eigenvalues and vectors of K. It falls as the press goes deeper, much as that of a column does under a load,
+k = k_0 (1 - F / F_c), and passes through zero where the first eigenvalue does: there the press gives way. By
+Sylvester's law the number of negative eigenvalues of K, less that of the pressures and of the axisymmetric model, is
+the number of sideways directions in which the press is unstable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import contact, friction, models
+from fem.contact import Plate
+from fem.linear import Solver
+from fem.path import Path
+from fem.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Lateral:
+    """The sideways answer of an axisymmetric state.
+
+    Attributes
+    ----------
+    stiffness : k, force over motion of the dome, in units of E D.
+    unstable : number of unstable sideways directions, None where it is not known.
+    """
+
+    stiffness: float
+    unstable: int | None
+
+
+def lateral(path: Path, *, guided: bool = False) -> Lateral:
+    """Of the present state of an axisymmetric press that has a model with harmonics at hand.
+
+    Parameters
+    ----------
+    guided : what is in contact is glued to the plate; else the tip is free to slide.
+    """
+    high = path.high
+    assert high.surface is not None
+    q, plate = models.raise_harmonics(path.d.system, high, path.q), path.plate()
+    if path.friction is not None:
+        plate = replace(plate, friction=friction.revolved(path.friction, high.surface.points))
+    if guided:
+        u = high.state(q).u
+        tied = contact.overlap(high.surface, u, plate) > 0
+        plate = replace(plate, tied=tied, targets=contact.along(high.surface, u, plate))
+    stiffness, negative = _answer(high, q, plate, path.d.shape.H)
+    return Lateral(stiffness, None if negative is None else negative - (path.unstable or 0))
+
+
+def at_rest(path: Path) -> float:
+    """Lateral stiffness of the beam that nothing presses, in units of E D."""
+    high = path.high
+    return _answer(high, np.zeros(high.size), None, path.d.shape.H)[0]
+
+
+def _answer(high: System, q: Array, plate: Plate | None, above: float) -> tuple[float, int | None]:
+    """Stiffness against a force on the skin above a height, and how many displacements are unstable."""
+    assert high.surface is not None
+    force = np.zeros(high.size)
+    force[: high.n_free] = models.pushed(high.surface, high.fixed.shape, above, 1.0)[high.free]
+    solver = Solver()
+    try:
+        about = high.assemble(high.state(q), plate)
+        solver.factorise(about.tangent, symmetric=about.symmetric)
+        compliance, negative = float(force @ solver.solve(force)), solver.negative()
+    finally:
+        solver.close()
+    return 1 / compliance, None if negative is None else negative - high.n_pressure

@@ -1,0 +1,61 @@
+"""Lateral stiffness of a pressed beam: a cantilever's at rest, a column's under load."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from analytic import buckling
+from fem import models
+from fem.lateral import at_rest, lateral
+from fem.path import Path
+from geometry.design import Design
+
+BEAM = Design(L=40.0)
+
+
+@pytest.fixture
+def path():
+    shape = BEAM.shape.scaled(1 / BEAM.D)
+    build = functools.partial(models.section, shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))
+    path = Path(build(), raised=functools.partial(build, harmonics=1))
+    yield path
+    path.close()
+
+
+def test_at_rest_it_is_that_of_a_cantilever(path):
+    """The force acts at the centre of the dome's surface, D/4 below the top; the clamp keeps its section's shape."""
+    arm = BEAM.L / BEAM.D - 0.25
+    inertia, area = math.pi / 64, math.pi / 4
+    shear = 0.9 * area / (2 * (1 + BEAM.nu))
+    beam = 1 / (arm**3 / (3 * inertia) + arm / shear)
+    assert at_rest(path) == pytest.approx(beam, rel=0.05)
+
+
+def test_it_falls_like_that_of_a_column(path):
+    """k = k_0 (1 - F / F_c), F from the path's energy: the critical load is Haringx', but for the dome."""
+    rest, forces, ratios = at_rest(path), [], []
+    for depth in (0.04, 0.05):
+        path.go(depth - 1e-4, np.zeros(2))
+        before = path.energy
+        path.go(depth + 1e-4, np.zeros(2))
+        forces.append((path.energy - before) / 2e-4)
+        ratios.append(lateral(path).stiffness / rest)
+    critical = forces[0] + ratios[0] * (forces[1] - forces[0]) / (ratios[0] - ratios[1])
+    assert critical == pytest.approx(buckling.haringx(BEAM) / (BEAM.E * BEAM.D**2), rel=0.5 / (BEAM.L / BEAM.D))
+    np.testing.assert_allclose(ratios, 1 - np.array(forces) / critical, atol=0.03)
+
+
+def test_it_changes_sign_where_an_unstable_direction_appears(path):
+    found = []
+    for depth in (0.05, 0.08):
+        assert not path.go(depth, np.zeros(2))
+        found.append(lateral(path))
+    assert [state.unstable for state in found] == [0, 1]
+    assert found[0].stiffness > 0 > found[1].stiffness
+
+
+def test_a_guided_tip_is_stiffer(path):
+    path.go(0.05, np.zeros(2))
+    assert lateral(path, guided=True).stiffness > 10 * lateral(path).stiffness
