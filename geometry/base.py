@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from geometry.cad import beam, cut, overlap
 from geometry.design import BadInput, Design
 from geometry.hallbody import CHIPS, SS495A, Vector, places
-from geometry.printing import PROCESSES, Check, at_least, at_most
+from geometry.printing import PROCESSES, Check, Range, at_least, at_most
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -39,10 +39,10 @@ EDGE = 1.5
 """From a screw hole or the beam to the edge of the base, mm."""
 
 RANGES = {
-    "thickness": (1.0, 1200.0),
-    "seat_fit": (0.0, 1.0),
-    "seat_wall": (0.4, 10.0),
-    "screw": (0.0, 10.0),
+    "thickness": Range(1.0, 1200.0),
+    "seat_fit": Range(0.0, 1.0),
+    "seat_wall": Range(0.4, 10.0),
+    "screw": Range(0.0, 10.0),
 }
 
 
@@ -71,13 +71,8 @@ class Base:
     def __post_init__(self) -> None:
         for spec in dataclasses.fields(self):
             value: object = getattr(self, spec.name)
-            if value is None and spec.default is None:
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise BadInput(f"{spec.name} must be a number; got {value!r}")
-            low, high = RANGES[spec.name]
-            if not low <= value <= high:
-                raise BadInput(f"{spec.name} must lie between {low:g} and {high:g} mm; got {value:g} mm")
+            if value is not None or spec.default is not None:
+                RANGES[spec.name].check(spec.name, value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design, nearest
-from geometry.printing import PROCESSES, Process
+from geometry.printing import PROCESSES, Process, Range
 
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
@@ -29,26 +29,24 @@ DOWEL_SHARE = 0.8
 """Largest diameter of a dowel, as a fraction of the ledge of the foot that it stands in."""
 
 RANGES = {
-    "shrink": (0.0, 0.2, ""),
-    "pocket_gap": (-20.0, 20.0, " mm"),
-    "pin_edge": (0.0, 100.0, " mm"),
-    "draft": (0.0, 5.0, " degrees"),
-    "wall": (0.4, 100.0, " mm"),
-    "floor": (0.4, 100.0, " mm"),
-    "lid": (0.4, 100.0, " mm"),
-    "skirt": (0.1, 4000.0, " mm"),
-    "fit": (0.0, 2.0, " mm"),
-    "pry_gap": (0.0, 100.0, " mm"),
-    "vents": (1, 24, ""),
-    "vent_diameter": (0.01, 100.0, " mm"),
-    "tip_vent": (0.0, 10.0, " mm"),
-    "columns": (1, 10, ""),
-    "rows": (1, 10, ""),
-    "split": (0, 1, ""),
-    "dowel": (0.1, 100.0, " mm"),
+    "shrink": Range(0.0, 0.2, ""),
+    "pocket_gap": Range(-20.0, 20.0),
+    "pin_edge": Range(0.0, 100.0),
+    "draft": Range(0.0, 5.0, "degrees"),
+    "wall": Range(0.4, 100.0),
+    "floor": Range(0.4, 100.0),
+    "lid": Range(0.4, 100.0),
+    "skirt": Range(0.1, 4000.0),
+    "fit": Range(0.0, 2.0),
+    "pry_gap": Range(0.0, 100.0),
+    "vents": Range(1, 24, "", whole=True),
+    "vent_diameter": Range(0.01, 100.0),
+    "tip_vent": Range(0.0, 10.0),
+    "columns": Range(1, 10, "", whole=True),
+    "rows": Range(1, 10, "", whole=True),
+    "split": Range(0, 1, "", whole=True),
+    "dowel": Range(0.1, 100.0),
 }
-
-WHOLE = ("vents", "columns", "rows", "split")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +103,8 @@ class Mold:
             raise BadInput(f"there is no process {self.process!r}: {nearest(str(self.process), PROCESSES)}")
         for spec in dataclasses.fields(self):
             value: object = getattr(self, spec.name)
-            if spec.name == "process" or (value is None and spec.default is None):
-                continue
-            low, high, unit = RANGES[spec.name]
-            if isinstance(value, bool) or not isinstance(value, int if spec.name in WHOLE else (int, float)):
-                kind = "a whole number" if spec.name in WHOLE else "a number"
-                raise BadInput(f"{spec.name} must be {kind}; got {value!r}")
-            if not low <= value <= high:
-                raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {value:g}{unit}")
+            if spec.name != "process" and (value is not None or spec.default is not None):
+                RANGES[spec.name].check(spec.name, value)
         if self.split and self.rows > 1:
             raise BadInput(f"rows must be 1 for a mould that is split along a row; got {self.rows}: or leave split 0")
 

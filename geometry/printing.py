@@ -1,4 +1,4 @@
-"""What a printer can make: process, printed side, overhangs. Lengths mm, areas mm².
+"""What a printer can make, and a maker may choose: process, ranges, printed side, overhangs. Lengths mm, areas mm².
 
 Parts are printed without supports: a face that looks down may lean by 45° from the vertical at most, unless it lies
 on the printer's bed or is the flat roof of a pocket narrow enough to be bridged. The figures are rules of thumb of
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from geometry.cad import moved
+from geometry.design import BadInput
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -49,6 +50,25 @@ TURNS = [math.radians(15 * k) for k in range(12)]
 
 FLAT = 1e-4
 """A facet is level, and lies on the bed, within this much of its normal and this share of the part's height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """What a maker's choice must lie between, both ends included, in its unit; whether it counts something."""
+
+    low: float
+    high: float
+    unit: str = "mm"
+    whole: bool = False
+
+    def check(self, name: str, value: object) -> None:
+        """Raise a BadInput that names the range for a value outside it, or of another kind."""
+        unit = f" {self.unit}" if self.unit else ""
+        if isinstance(value, bool) or not isinstance(value, int if self.whole else (int, float)):
+            kind = "whole number" if self.whole else "number"
+            raise BadInput(f"{name} must be a {kind} from {self.low:g} to {self.high:g}{unit}; got {value!r}")
+        if not self.low <= value <= self.high:
+            raise BadInput(f"{name} must lie between {self.low:g} and {self.high:g}{unit}; got {value:g}{unit}")
 
 
 @dataclass(frozen=True, slots=True)

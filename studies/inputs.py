@@ -106,11 +106,20 @@ def parse_numbers(name: str, text: str) -> list[float]:
 
 
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
-    """Fields of a dataclass of numbers from texts KEY=VALUE; a number without a point is a whole one."""
+    """Fields of a dataclass from texts KEY=VALUE: numbers, and texts that are none, whose ranges the class names."""
     names = [spec.name for spec in dataclasses.fields(kind)]
     given = pairs(option, texts, f"{names[-1]}=2")
     _known(option, given, names)
-    return {key: int(value) if value.isdecimal() else _number(key, value) for key, value in given.items()}
+    return {key: _as_number(value) for key, value in given.items()}
+
+
+def _as_number(text: str) -> float | str:
+    """The number that a text is, a whole one as an int however it is written (1e9, 3.0); else the text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    return int(value) if value.is_integer() else value
 
 
 def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:

@@ -101,7 +101,7 @@ def test_screw_holes_go_through_and_can_be_left_out():
         ({"hall_layout": "tmag5273a1"}, {"thickness": 5.0}, "thickness is set by l0 for a chip, to 2.8 mm; got 5 mm"),
         ({}, {"screw": -1.0}, "screw must lie between 0 and 10 mm; got -1 mm"),
         ({}, {"seat_wall": math.nan}, "seat_wall must lie between 0.4 and 10 mm; got nan mm"),
-        ({}, {"seat_fit": "1"}, "seat_fit must be a number; got '1'"),
+        ({}, {"seat_fit": "1"}, "seat_fit must be a number from 0 to 1 mm; got '1'"),
     ],
 )
 def test_bad_input(fields, choices, text):

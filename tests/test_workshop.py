@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from geometry import base, mold
 from geometry.base import Base, plan
-from geometry.design import paper
+from geometry.design import BadInput, paper
+from geometry.mold import Mold
 from geometry.printing import Check
 from studies import console, portrait, recipe, workshop
 from studies.sweep import varied
@@ -197,6 +199,23 @@ def test_an_interrupt_waits_for_what_must_not_be_broken():
         work()
     assert reached == ["end"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize(("option", "ranges"), [("--mold", mold.RANGES), ("--base", base.RANGES)])
+@pytest.mark.parametrize("value", ["1e9", "-1e9", "nan", "inf", "9" * 400, "", "three"])
+def test_a_choice_out_of_its_range_names_the_range(option, ranges, value):
+    for name, bounds in ranges.items():
+        texts = {"--mold": [], "--base": [], option: [f"{name}={value}"]}
+        with pytest.raises(BadInput) as caught:
+            workshop.making_of("fdm", texts["--mold"], texts["--base"], None)
+        assert str(caught.value).startswith(f"{name} must ")
+        assert all(f"{bound:g}" in str(caught.value) for bound in (bounds.low, bounds.high))
+
+
+def test_a_count_may_be_written_as_any_whole_number():
+    assert workshop.making_of("fdm", ["columns=3.0", "rows=1e0", "wall=2"], [], None).mold == Mold(columns=3, wall=2)
+    with pytest.raises(BadInput, match=r"^columns must be a whole number from 1 to 10; got 2\.5$"):
+        workshop.making_of("fdm", ["columns=2.5"], [], None)
 
 
 def test_the_elements_of_a_batch_stay_in_the_base():
