@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import platform
-import subprocess
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from studies import provenance
 from studies.files import write_text
 
 Row = Mapping[str, Any]
@@ -40,13 +39,10 @@ def machine() -> dict[str, str]:
     found = {"machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
     if hasattr(os, "getloadavg"):
         found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
-    found["magtip"] = f"{metadata.version('magtip')}, commit {_commit()}"
+    found["magtip"] = f"{provenance.installed('magtip')}, commit {provenance.commit() or 'unknown'}"
     found["Python"] = platform.python_version()
     for name in ("numpy", "scipy", "scikit-fem", "pytetwild", "pypardiso"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
+        found[name] = provenance.installed(name) or "not installed"
     return found
 
 
@@ -57,17 +53,6 @@ def _processor() -> str:
         return platform.processor() or platform.machine()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.machine()
-
-
-def _commit() -> str:
-    """The commit of the source, with a + if it has been changed since."""
-    root = Path(__file__).resolve().parent.parent
-    command = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    try:
-        ended = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=20, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return ended.stdout.strip()
 
 
 def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], *, quick: bool, text: str) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import platform
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,10 @@ from fem.solution import Solution
 from geometry.design import Design, paper
 from studies import compare, describe, files, report, workshop
 from studies.compare import Comparison, Outcome, Progress, Row, part
+from studies.provenance import versions
 
-PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild", "build123d", "trimesh", "pyvista", "pandas", "matplotlib")
+PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
+"""What draws and makes solids, beside what finite elements need."""
 
 FILES = {
     "cad/": "beam, silicone, magnet, base and the mould's parts A and B, drawings, and the recipe (README.md); mm",
@@ -68,7 +68,7 @@ def run(
     -------
     "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
     """
-    design, show = paper(), progress or _silent
+    design, show, origin = paper(), progress or _silent, versions(PACKAGES)
     cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
     mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
     found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
@@ -77,7 +77,7 @@ def run(
     for name, states in (("press", found.pressed), ("shear", found.sheared)):
         show(0.95, f"picture: {name}")
         _write_last(folder, name, design, states)
-    files.write_text(folder / "REPORT.md", document(design, found, cad, mesh))
+    files.write_text(folder / "REPORT.md", document(design, found, cad, mesh, origin))
     show(1.0, "done")
     done = [cad, mesh, *found.press, *found.shear]
     worst = next((record for record in done if record["status"] != "ok"), {"status": "ok", "message": ""})
@@ -112,7 +112,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 # REPORT.md
 
 
-def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> str:
+def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any], origin: str) -> str:
     """The text of REPORT.md: findings in sentences, small tables, what is assumed, what was made and with what."""
     summary = found.summary
     press = [row for row in found.press if row["status"] == "ok"]
@@ -140,7 +140,7 @@ def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Ma
         "## Files",
         _bullets([f"`{name}`: {text}" for name, text in FILES.items()]),
         "## Made with",
-        f"`magtip demo`, on Python {platform.python_version()} with {_versions()}.",
+        f"`magtip demo`, {origin}.",
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -222,13 +222,3 @@ def _made(cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> list[str]:
         f"least radius ratio {mesh['least_shape']:.2f}, mean {mesh['mean_shape']:.2f} (1 is best)."
     )
     return lines
-
-
-def _versions() -> str:
-    found = []
-    for name in ("magtip", *PACKAGES):
-        try:
-            found.append(f"{name} {metadata.version(name)}")
-        except metadata.PackageNotFoundError:
-            continue
-    return ", ".join(found)

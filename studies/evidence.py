@@ -99,7 +99,7 @@ def accuracy(
         raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies import accuracy as work
     from studies import calibration
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     origin = versions()
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
@@ -132,7 +132,7 @@ def crosscheck(
     """
     from studies import crosscheck as work
     from studies import trials
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     if not 1 <= count <= trials.DESIGNS:
         raise BadInput(f"count must lie between 1 and {trials.DESIGNS}; got {count}")
@@ -169,7 +169,7 @@ def ladder(
         Folder of ladder.csv, LADDER.md and ladder.png.
     """
     from studies import ladder as work
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     most = len(work.designs())
     if not 1 <= count <= most:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import platform
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +13,7 @@ from studies import judges
 from studies.compare import write_table
 from studies.files import write_text
 from studies.judges import Finding, Scene, StoppedError
+from studies.provenance import versions
 from studies.scenes import scenes
 
 Progress = Callable[[float, str], None]
@@ -186,18 +184,3 @@ def _designs(rows: Sequence[Row]) -> list[str]:
 
 def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.2g}"
-
-
-def versions() -> str:
-    """Versions, and the commit where the code lies in a repository."""
-    names = ("magtip", "numpy", "scipy", "scikit-fem", "pytetwild")
-    versions = ", ".join(f"{name} {version(name)}" for name in names)
-    described = subprocess.run(
-        ["git", "describe", "--always", "--dirty", "--exclude=*"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    commit = f" at commit {described.stdout.strip()}" if described.returncode == 0 else ""
-    return f"on Python {platform.python_version()} with {versions}{commit}"

@@ -21,7 +21,7 @@ FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LA
 def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, room: float) -> None:
     """layout.csv, layout.png, LAYOUT.md and, of the claim, claim.csv and claim.png, into an existing folder."""
     from studies.compare import write_table
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     # before a file of the repository changes
     origin = versions()

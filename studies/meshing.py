@@ -41,7 +41,7 @@ def range_(*, count: Whole = 64, out: Path | None = None, as_json: AsJson = Fals
         Folder of range.csv, RANGE.md and rows.jsonl, from which a stopped run goes on.
     """
     from studies import ranging as work
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     if not 1 <= count <= 1024:
         raise BadInput(f"count must lie between 1 and 1024; got {count}")

@@ -26,8 +26,8 @@ from fem.solution import Solution
 from geometry.design import paper
 from geometry.scene import Load, Magnet
 from studies.compare import write_table
-from studies.extremes import versions
 from studies.files import write_text
+from studies.provenance import versions
 
 Row = dict[str, Any]
 Progress = Callable[[float, str], None]

@@ -283,7 +283,7 @@ def _stability_map(
             f" {longest:g} mm; got {min(ratios):g}"
         )
     from studies import slenderness as work
-    from studies.extremes import versions
+    from studies.provenance import versions
 
     files.check_apart(files.inside(out, work.FILES), [source])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.compare import write_table
-from studies.extremes import versions
 from studies.files import write_text
+from studies.provenance import versions
 from studies.targets import Quantity, Target, targets
 
 Progress = Callable[[float, str], None]
