@@ -2,15 +2,18 @@
 
 fTetWild meshes the inside of faceted surfaces with an envelope; the mesh is then made exact: its outer and interface
 nodes are put on the base, the symmetry plane, the side, the dome and the magnet, those in the middle of edges too.
-fTetWild crashes or hangs on bad input, so the input is checked and the work is done in a child process; it is not
-deterministic, so two meshes of one shape differ by some percent in their counts. Meshes are kept in `geometry.cache`,
-in units of D: similar shapes share one.
+fTetWild crashes or hangs on bad input, so the input is checked and the work is done in a child process (`tetwild`),
+which fixes its seed: the same request gives the same mesh, to the last bit, whenever it is made on one machine.
+Another processor or version of a library may round otherwise, and from a difference in the last bit fTetWild comes to
+another mesh, of some percent more or fewer cells. Meshes are kept in `geometry.cache`, in units of D: similar shapes
+share one.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import logging
 import math
 import subprocess
 import sys
@@ -41,16 +44,8 @@ TRIES = (1.0, 0.97, 0.94, 0.9, 0.8, 0.7)
 PASSES = 10
 """Most rounds of fTetWild's optimisation: after a few of them the worst cells only cost time."""
 
-_CHILD = """
-import sys, numpy, pytetwild
-with numpy.load(sys.argv[1]) as given:
-    points, cells = pytetwild.tetrahedralize(
-        given["points"], given["faces"], edge_length_abs=float(given["size"]), epsilon=float(given["epsilon"]),
-        num_threads=1, num_opt_iter=int(given["passes"]), disable_filtering=bool(given["around"]),
-        vtk_ordering=True, quiet=True,
-        bg_vertices=given["grid"], bg_tets=given["tets"], bg_values=given["values"])
-numpy.savez(sys.argv[2], points=points, cells=cells)
-"""
+CHILD = Path(__file__).with_name("tetwild.py")
+"""What runs fTetWild, in a process of its own."""
 
 
 def tetrahedra(
@@ -148,8 +143,9 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
 def _makers() -> list[str]:
     """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
     code = hashlib.sha256()
-    for module in (__file__, *(str(used.__file__) for used in (cad, curving, exact, sizing, surface, zooming))):
-        code.update(Path(module).read_bytes())
+    used = (cad, curving, exact, sizing, surface, zooming)
+    for file in (Path(__file__), CHILD, *(Path(str(module.__file__)) for module in used)):
+        code.update(file.read_bytes())
     versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
     return [*versions, code.hexdigest()]
 
@@ -230,7 +226,8 @@ def _tetwild(
             around=around,
             passes=PASSES,
         )
-        command = [sys.executable, "-c", _CHILD, str(given), str(found)]
+        # -P keeps this folder, whose modules have names such as base and cache, out of what the child imports from
+        command = [sys.executable, "-P", str(CHILD), str(given), str(found)]
         try:
             ended = subprocess.run(
                 command,
@@ -248,6 +245,15 @@ def _tetwild(
             raise RuntimeError(f"fTetWild failed with exit code {ended.returncode} ({cause}): try another size")
         with np.load(found) as arrays:
             p, t = arrays["points"].astype(np.float64), arrays["cells"].astype(np.int64)
+            if not arrays["seeded"]:
+                _warn_unseeded()
     if not len(t) or not np.isfinite(p).all():
         raise RuntimeError("fTetWild returned an empty mesh: try another size")
     return p, t
+
+
+@functools.cache
+def _warn_unseeded() -> None:
+    """A warning, once in a process."""
+    text = "fTetWild's seed cannot be fixed on this platform: meshes of tetrahedra differ from run to run"
+    logging.getLogger("magtip").warning("magtip: warning: %s", text)

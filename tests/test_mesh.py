@@ -304,14 +304,16 @@ def test_a_mesh_that_misses_its_rim_is_never_returned(half):
     assert curving.curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2)), PAPER) is None
 
 
-def test_a_child_that_dies_or_hangs(monkeypatch):
-    monkeypatch.setattr(meshing, "_CHILD", "import ctypes; ctypes.string_at(0)")
+def test_a_child_that_dies_or_hangs(monkeypatch, tmp_path):
+    child = tmp_path / "child.py"
+    monkeypatch.setattr(meshing, "CHILD", child)
+    child.write_text("import ctypes; ctypes.string_at(0)")
     with cache.bypassed(), pytest.raises(RuntimeError, match="failed with exit code"):
         tetrahedra(PAPER, 2.0)
-    monkeypatch.setattr(meshing, "_CHILD", "raise ValueError('of the child')")
+    child.write_text("raise ValueError('of the child')")
     with cache.bypassed(), pytest.raises(RuntimeError, match="of the child"):
         tetrahedra(PAPER, 2.0)
-    monkeypatch.setattr(meshing, "_CHILD", "import time; time.sleep(60)")
+    child.write_text("import time; time.sleep(60)")
     with cache.bypassed(), pytest.raises(RuntimeError, match=r"within 0\.5 s"):
         tetrahedra(PAPER, 2.0, timeout=0.5)
 

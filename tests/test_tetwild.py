@@ -1,0 +1,71 @@
+"""The same request gives the same tetrahedra, in whichever process it is made."""
+
+import hashlib
+import logging
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pytetwild import PyfTetWildWrapper
+
+from geometry import cache, tetwild
+from geometry import mesh as meshing
+from geometry.design import Shape
+from geometry.mesh import tetrahedra
+
+ASK = """
+import hashlib
+from geometry import cache
+from geometry.design import Shape
+from geometry.mesh import tetrahedra
+with cache.bypassed():
+    mesh = tetrahedra(Shape({shape}), {size}, half={half}, magnet={magnet!r}, rim={rim})
+print(hashlib.sha256(mesh.doflocs.tobytes() + mesh.t.tobytes()).hexdigest())
+"""
+BEAM, PAPER = "8, 6, 0, 0, 0", "8, 9, 4, 2, 0.1"
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "half", "magnet", "rim"),
+    [
+        (BEAM, 2.0, False, "none", None),
+        (BEAM, 2.0, True, "none", (1.0, 0.3)),
+        (PAPER, 2.0, True, "regions", None),
+    ],
+    ids=["full", "rim", "half"],
+)
+def test_two_processes_make_one_mesh(shape, size, half, magnet, rim):
+    """Python's hashes, addresses, the order of processes: nothing of that is in the mesh."""
+    ask = ASK.format(shape=shape, size=size, half=half, magnet=magnet, rim=rim)
+    done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+    with cache.bypassed():
+        mesh = tetrahedra(Shape(*map(float, shape.split(","))), size, half=half, magnet=magnet, rim=rim)
+    assert done.stdout.strip() == hashlib.sha256(mesh.doflocs.tobytes() + mesh.t.tobytes()).hexdigest()
+
+
+def test_another_seed_makes_another_mesh(monkeypatch, tmp_path):
+    """The seed is what decides: the replaced function is called."""
+    other = tmp_path / "other.py"
+    other.write_text(meshing.CHILD.read_text().replace(f"SEED = {tetwild.SEED}", "SEED = 7"))
+    with cache.bypassed():
+        one = tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
+        monkeypatch.setattr(meshing, "CHILD", other)
+        two = tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
+    assert one.doflocs.shape != two.doflocs.shape or not np.array_equal(one.doflocs, two.doflocs)
+
+
+def test_a_library_without_the_function_has_no_slot():
+    assert tetwild.slot(str(PyfTetWildWrapper.__file__), b"no such function") is None
+
+
+def test_a_seed_that_cannot_be_fixed_is_said_once(monkeypatch, tmp_path, caplog):
+    child = tmp_path / "child.py"
+    child.write_text(meshing.CHILD.read_text().replace('"linux"', '"elsewhere"'))
+    monkeypatch.setattr(meshing, "CHILD", child)
+    meshing._warn_unseeded.cache_clear()
+    with cache.bypassed(), caplog.at_level(logging.WARNING):
+        for _ in range(2):
+            tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
+    (record,) = caplog.records
+    assert "meshes of tetrahedra differ from run to run" in record.getMessage()
