@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import io
+import os
 import shutil
 import signal
 import sys
@@ -11,59 +11,141 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from studies import textable
 from studies.files import json_line
+from studies.textable import Column
 
 Progress = Callable[[float, str], None]
 
-UNITS = {
-    "mm": ("mm", 1.0),
-    "mm3": ("mm³", 1.0),
-    "um": ("µm", 1.0),
-    "N": ("N", 1.0),
-    "rad": ("rad", 1.0),
-    "MPa": ("MPa", 1.0),
-    "T": ("mT", 1e3),
-    "V": ("V", 1.0),
-    "Hz": ("Hz", 1.0),
-    "percent": ("%", 1.0),
-}
-"""Unit that a key's last word stands for, as it is shown, and its size in it."""
-
-TURNS = {
-    "tilt_rad": "tilt towards x",
-    "tilt_y_rad": "tilt towards y",
-    "rotation_rad": "rotation vector rx, ry",
-}
-"""Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
-
 MOST_NAMED = 6
-"""Of the records that a message is of."""
+"""Of the records that a message is of, and of the columns that are left out."""
 
-NUMBER = 10
-"""Columns of a number such as -0.0001234."""
+TOLD = ("message", "warning", "warnings")
+"""Keys of sentences, which verbs print in whole below a table: they are in it only if it is wide."""
 
-WIDTH = 160
-"""Columns of a table that is not shown in a terminal."""
+LEFTMOST = 2
+"""Columns that a person needs where a verb does not say which."""
+
+NUMBER, LIST = 8, 20
+"""Characters first given to numbers, and to lists of them, in rows that are printed one by one."""
+
+
+def room() -> int | None:
+    """Characters of a line: as the environment's COLUMNS says, else those of the terminal.
+
+    None where standard output is no terminal: lines in a file or a pipe may be as long as they need to be.
+    """
+    given = os.environ.get("COLUMNS", "")
+    if given.isdecimal() and int(given) > 0:
+        return int(given)
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
 def report(
-    records: Sequence[Mapping[str, Any]], *, as_json: bool, title: str = "", brief: Sequence[str] = ()
+    records: Sequence[Mapping[str, Any]],
+    *,
+    as_json: bool,
+    title: str = "",
+    brief: Sequence[str] = (),
+    first: Sequence[str] = (),
+    wide: bool = False,
 ) -> None:
     """Print each record as one line of JSON; or all as a table, one record upright, several one to a row.
 
-    Rows leave out the keys in `brief`, and those that are empty in all of them.
+    Columns that are empty in all records are left out. So are, from right to left, those that a line has no room for,
+    and it is said which; where those in `first` do not all fit, every record stands upright.
+
+    Parameters
+    ----------
+    brief : keys that the table leaves out unless it is wide.
+    first : keys that a person needs most, those of the leftmost columns by default.
+    wide : all columns, however long the lines become.
     """
     if as_json:
         for record in records:
             print(json_line(record), flush=True)
         return
     if len(records) == 1:
-        rows = [[*_heading(key), _text(key, value)] for key, value in records[0].items()]
-        table(title, ["", "unit", "value"], [[name, value, unit] for name, unit, value in rows])
+        (record,) = records
+        shown = {key: value for key, value in record.items() if wide or key not in brief}
+        _print_lines(title, textable.upright(shown, room()))
     elif records:
-        filled = {key for record in records for key, value in record.items() if value not in (None, "")}
-        keys = [key for key in records[0] if key in filled and key not in brief]
-        table(title, _heads(keys), [[_text(key, record.get(key), 4) for key in keys] for record in records])
+        keys, rest = _keys(records, brief, wide=wide)
+        columns = {key: textable.column(key, [record.get(key) for record in records]) for key in keys}
+        space = None if wide else room()
+        chosen = _fitting(columns, first, space)
+        if chosen is None:
+            blocks = [textable.upright({key: record.get(key) for key in keys}, space, 4) for record in records]
+            _print_lines(title, [line for block in blocks for line in (*block, "")][:-1])
+            chosen = keys
+        else:
+            _print_lines(title, textable.table([columns[key] for key in chosen], space))
+        _say_what_is_left_out([*(key for key in keys if key not in chosen), *rest])
+
+
+def _keys(records: Sequence[Mapping[str, Any]], brief: Sequence[str], *, wide: bool) -> tuple[list[str], list[str]]:
+    """Keys of a table's columns, and of those that only a wide one has."""
+    filled = dict.fromkeys(key for record in records for key, value in record.items())
+    empty = {key for key in filled if all(record.get(key) in (None, "") for record in records)}
+    keys = [key for key in filled if key not in empty]
+    rest = [] if wide else [key for key in keys if key in (*brief, *TOLD)]
+    return [key for key in keys if key not in rest], [key for key in rest if key not in TOLD]
+
+
+def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | None) -> list[str] | None:
+    """Keys of the columns that fit, None where those that are needed do not."""
+    keys = list(columns)
+    needed = [key for key in first if key in columns] or keys[:LEFTMOST]
+    order = [keys.index(key) for key in (*needed, *(key for key in keys if key not in needed))]
+    places = textable.fitting([columns[key].least for key in keys], len(needed), order, space)
+    return None if places is None else [keys[k] for k in places]
+
+
+def _say_what_is_left_out(keys: Sequence[str]) -> None:
+    if keys:
+        names = [textable.heading(key)[0] for key in keys[:MOST_NAMED]]
+        more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+        note(f"Left out: {', '.join(names)}{more}; --wide shows all columns, --json too.")
+
+
+class _Stream:
+    """A table whose rows are printed one by one; its head comes again where a value needs a wider column."""
+
+    def __init__(self, title: str, keys: Sequence[str], first: Sequence[str], space: int | None) -> None:
+        self.title, self.keys, self.first, self.space = title, list(keys), first, space
+        self.columns: dict[str, Column] = {}
+        self.chosen: list[str] | None = []
+
+    def add(self, record: Mapping[str, Any]) -> None:
+        """Print a row."""
+        new = {key: textable.column(key, [record.get(key)]) for key in self.keys}
+        if not self.columns or any(new[key].least > self.columns[key].least for key in self.keys):
+            self._widen(new, record)
+        if self.chosen is None:
+            lines = textable.upright({key: record.get(key) for key in self.keys}, self.space, 4)
+            _print_lines(self.title, lines)
+        else:
+            widths = [self.columns[key].least for key in self.chosen]
+            print("\n".join(textable.row([new[key].cells[0] for key in self.chosen], widths)), flush=True)
+        self.title = ""
+
+    def _widen(self, new: Mapping[str, Column], record: Mapping[str, Any]) -> None:
+        for key, column in new.items():
+            value = record.get(key)
+            blank = " " * (LIST if isinstance(value, (list, tuple)) else 0 if isinstance(value, str) else NUMBER)
+            before = self.columns[key].cells if self.columns else (blank,)
+            self.columns[key] = Column(column.head, (max(*before, *column.cells, key=len),), column.breaks)
+        self.chosen = _fitting(self.columns, self.first, self.space)
+        if self.chosen is not None:
+            widths = [self.columns[key].least for key in self.chosen]
+            lines = textable.headed([self.columns[key].head for key in self.chosen], widths)
+            print("\n".join(([self.title] if self.title else [""]) + lines), flush=True)
+
+    def end(self, rest: Sequence[str]) -> None:
+        """What is left out, and an empty line."""
+        chosen = self.keys if self.chosen is None else self.chosen
+        print(flush=True)
+        _say_what_is_left_out([*(key for key in self.keys if key not in chosen), *rest])
 
 
 def stream(
@@ -74,26 +156,30 @@ def stream(
     keys: Sequence[str],
     count: int,
     brief: Sequence[str] = (),
+    first: Sequence[str] = (),
+    wide: bool = False,
 ) -> list[dict[str, Any]]:
     """Print each record as soon as it is there, and return them all.
 
     Parameters
     ----------
-    keys : of the columns of a table.
-    count : how many records are expected; a single one is printed upright, without the keys in `brief`.
+    keys : of the columns of a table that is not wide.
+    count : how many records are expected; a single one is printed upright.
+    brief, first, wide : as in `report`.
     """
     printed: list[dict[str, Any]] = []
-    widths: list[int] = []
+    rows: _Stream | None = None
     for record in records:
         if as_json or count == 1:
-            shown = {key: value for key, value in record.items() if as_json or key not in brief}
-            report([shown], as_json=as_json, title=title)
+            report([record], as_json=as_json, title=title, brief=brief, wide=wide)
         else:
-            first = not printed
-            widths = widths or [_width(key, record.get(key)) for key in keys]
-            cells = [_text(key, record.get(key), 4) for key in keys]
-            _print_table(title if first else "", _heads(keys), [cells], widths=widths, headed=first, edged=False)
+            if rows is None:
+                every = [key for key in record if key not in TOLD]
+                rows = _Stream(title, every if wide else keys, first, None if wide else room())
+            rows.add(record)
         printed.append(dict(record))
+    if rows is not None:
+        rows.end([key for key in printed[0] if key not in (*rows.keys, *TOLD)])
     return printed
 
 
@@ -114,8 +200,8 @@ def remarks(records: Sequence[Mapping[str, Any]], keys: Iterable[str]) -> list[s
 
 def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
     """The first few of the records by their keys."""
-    heads = [_heading(key) for key in keys]
-    cells = [[_text(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
+    heads = [textable.heading(key) for key in keys]
+    cells = [[textable.shown(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
     more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
     if len(keys) == 1:
         ((name, unit),) = heads
@@ -125,48 +211,26 @@ def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
 
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table; the heads ["", "unit", "value"] stand for name, value and unit side by side."""
-    headed = list(heads) != ["", "unit", "value"]
-    _print_table(title, heads, rows, widths=[None] * len(heads), headed=headed, edged=True)
+    """Print a table of texts, each column of it; where they do not fit, row by row upright."""
+    columns = [Column(head, tuple(cells), breaks=True) for head, *cells in zip(heads, *rows, strict=True)]
+    space = room()
+    if textable.fitting([column.least for column in columns], len(columns), range(len(columns)), space):
+        lines = textable.table(columns, space)
+    else:
+        blocks = [textable.lines_of([(h, "", c) for h, c in zip(heads, row, strict=True)], space) for row in rows]
+        lines = [line for block in blocks for line in (*block, "")][:-1]
+    _print_lines(title, lines)
 
 
-def _print_table(
-    title: str,
-    heads: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    widths: Sequence[int | None],
-    headed: bool,
-    edged: bool,
-) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    shown = Table(title=title or None, box=box.SIMPLE, show_header=headed, show_edge=edged, title_justify="left")
-    words = [" ".join(cells).split() for cells in zip(heads, *rows, strict=True)]
-    # a cell may be broken between numbers, not within one
-    least = [
-        width or min(max(map(len, found), default=1), 2 * NUMBER) for width, found in zip(widths, words, strict=True)
-    ]
-    for head, width, narrowest in zip(heads, widths, least, strict=True):
-        shown.add_column(head, overflow="fold", width=width, min_width=narrowest)
-    for row in rows:
-        shown.add_row(*map(Text, row))
-    terminal = sys.stdout.isatty()
-    space = shutil.get_terminal_size().columns if terminal else WIDTH
-    text = io.StringIO()
-    # columns are not squeezed further: a narrow terminal wraps their rows
-    space = max(space, sum(width + 3 for width in least))
-    Console(file=text, width=space, force_terminal=terminal, highlight=False).print(shown)
-    # a bar on standard error moves aside for what is printed, not for what a console writes
-    print(text.getvalue(), end="", flush=True)
+def note(text: str) -> None:
+    """A sentence on standard output, in lines that a terminal has room for."""
+    print("\n".join(textable.wrapped(text, room())), flush=True)
 
 
-def _width(key: str, value: Any) -> int:
-    """Columns that a key's values take in rows that are printed one by one."""
-    return 13 if key == "status" else 26 if isinstance(value, (list, tuple)) else NUMBER
+def _print_lines(title: str, lines: Sequence[str]) -> None:
+    """A title, if there is one, the lines below it, and an empty one."""
+    heads = textable.wrapped(title, room()) if title else []
+    print("\n".join([*heads, *lines, ""]), flush=True)
 
 
 def say(text: str) -> None:
@@ -215,39 +279,6 @@ class _Lines:
 
 def _silent(fraction: float, text: str) -> None:
     """No progress."""
-
-
-def _heads(keys: Iterable[str]) -> list[str]:
-    """Names of columns with their units."""
-    return [f"{name} ({unit})" if unit else name for name, unit in map(_heading, keys)]
-
-
-def _heading(key: str) -> tuple[str, str]:
-    """What a key names, and the unit its values are shown in.
-
-    >>> _heading("stiffness_N_per_mm"), _heading("shift_per_mm"), _heading("depth_mm")
-    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
-    """
-    if key in TURNS:
-        return TURNS[key], UNITS["rad"][0]
-    name, _, last = key.rpartition("_")
-    if name.endswith("_per"):
-        above, unit = _heading(name.removesuffix("_per"))
-        return above, f"{unit or last}/{last}"
-    if name and last in UNITS:
-        return name.replace("_", " "), UNITS[last][0]
-    return key.replace("_", " "), ""
-
-
-def _text(key: str, value: Any, digits: int = 5) -> str:
-    factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_text(key, item, digits) for item in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float) and value == value:
-        return f"{factor * value + 0.0:.{digits}g}"
-    return "-" if value is None or value == "" or value != value else str(value)
 
 
 @contextlib.contextmanager

@@ -8,10 +8,10 @@ from pathlib import Path
 from geometry.design import BadInput
 from studies import console, files
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson, Whole
+from studies.options import FAILED, GOOD, AsJson, Whole, Wide
 
 
-def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Solve published and closed-form problems, and judge each against its tolerance; status 3 if one fails.
 
     Parameters
@@ -26,14 +26,14 @@ def verify(*, quick: bool = False, out: Path | None = None, as_json: AsJson = Fa
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, progress=progress)
     printed = rows if as_json else [work.shown(row) for row in rows]
-    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS)
+    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS, first=("target", "quantity", "computed", "published", "passed"), wide=wide)
     failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
     return FAILED if failed else GOOD
 
 
-def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Coulomb friction against Cattaneo and Mindlin, mu F_N at full slip, and energy; status 3 if a check fails.
 
     Parameters
@@ -47,7 +47,7 @@ def friction(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, progress=progress)
-    console.report(rows, as_json=as_json, title="Friction")
+    console.report(rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide)
     failed = [row["quantity"] for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} checks fail: {'; '.join(failed)}")
@@ -82,7 +82,7 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 
 
 def accuracy(
-    *, quick: bool = False, out: Path | None = None, minutes: float | None = None, as_json: AsJson = False
+    *, quick: bool = False, out: Path | None = None, minutes: float | None = None, wide: Wide = False, as_json: AsJson = False
 ) -> int:
     """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
 
@@ -109,7 +109,7 @@ def accuracy(
         if folder is not None:
             calibration.write(folder, rows, origin, quick=quick)
     for name, table in (("Estimates", calibration.shares(rows)), ("Levels", calibration.summary(rows))):
-        console.report(table, as_json=as_json, title=name)
+        console.report(table, as_json=as_json, title=name, first=("scene", "quantity", "states", "median_percent", "coverage"), wide=wide)
     missed = calibration.verdicts(rows)
     if missed:
         console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
@@ -117,7 +117,7 @@ def accuracy(
 
 
 def crosscheck(
-    *, accuracy: AccuracyName = "quick", count: Whole = 12, out: Path | None = None, as_json: AsJson = False
+    *, accuracy: AccuracyName = "quick", count: Whole = 12, out: Path | None = None, wide: Wide = False, as_json: AsJson = False
 ) -> int:
     """The harmonic model beside tetrahedra on twelve designs; status 3 where they differ by more than both estimates.
 
@@ -147,7 +147,9 @@ def crosscheck(
             work.write(folder, rows, versions(), f"magtip crosscheck --accuracy {accuracy} --count {count}")
     if not as_json:
         brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
-        console.report(brief, as_json=False, title="Harmonic against half model", brief=("message",))
+        console.report(brief, as_json=False, title="Harmonic against half model", wide=wide)
+        for remark in console.remarks(rows, ("design",)):
+            console.note(remark)
     failed = [f"design {row['design']}" for row in rows if not row["agree"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} designs disagree: {', '.join(failed)}")
@@ -155,7 +157,7 @@ def crosscheck(
 
 
 def ladder(
-    *, accuracy: AccuracyName = "quick", count: Whole = 10, out: Path | None = None, as_json: AsJson = False
+    *, accuracy: AccuracyName = "quick", count: Whole = 10, out: Path | None = None, wide: Wide = False, as_json: AsJson = False
 ) -> int:
     """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
 
@@ -183,7 +185,7 @@ def ladder(
         if folder is not None:
             work.write(folder, rows, versions(), f"magtip ladder --accuracy {accuracy} --count {count}")
     if not as_json:
-        console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square")
+        console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square", wide=wide)
     return GOOD
 
 
@@ -193,6 +195,7 @@ def bench(
     peers: Path = Path("out/peers"),
     ccx: str = "ccx",
     out: Path | None = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
@@ -215,7 +218,7 @@ def bench(
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, peers_folder=peers, ccx=ccx, progress=progress)
-    console.report(rows, as_json=as_json, title="Speed", brief=benchfiles.BRIEF)
+    console.report(rows, as_json=as_json, title="Speed", brief=benchfiles.BRIEF, wide=wide)
     for row in rows:
         if row["message"]:
             console.say(f"magtip: {row['case']}: {row['message']}")

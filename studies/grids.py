@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet
-from studies import files, inputs
+from studies import console, files, inputs
 from studies.console import Progress
 
 FILES = ("solves.jsonl", "sweep.csv", "sweep.png")
@@ -85,9 +85,15 @@ CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
 """Keys of what a row of a comparison or a sweep is of."""
 
 
-def compared(row: dict[str, Any]) -> dict[str, Any]:
-    """What a table on the screen shows of a row of a comparison or a sweep; the rest is in the files."""
-    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
-    keys = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
-    errors = ("force_error_percent", "force_x_error_percent", "fem_tilt_rad", "status")
-    return {key: row[key] for key in (*CASE, *keys, *errors) if key in row}
+def show(rows: Sequence[dict[str, Any]], title: str, *, wide: bool) -> None:
+    """Print rows of a comparison or a sweep: both models' main answers; the rest is in the files and in a wide table."""
+    if not rows:
+        return
+    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in rows[0] else ("force_N", "shift_z_mm")
+    errors = tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in judged)
+    answers = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
+    keys = (*CASE, *answers, *errors, "fem_tilt_rad", "status")
+    varying = [key for key in CASE if len({row.get(key) for row in rows}) > 1]
+    first = ("status", *varying, f"fem_{judged[0]}", f"analytic_{judged[0]}", errors[0])
+    brief = [key for key in rows[0] if key not in keys]
+    console.report(rows, as_json=False, title=title, brief=brief, first=first, wide=wide)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies import console, decoding, files, tables
-from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, design_of, judged
+from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, Wide, design_of, judged
 
 
 def decode(
@@ -118,6 +118,7 @@ def layout(
     claim: bool = False,
     out: Path | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """How well the Hall elements tell the magnet's poses apart over the workspace; and a search for better layouts.
@@ -150,9 +151,9 @@ def layout(
         return GOOD
     console.report([texts.shown(found)], as_json=False, title="Layout")
     if search:
-        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first")
+        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first", wide=wide)
     if claim:
-        console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim")
+        console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim", wide=wide)
     for warning in (*found["hits"], *found["warnings"]):
         console.say(f"magtip: warning: {warning}")
     return GOOD

@@ -11,7 +11,7 @@ from geometry.design import Design
 from geometry.scene import Magnet
 from studies import console, files, grids
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson, Sets, Source, design_of, judged, say_what_is_idle
+from studies.options import FAILED, GOOD, AsJson, Sets, Source, Wide, design_of, judged, say_what_is_idle
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
 COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
@@ -31,8 +31,8 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     with files.filled(out) as folder, console.progress(as_json=False) as progress:
         found = work.run(folder, progress=progress)
     for sentence in found["summary"]["sentences"]:
-        print(f"- {sentence}")
-    print(f"\nAll results are in {out}; start with REPORT.md.")
+        console.note(f"- {sentence}")
+    console.note(f"All results are in {out}; start with REPORT.md.")
     if found["status"] != "ok":
         console.say(f"magtip: not all of it succeeded: {found['message']}")
         return FAILED
@@ -46,6 +46,7 @@ def compare(
     out: Path | None = None,
     accuracy: AccuracyName = "standard",
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Finite elements and formulas side by side, in press and in shear.
@@ -72,7 +73,7 @@ def compare(
         console.report([summary], as_json=True)
     else:
         for name in ("press", "shear"):
-            console.report([grids.compared(row) for row in summary[name]], as_json=False, title=name.capitalize())
+            grids.show(summary[name], name.capitalize(), wide=wide)
             _print_remarks(summary[name])
     return judged([*summary["press"], *summary["shear"]])
 
@@ -88,6 +89,7 @@ def sweep(
     accuracy: AccuracyName | None = None,
     out: Path | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Both models over a grid of D, L, f, E and the depth, one row per case.
@@ -124,7 +126,7 @@ def sweep(
                     console.report([row], as_json=True)
     finally:
         if not as_json:
-            console.report([grids.compared(row) for row in rows], as_json=False, title="Sweep")
+            grids.show(rows, "Sweep", wide=wide)
             _print_remarks([row for row in rows if row["status"] == "ok"])
     failed = [row for row in rows if row["status"] != "ok"]
     for reason in console.remarks(failed, grids.CASE):
@@ -134,7 +136,7 @@ def sweep(
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
 
 
-def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: AsJson = False) -> int:
+def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, wide: Wide = False, as_json: AsJson = False) -> int:
     """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
 
     Parameters
@@ -150,7 +152,7 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
     with files.results(out) as folder:
         records = work.run(data, nu, folder)
     shown = records if as_json else [work.flat(record) for record in records]
-    console.report(shown, as_json=as_json, title="Laws, the best first by AICc", brief=("warning",))
+    console.report(shown, as_json=as_json, title="Laws, the best first by AICc", first=("rank", "law", "chosen", "E_MPa", "rms_percent"), wide=wide)
     for record in records:
         if record["warning"]:
             console.say(f"Warning: {record['warning']}.")
@@ -162,7 +164,7 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, as_json: 
 
 def _print_remarks(rows: list[dict[str, Any]]) -> None:
     for remark in console.remarks(rows, grids.CASE):
-        print(remark)
+        console.note(remark)
 
 
 def _say_what_is_ignored(design: Design) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from geometry.design import BadInput
 from studies import console, files
-from studies.options import FAILED, GOOD, AsJson, Whole
+from studies.options import FAILED, GOOD, AsJson, Whole, Wide
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
@@ -30,7 +30,7 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
     return GOOD
 
 
-def range_(*, count: Whole = 64, out: Path | None = None, as_json: AsJson = False) -> int:
+def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
     """Solids, mould and meshes of designs sampled over the whole range; status 3 if one fails without a reason.
 
     Parameters
@@ -55,7 +55,7 @@ def range_(*, count: Whole = 64, out: Path | None = None, as_json: AsJson = Fals
         if folder is not None:
             work.write(folder, rows, origin, f"magtip range --count {count}")
     if not as_json:
-        console.report(work.summary(rows), as_json=False, title="Range of designs")
+        console.report(work.summary(rows), as_json=False, title="Range of designs", wide=wide)
     failed = [f"design {row['design']}" for row in rows if row["status"] == "failed"]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} designs fail: {', '.join(failed)}")

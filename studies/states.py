@@ -27,6 +27,8 @@ FACTS = (
     *(f"onset_{what}_{end}_mm" for what in ("depth", "shear") for end in ("from", "to")),
 )
 """Keys whose values the message tells in words."""
+FIRST = ("status", *MOVED, "force_N", "shift_mm")
+"""Keys that a table of states needs most."""
 
 
 def loads_of(motion: Motion) -> list[Load]:

@@ -26,6 +26,7 @@ from studies.options import (
     Sets,
     Source,
     Whole,
+    Wide,
     design_of,
     judged,
 )
@@ -48,6 +49,7 @@ def cad(
     axis: list[str] | None = None,
     tolerance: float | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Solids, printable two-part mould and base, assembly, drawings and a casting recipe; everything is checked.
@@ -80,7 +82,7 @@ def cad(
             records = list(variants.batch(given, axes, out, progress, making))
         else:
             records = [workshop.build(given, out, progress, making)]
-    workshop.show(records, as_json=as_json)
+    workshop.show(records, as_json=as_json, wide=wide)
     return judged(records)
 
 
@@ -122,6 +124,7 @@ def solve(
     out: Path | None = None,
     picture: Path | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """Force, shift and tilt of the magnet by finite elements, each state as soon as it is reached.
@@ -143,11 +146,18 @@ def solve(
         reached = states.solve(given, loads, method, out=out, picture=picture, progress=progress)
         with contextlib.closing(reached):
             records = console.stream(
-                reached, as_json=as_json, title=title, keys=keys, count=len(loads), brief=states.FACTS
+                reached,
+                as_json=as_json,
+                title=title,
+                keys=keys,
+                count=len(loads),
+                brief=states.FACTS,
+                first=states.FIRST,
+                wide=wide,
             )
     if len(loads) > 1 and not as_json:
         for remark in console.remarks(records, states.MOVED):
-            print(remark)
+            console.note(remark)
     return judged(records)
 
 
@@ -246,6 +256,7 @@ def stability(
     slenderness: str | None = None,
     out: Path | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """At which depth a press gives way sideways, free or guided; at a depth, small shear about it.
@@ -261,7 +272,7 @@ def stability(
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
-        return _stability_map(source, given, magnet, accuracy, slenderness, out, as_json)
+        return _stability_map(source, given, magnet, accuracy, slenderness, out, as_json=as_json, wide=wide)
     if out is not None:
         raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
     with console.progress(as_json=as_json) as progress:
@@ -271,7 +282,15 @@ def stability(
 
 
 def _stability_map(
-    source: str, given: Design, magnet: Magnet, accuracy: str, slenderness: str, out: Path | None, as_json: bool
+    source: str,
+    given: Design,
+    magnet: Magnet,
+    accuracy: str,
+    slenderness: str,
+    out: Path | None,
+    *,
+    as_json: bool,
+    wide: bool,
 ) -> int:
     ratios = inputs.parse_numbers("--slenderness", slenderness)
     if not min(ratios) > 0.5:
@@ -292,7 +311,10 @@ def _stability_map(
             ratio_text = ",".join(f"{ratio:g}" for ratio in ratios)
             command = f"magtip stability --slenderness {ratio_text} --magnet {magnet} --accuracy {accuracy}"
             work.write(folder, given, rows, versions(), command)
-    console.report(rows, as_json=as_json, title="Stability over slenderness", brief=("message",))
+    console.report(rows, as_json=as_json, title="Stability over slenderness", first=("L_over_D", "status", "critical_depth_mm", "critical_force_N"), wide=wide)
+    if not as_json:
+        for remark in console.remarks(rows, ("L_over_D",)):
+            console.note(remark)
     return judged(rows)
 
 

@@ -294,26 +294,27 @@ def warnings(design: Design, making: Making, made: Things) -> list[str]:
     return [*(base.warnings(design) if made.plan else [made.missing]), *fine]
 
 
-def show(records: Sequence[Mapping[str, Any]], *, as_json: bool) -> None:
+def show(records: Sequence[Mapping[str, Any]], *, as_json: bool, wide: bool = False) -> None:
     """Print what was made: the parts and checks of one sensor, or a line for each of several."""
     if as_json:
         console.report(records, as_json=True)
     elif len(records) == 1:
-        _show_one(records[0])
+        _show_one(records[0], wide=wide)
     else:
         rows = [{**record, "parts": len(record["parts"]), "checks": len(record["checks"])} for record in records]
-        console.report(rows, as_json=False, title="Folders", brief=("warnings",))
+        console.report(rows, as_json=False, title="Folders", wide=wide)
     for warning in dict.fromkeys(warning for record in records for warning in record["warnings"]):
         console.say(f"magtip: warning: {warning}")
 
 
-def _show_one(record: Mapping[str, Any]) -> None:
+def _show_one(record: Mapping[str, Any], *, wide: bool) -> None:
     if record["parts"]:
-        console.report(record["parts"], as_json=False, title=f"Parts in {record['folder']}, each .step .stl .3mf")
+        title = f"Parts in {record['folder']}, each .step .stl .3mf"
+        console.report(record["parts"], as_json=False, title=title, wide=wide)
     rows = [
         [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
         for check in record["checks"]
     ]
     console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
     if record["parts"]:
-        print(f"Start with {Path(record['folder'], ALONE)}.")
+        console.note(f"Start with {Path(record['folder'], ALONE)}.")

@@ -1,0 +1,229 @@
+"""Tables and records as lines of text that keep to a width; no value is ever cut.
+
+A table holds its most important columns; others are left out whole where the width does not suffice. If not even the
+columns that are needed fit, each record stands upright, one value to a line.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+UNITS = {
+    "mm": ("mm", 1.0),
+    "mm3": ("mm³", 1.0),
+    "um": ("µm", 1.0),
+    "N": ("N", 1.0),
+    "rad": ("rad", 1.0),
+    "MPa": ("MPa", 1.0),
+    "T": ("mT", 1e3),
+    "V": ("V", 1.0),
+    "Hz": ("Hz", 1.0),
+    "percent": ("%", 1.0),
+}
+"""Unit that a key's last word stands for, as it is shown, and its size in it."""
+
+TURNS = {
+    "tilt_rad": "tilt towards x",
+    "tilt_y_rad": "tilt towards y",
+    "rotation_rad": "rotation vector rx, ry",
+}
+"""Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
+
+GAP = "  "
+"""Between columns."""
+
+LEAST_TEXT = 20
+"""Characters to which a column of texts may be narrowed; they are broken between words only."""
+
+VECTOR = 3
+"""Numbers in a list that is never broken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    head : what it holds, with its unit.
+    cells : as they are shown.
+    breaks : whether cells may be broken between words.
+    """
+
+    head: str
+    cells: tuple[str, ...]
+    breaks: bool = False
+
+    @property
+    def least(self) -> int:
+        """Its least width."""
+        width = max(map(len, self.cells), default=0)
+        if self.breaks:
+            width = max(min(width, LEAST_TEXT), _longest_word(self.cells))
+        return max(width, _longest_word([self.head]), 1)
+
+
+def column(key: str, values: Sequence[Any]) -> Column:
+    """The values of a key.
+
+    >>> column("field_T", [0.01, None])
+    Column(head='field (mT)', cells=('10', '-'), breaks=False)
+    """
+    breaks = any(isinstance(value, str) or _is_long(value) for value in values)
+    return Column(titled(key), tuple(shown(key, value, 4) for value in values), breaks)
+
+
+def _is_long(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and (len(value) > VECTOR or any(isinstance(item, str) for item in value))
+
+
+def fitting(widths: Sequence[int], needed: int, order: Sequence[int], room: int | None) -> list[int] | None:
+    """Places of the columns that a line has room for, from left to right; None if those needed do not fit.
+
+    Parameters
+    ----------
+    widths : least width of each column.
+    needed : how many of the first in `order` must be there.
+    order : places of all columns, the most important first.
+    room : characters of a line; None for as many as it takes.
+
+    >>> fitting([5, 9, 3], 1, [0, 1, 2], 12)
+    [0, 2]
+    """
+    taken: list[int] = []
+    for rank, place in enumerate(order):
+        total = sum(widths[k] for k in (*taken, place)) + len(GAP) * len(taken)
+        if room is None or total <= room:
+            taken.append(place)
+        elif rank < needed:
+            return None
+    return sorted(taken)
+
+
+def spread(columns: Sequence[Column], room: int | None) -> list[int]:
+    """Width of each column: what is left of a line goes to texts that would be broken."""
+    widths = [column.least for column in columns]
+    spare = None if room is None else room - sum(widths) - len(GAP) * (len(widths) - 1)
+    for k, column in enumerate(columns):
+        more = max(map(len, column.cells), default=0) - widths[k]
+        if more > 0:
+            more = more if spare is None else min(more, spare)
+            widths[k] += more
+            spare = None if spare is None else spare - more
+    return widths
+
+
+def headed(heads: Sequence[str], widths: Sequence[int]) -> list[str]:
+    """Heads broken between words, at the bottom of their lines, and a rule below."""
+    broken = [wrapped(head, width) for head, width in zip(heads, widths, strict=True)]
+    high = max(map(len, broken))
+    lines = _side_by_side([[""] * (high - len(parts)) + parts for parts in broken], widths)
+    return [*lines, "─" * (sum(widths) + len(GAP) * (len(widths) - 1))]
+
+
+def row(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
+    """The lines of a row."""
+    return _side_by_side([wrapped(cell, width) for cell, width in zip(cells, widths, strict=True)], widths)
+
+
+def _side_by_side(broken: Sequence[Sequence[str]], widths: Sequence[int]) -> list[str]:
+    high = max(map(len, broken))
+    padded = [[*parts, *[""] * (high - len(parts))] for parts in broken]
+    return [
+        GAP.join(part.ljust(width) for part, width in zip(parts, widths, strict=True)).rstrip()
+        for parts in zip(*padded, strict=True)
+    ]
+
+
+def table(columns: Sequence[Column], room: int | None) -> list[str]:
+    """All columns side by side."""
+    widths = spread(columns, room)
+    rows = zip(*(column.cells for column in columns), strict=True)
+    return [
+        *headed([column.head for column in columns], widths),
+        *(line for cells in rows for line in row(cells, widths)),
+    ]
+
+
+def upright(record: Mapping[str, Any], room: int | None, digits: int = 5) -> list[str]:
+    """A record as lines of name, value and unit."""
+    rows = [(*heading(key), shown(key, value, digits)) for key, value in record.items()]
+    return lines_of(rows, room)
+
+
+def lines_of(rows: Sequence[tuple[str, str, str]], room: int | None) -> list[str]:
+    """Names, units and values as lines name, value, unit; or where that is too narrow, the value below its name."""
+    if not rows:
+        return []
+    names, units = (max(len(row[k]) for row in rows) for k in (0, 1))
+    full = max(len(value) for _, _, value in rows)
+    space = full if room is None else min(full, room - names - units - 2 * len(GAP))
+    lines = []
+    if space >= min(full, LEAST_TEXT):
+        for name, unit, value in rows:
+            lines += _side_by_side([[name], wrapped(value, space), [unit]], [names, space, units])
+        return lines
+    assert room is not None
+    for name, unit, value in rows:
+        lines += wrapped(f"{name} ({unit})" if unit else name, room)
+        lines += [GAP + part for part in wrapped(value, max(room - len(GAP), 1))]
+    return lines
+
+
+def wrapped(text: str, width: int | None) -> list[str]:
+    """The text in lines of a width, broken between words; within one only where it is longer than a line.
+
+    >>> wrapped("0.5, 0, 4.149", 8)
+    ['0.5, 0,', '4.149']
+    """
+    # a control character, as a path may have, would break the table
+    clean = "".join(letter if letter.isprintable() else "?" for letter in text)
+    if width is None or len(clean) <= width:
+        return [clean]
+    return textwrap.wrap(clean, max(width, 1), break_on_hyphens=False) or [""]
+
+
+def titled(key: str) -> str:
+    """What a key names, with the unit that its values are shown in.
+
+    >>> titled("stiffness_N_per_mm")
+    'stiffness (N/mm)'
+    """
+    name, unit = heading(key)
+    return f"{name} ({unit})" if unit else name
+
+
+def heading(key: str) -> tuple[str, str]:
+    """What a key names, and the unit its values are shown in.
+
+    >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("depth_mm")
+    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
+    """
+    if key in TURNS:
+        return TURNS[key], UNITS["rad"][0]
+    name, _, last = key.rpartition("_")
+    if name.endswith("_per"):
+        above, unit = heading(name.removesuffix("_per"))
+        return above, f"{unit or last}/{last}"
+    if name and last in UNITS:
+        return name.replace("_", " "), UNITS[last][0]
+    return key.replace("_", " "), ""
+
+
+def shown(key: str, value: Any, digits: int = 5) -> str:
+    """A key's value as it is shown, in the unit of its heading."""
+    factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
+    if isinstance(value, (list, tuple)):
+        return ", ".join(shown(key, item, digits) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float) and value == value:
+        return f"{factor * value + 0.0:.{digits}g}"
+    return "-" if value is None or value == "" or value != value else str(value)
+
+
+def _longest_word(texts: Iterable[str]) -> int:
+    return max((len(word) for text in texts for word in text.split()), default=0)
