@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from studies import textable
@@ -102,6 +103,7 @@ def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | N
 
 
 def _say_what_is_left_out(keys: Sequence[str]) -> None:
+    keys = list(dict.fromkeys(keys))
     if keys:
         names = [textable.heading(key)[0] for key in keys[:MOST_NAMED]]
         more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
@@ -130,22 +132,25 @@ class _Stream:
         self.title = ""
 
     def _widen(self, new: Mapping[str, Column], record: Mapping[str, Any]) -> None:
+        """Make room for a row, and print the head."""
         for key, column in new.items():
             value = record.get(key)
-            blank = " " * (LIST if isinstance(value, (list, tuple)) else 0 if isinstance(value, str) else NUMBER)
-            before = self.columns[key].cells if self.columns else (blank,)
-            self.columns[key] = Column(column.head, (max(*before, *column.cells, key=len),), column.breaks)
+            spare = LIST if isinstance(value, (list, tuple)) else NUMBER if isinstance(value, (int, float)) else 0
+            before = self.columns[key].cells if key in self.columns else (" " * spare,)
+            self.columns[key] = replace(column, cells=(max(*before, *column.cells, key=len),))
         self.chosen = _fitting(self.columns, self.first, self.space)
         if self.chosen is not None:
             widths = [self.columns[key].least for key in self.chosen]
             lines = textable.headed([self.columns[key].head for key in self.chosen], widths)
             print("\n".join(([self.title] if self.title else [""]) + lines), flush=True)
 
-    def end(self, rest: Sequence[str]) -> None:
-        """What is left out, and an empty line."""
+    def end(self, records: Sequence[Mapping[str, Any]]) -> None:
+        """Print what is left out of all the records."""
+        if self.chosen is not None:
+            print(flush=True)
         chosen = self.keys if self.chosen is None else self.chosen
-        print(flush=True)
-        _say_what_is_left_out([*(key for key in self.keys if key not in chosen), *rest])
+        keys, _ = _keys(records, (), wide=False)
+        _say_what_is_left_out([key for key in (*self.keys, *keys) if key not in chosen])
 
 
 def stream(
@@ -179,7 +184,7 @@ def stream(
             rows.add(record)
         printed.append(dict(record))
     if rows is not None:
-        rows.end([key for key in printed[0] if key not in (*rows.keys, *TOLD)])
+        rows.end(printed)
     return printed
 
 
@@ -217,7 +222,7 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> No
     if textable.fitting([column.least for column in columns], len(columns), range(len(columns)), space):
         lines = textable.table(columns, space)
     else:
-        blocks = [textable.lines_of([(h, "", c) for h, c in zip(heads, row, strict=True)], space) for row in rows]
+        blocks = [textable.named(list(zip(heads, row, strict=True)), space) for row in rows]
         lines = [line for block in blocks for line in (*block, "")][:-1]
     _print_lines(title, lines)
 

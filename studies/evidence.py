@@ -26,7 +26,14 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, progress=progress)
     printed = rows if as_json else [work.shown(row) for row in rows]
-    console.report(printed, as_json=as_json, title="Verification", brief=work.DETAILS, first=("target", "quantity", "computed", "published", "passed"), wide=wide)
+    console.report(
+        printed,
+        as_json=as_json,
+        title="Verification",
+        brief=work.DETAILS,
+        first=("target", "quantity", "computed", "published", "passed"),
+        wide=wide,
+    )
     failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
@@ -47,7 +54,9 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, progress=progress)
-    console.report(rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide)
+    console.report(
+        rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide
+    )
     failed = [row["quantity"] for row in rows if not row["passed"]]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} checks fail: {'; '.join(failed)}")
@@ -82,7 +91,12 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
 
 
 def accuracy(
-    *, quick: bool = False, out: Path | None = None, minutes: float | None = None, wide: Wide = False, as_json: AsJson = False
+    *,
+    quick: bool = False,
+    out: Path | None = None,
+    minutes: float | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
 ) -> int:
     """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
 
@@ -109,7 +123,13 @@ def accuracy(
         if folder is not None:
             calibration.write(folder, rows, origin, quick=quick)
     for name, table in (("Estimates", calibration.shares(rows)), ("Levels", calibration.summary(rows))):
-        console.report(table, as_json=as_json, title=name, first=("scene", "quantity", "states", "median_percent", "coverage"), wide=wide)
+        console.report(
+            table,
+            as_json=as_json,
+            title=name,
+            first=("scene", "quantity", "states", "median_percent", "coverage"),
+            wide=wide,
+        )
     missed = calibration.verdicts(rows)
     if missed:
         console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
@@ -117,7 +137,12 @@ def accuracy(
 
 
 def crosscheck(
-    *, accuracy: AccuracyName = "quick", count: Whole = 12, out: Path | None = None, wide: Wide = False, as_json: AsJson = False
+    *,
+    accuracy: AccuracyName = "quick",
+    count: Whole = 12,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
 ) -> int:
     """The harmonic model beside tetrahedra on twelve designs; status 3 where they differ by more than both estimates.
 
@@ -157,7 +182,12 @@ def crosscheck(
 
 
 def ladder(
-    *, accuracy: AccuracyName = "quick", count: Whole = 10, out: Path | None = None, wide: Wide = False, as_json: AsJson = False
+    *,
+    accuracy: AccuracyName = "quick",
+    count: Whole = 10,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
 ) -> int:
     """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
 

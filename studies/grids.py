@@ -86,7 +86,7 @@ CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
 
 
 def show(rows: Sequence[dict[str, Any]], title: str, *, wide: bool) -> None:
-    """Print rows of a comparison or a sweep: both models' main answers; the rest is in the files and in a wide table."""
+    """Print rows of a comparison or a sweep: both models' main answers; files and a wide table have the rest."""
     if not rows:
         return
     judged = ("force_x_N", "shift_x_mm") if "shear_mm" in rows[0] else ("force_N", "shift_z_mm")

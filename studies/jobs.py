@@ -136,7 +136,9 @@ def sweep(
     return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
 
 
-def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, wide: Wide = False, as_json: AsJson = False) -> int:
+def fit(
+    data: Data, /, *, out: Path | None = None, nu: float = 0.4998, wide: Wide = False, as_json: AsJson = False
+) -> int:
     """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
 
     Parameters
@@ -152,7 +154,13 @@ def fit(data: Data, /, *, out: Path | None = None, nu: float = 0.4998, wide: Wid
     with files.results(out) as folder:
         records = work.run(data, nu, folder)
     shown = records if as_json else [work.flat(record) for record in records]
-    console.report(shown, as_json=as_json, title="Laws, the best first by AICc", first=("rank", "law", "chosen", "E_MPa", "rms_percent"), wide=wide)
+    console.report(
+        shown,
+        as_json=as_json,
+        title="Laws, the best first by AICc",
+        first=("rank", "law", "chosen", "E_MPa", "rms_percent"),
+        wide=wide,
+    )
     for record in records:
         if record["warning"]:
             console.say(f"Warning: {record['warning']}.")

@@ -19,8 +19,13 @@ UNITS = {
     "rad": ("rad", 1.0),
     "MPa": ("MPa", 1.0),
     "T": ("mT", 1e3),
+    "mT": ("mT", 1.0),
     "V": ("V", 1.0),
     "Hz": ("Hz", 1.0),
+    "mJ": ("mJ", 1.0),
+    "s": ("s", 1.0),
+    "MB": ("MB", 1.0),
+    "deg": ("°", 1.0),
     "percent": ("%", 1.0),
 }
 """Unit that a key's last word stands for, as it is shown, and its size in it."""
@@ -37,6 +42,9 @@ GAP = "  "
 
 LEAST_TEXT = 20
 """Characters to which a column of texts may be narrowed; they are broken between words only."""
+
+MOST_LINES = 4
+"""Lines of a value beside its name."""
 
 VECTOR = 3
 """Numbers in a list that is never broken."""
@@ -149,27 +157,29 @@ def table(columns: Sequence[Column], room: int | None) -> list[str]:
 
 
 def upright(record: Mapping[str, Any], room: int | None, digits: int = 5) -> list[str]:
-    """A record as lines of name, value and unit."""
-    rows = [(*heading(key), shown(key, value, digits)) for key, value in record.items()]
-    return lines_of(rows, room)
+    """A record as lines of name and value with its unit."""
+    rows = []
+    for key, value in record.items():
+        name, unit = heading(key)
+        rows.append((name, f"{shown(key, value, digits)} {unit}".strip()))
+    return named(rows, room)
 
 
-def lines_of(rows: Sequence[tuple[str, str, str]], room: int | None) -> list[str]:
-    """Names, units and values as lines name, value, unit; or where that is too narrow, the value below its name."""
-    if not rows:
-        return []
-    names, units = (max(len(row[k]) for row in rows) for k in (0, 1))
-    full = max(len(value) for _, _, value in rows)
-    space = full if room is None else min(full, room - names - units - 2 * len(GAP))
+def named(rows: Sequence[tuple[str, str]], room: int | None) -> list[str]:
+    """Names and values side by side; a value that is too long for that stands below its name.
+
+    >>> named([("law", "yeoh"), ("numbers", "yeoh_2=-0.00674683")], 20)
+    ['law      yeoh', 'numbers', '  yeoh_2=-0.00674683']
+    """
+    width = max((len(name) for name, _ in rows), default=0)
+    space = None if room is None else room - width - len(GAP)
     lines = []
-    if space >= min(full, LEAST_TEXT):
-        for name, unit, value in rows:
-            lines += _side_by_side([[name], wrapped(value, space), [unit]], [names, space, units])
-        return lines
-    assert room is not None
-    for name, unit, value in rows:
-        lines += wrapped(f"{name} ({unit})" if unit else name, room)
-        lines += [GAP + part for part in wrapped(value, max(room - len(GAP), 1))]
+    for name, value in rows:
+        if space is None or (_longest_word([value]) <= space and len(value) <= MOST_LINES * space):
+            lines += _side_by_side([[name], wrapped(value, space)], [width, 0])
+        else:
+            lines += wrapped(name, room)
+            lines += [GAP + part for part in wrapped(value, (room or 0) - len(GAP))]
     return lines
 
 

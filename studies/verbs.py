@@ -311,7 +311,13 @@ def _stability_map(
             ratio_text = ",".join(f"{ratio:g}" for ratio in ratios)
             command = f"magtip stability --slenderness {ratio_text} --magnet {magnet} --accuracy {accuracy}"
             work.write(folder, given, rows, versions(), command)
-    console.report(rows, as_json=as_json, title="Stability over slenderness", first=("L_over_D", "status", "critical_depth_mm", "critical_force_N"), wide=wide)
+    console.report(
+        rows,
+        as_json=as_json,
+        title="Stability over slenderness",
+        first=("L_over_D", "status", "critical_depth_mm", "critical_force_N"),
+        wide=wide,
+    )
     if not as_json:
         for remark in console.remarks(rows, ("L_over_D",)):
             console.note(remark)
