@@ -93,7 +93,7 @@ def test_what_is_left_out_is_named(capsys, monkeypatch):
 
 
 def test_needed_columns_are_never_left_out(capsys, monkeypatch):
-    rows = [{"name": "a", "other": 12345.0, "force_N": 0.25, "shift_mm": [1.0, 2.0, 3.0]} for _ in range(2)]
+    rows = [{"name": "a", "other": 12345, "force_N": 0.25, "shift_mm": [1.0, 2.0, 3.0]} for _ in range(2)]
     monkeypatch.setenv("COLUMNS", "18")
     console.report(rows, as_json=False, first=("force_N", "shift_mm"))
     out = capsys.readouterr().out
