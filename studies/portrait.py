@@ -1,4 +1,4 @@
-"""A picture of the assembled sensor, the front half of beam and base cut away.
+"""A picture of the assembled sensor, cut open along y = 0 so that all parts but the magnet show their section.
 
 VTK and pyvista take as long to import as the CAD kernel does to make and check everything, and a graphics driver may
 take a process down with it. So the picture is drawn by a process of its own, `python -m studies.portrait`: it is
@@ -26,8 +26,8 @@ SIZE = (1200, 900)
 RIM = 20
 """White that is left around the sensor, pixels."""
 
-OPENED = ("base", "silicone")
-"""Parts of which only y > 0 is shown."""
+WHOLE = ("magnet",)
+"""Parts that are shown whole; of all others only y > 0, so that what lies in a seat is seen in it."""
 
 CLOSE = 600
 """The facets' distance from the surface is this much less than the sensor's size."""
@@ -51,13 +51,13 @@ def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]]], bytes]]:
     """A process that gets ready to draw one picture, and a function that has it drawn.
 
     The function takes solids in the sensor's frame by name, each with its colour, and gives the bytes of a PNG file;
-    base and silicone are cut open, others shown whole. It raises a RuntimeError if the process fails.
+    all but the magnet are cut open along y = 0. It raises a RuntimeError if the process fails.
     """
     here, pipe = Path(__file__).parent.parent, subprocess.PIPE
     with subprocess.Popen(COMMAND, cwd=here, stdin=pipe, stdout=pipe, stderr=pipe) as process:
 
         def drawn(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
-            found, said = process.communicate(pickle.dumps(_faceted(parts)))
+            found, said = process.communicate(pickle.dumps(faceted(parts)))
             if process.returncode:
                 last = (said.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
                 raise RuntimeError(f"drawing ended with exit code {process.returncode} ({last})")
@@ -69,7 +69,7 @@ def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]]], bytes]]:
             process.kill()
 
 
-def _faceted(parts: Mapping[str, tuple[Solid, str]]) -> list[Part]:
+def faceted(parts: Mapping[str, tuple[Solid, str]]) -> list[Part]:
     """The parts as triangles."""
     import numpy as np
 
@@ -78,22 +78,18 @@ def _faceted(parts: Mapping[str, tuple[Solid, str]]) -> list[Part]:
     size, found = max(parts["base"][0].bounding_box(optimal=False).size), []
     for name, (solid, colour) in parts.items():
         mesh = triangulated(solid, size / CLOSE, 0.2)
-        found.append(Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), colour, name in OPENED))
+        found.append(Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), colour, name not in WHOLE))
     return found
 
 
 def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     """The picture as a PNG file's bytes; the size of what is shown is that of the widest part."""
     import numpy as np
-    import pyvista as pv
     from PIL import Image
 
     size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if part.opened)
     for part in parts:
-        surface = pv.PolyData.from_regular_faces(part.vertices, part.faces)
-        if part.opened:
-            surface = surface.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
-        surface = surface.compute_normals(split_vertices=True, feature_angle=30)
+        surface = shown(part).compute_normals(split_vertices=True, feature_angle=30)
         plotter.add_mesh(surface, color=part.colour, smooth_shading=True, specular=0.2, ambient=0.25, render=False)
         edges = surface.extract_feature_edges(30, manifold_edges=False)
         if edges.n_cells:
@@ -109,6 +105,14 @@ def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     text = BytesIO()
     _trimmed(Image.fromarray(plotter.screenshot(return_img=True))).save(text, "png", compress_level=3)
     return text.getvalue()
+
+
+def shown(part: Part) -> Any:
+    """What is seen of a part, as a closed surface of PyVista."""
+    import pyvista as pv
+
+    surface = pv.PolyData.from_regular_faces(part.vertices, part.faces)
+    return surface.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0)) if part.opened else surface
 
 
 def _trimmed(picture: Any) -> Any:

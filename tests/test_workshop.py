@@ -91,6 +91,18 @@ def test_the_picture_shows_the_sensor_in_colour(made):
     assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
 
 
+@pytest.mark.parametrize("fields", [{}, {"hall_layout": "tmag5273a1", "chip_x": 3.0}])
+def test_all_but_the_magnet_is_cut_by_the_plane_of_the_section(fields):
+    things = workshop.things(dataclasses.replace(paper(), **fields), workshop.Making())
+    parts = workshop.coloured(things)
+    cut = {name: portrait.shown(part) for name, part in zip(parts, portrait.faceted(parts), strict=True)}
+    for name, (solid, _) in parts.items():
+        y = cut[name].bounds[2:4]
+        low = solid.bounding_box().min.Y
+        assert y[0] == pytest.approx(low if name == "magnet" else max(0.0, low), abs=1e-3)
+        assert cut[name].n_open_edges == 0
+
+
 def test_a_picture_that_cannot_be_drawn_costs_the_picture_only(run, tmp_path, monkeypatch, strict):
     ends = "import os, sys; print('no driver', file=sys.stderr); sys.stdin.buffer.read(); os._exit(7)"
     monkeypatch.setattr(portrait, "COMMAND", (sys.executable, "-c", ends))
