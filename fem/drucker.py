@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import integrals
+from fem.elements import Elements
 from fem.material import Law, kinematics, strain
 from fem.system import System
 
@@ -48,6 +49,19 @@ def least(D: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0])
 
 
+def strains(e: Elements, part: slice, u: Array) -> Array:
+    """Logarithms of the principal stretches at the points of integration, without their mean, shape (n, 3).
+
+    Parameters
+    ----------
+    part : of the elements.
+    u : (nodes, fields) displacements with all J > 0 at the points of integration.
+    """
+    G = integrals.gradient(e, part, u).reshape(3, 3, -1)
+    h = np.log(np.linalg.svd(np.moveaxis(G, -1, 0) + np.eye(3), compute_uv=False))
+    return np.asarray(h - h.mean(axis=1, keepdims=True))
+
+
 def lost(system: System, u: Array) -> Array | None:
     """Principal stretches (3,), the largest first, at which the law loses stability in a body; None if nowhere.
 
@@ -60,10 +74,7 @@ def lost(system: System, u: Array) -> Array | None:
     """
     e, worst, where = system.elements, 0.0, np.zeros(3)
     for at in range(0, len(e.cells), BATCH):
-        G = integrals.gradient(e, slice(at, at + BATCH), u).reshape(3, 3, -1)
-        F = np.moveaxis(G, -1, 0) + np.eye(3)
-        h = REACH * np.log(np.linalg.svd(F, compute_uv=False))
-        h -= h.mean(axis=1, keepdims=True)
+        h = REACH * strains(e, slice(at, at + BATCH), u)
         found = least(stiffness(system.law, h)[1])
         lowest = int(np.argmin(found))
         if found[lowest] < worst:

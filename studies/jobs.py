@@ -11,7 +11,18 @@ from geometry.design import Design
 from geometry.scene import Magnet
 from studies import console, files, grids
 from studies.inputs import AccuracyName
-from studies.options import FAILED, GOOD, AsJson, Sets, Source, Wide, design_of, judged, say_what_is_idle
+from studies.options import (
+    FAILED,
+    GOOD,
+    AsJson,
+    LawName,
+    Sets,
+    Source,
+    Wide,
+    design_of,
+    judged,
+    say_what_is_idle,
+)
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
 COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
@@ -137,37 +148,62 @@ def sweep(
 
 
 def fit(
-    data: Data, /, *, out: Path | None = None, nu: float = 0.4998, wide: Wide = False, as_json: AsJson = False
+    data: Data,
+    /,
+    *,
+    law: LawName | None = None,
+    out: Path | None = None,
+    nu: float = 0.4998,
+    wide: Wide = False,
+    as_json: AsJson = False,
 ) -> int:
     """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
 
+    Two or three values of a data sheet will do for the laws with as few constants.
+
     Parameters
     ----------
+    law
+        The law to choose. Default: of those that hit the test and are stable in it, the best that is stable in a
+        press to 3/8 D too.
     out
-        Folder of the table, the plot and design.toml, which holds the best law that is stable throughout.
+        Folder of the table, the plot and design.toml, which holds the chosen law.
     nu
         Poisson's ratio that E is for.
     """
     from studies import fit as work
+    from studies.lawwords import reasons
 
     files.check_apart(files.inside(out, work.FILES), [data])
     with files.results(out) as folder:
-        records = work.run(data, nu, folder)
-    shown = records if as_json else [work.flat(record) for record in records]
-    console.report(
-        shown,
-        as_json=as_json,
-        title="Laws, the best first by AICc",
-        first=("rank", "law", "chosen", "E_MPa", "rms_percent"),
-        wide=wide,
-    )
-    for record in records:
-        if record["warning"]:
-            console.say(f"Warning: {record['warning']}.")
-    if not any(record["chosen"] for record in records):
-        console.say("magtip: there is no design.toml, for no fit has an E that a design may have")
+        records = work.run(data, nu, folder, law)
+    if as_json:
+        console.report(records, as_json=True)
+    else:
+        _print_laws([work.flat(record) for record in records], wide=wide)
+        for reason in filter(None, map(reasons, records)):
+            print(f"{reason}.")
+    chosen = [record for record in records if record["chosen"]]
+    for record in chosen or records:
+        for warning in record["warnings"]:
+            console.say(f"Warning: {warning}.")
+    if not chosen:
+        console.say("magtip: no law is chosen and there is no design.toml, for no E is one that a design may have")
         return FAILED
     return GOOD
+
+
+def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
+    """Tables that a terminal of 80 columns holds, or a single one with all columns."""
+    how = "by AICc" if rows[0]["ranked_by"] == "AICc" else "by fewest constants (too few points for AICc)"
+    title = f"Laws, the best first {how}"
+    if wide:
+        console.report(rows, as_json=False, title=title, wide=True)
+        return
+    fits = ("law", "chosen", "AICc", "rms_percent", "small_strain_excess_percent", "E_MPa")
+    ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
+    for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges)):
+        console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
 
 
 def _print_remarks(rows: list[dict[str, Any]]) -> None:

@@ -34,6 +34,7 @@ Wide = Annotated[
     bool, Parameter(name="--wide", help="All columns of a table, however long its lines; default: what fits.")
 ]
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
+LawName = Literal["neo-hookean", "mooney-rivlin", "yeoh", "ogden"]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
 DEPTH = Parameter(help="How far the plate comes down after first touch, mm.")

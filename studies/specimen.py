@@ -20,8 +20,11 @@ STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 
 STRESS = {"nominal_stress_MPa": 1.0, "nominal_stress_kPa": 1e-3, "nominal_stress_Pa": 1e-6}
 """Columns of the force over the first cross-section, and their unit in MPa."""
 
-LEAST_POINTS = 5
 LOWEST, HIGHEST, MOST_STRESS = 0.05, 20.0, 1e5
+
+WRONG_SIGN = 0.2
+"""Stress over the largest that may have the other sign than the strain: friction, preload and permanent set stay
+below, a compression with a positive stress does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,21 @@ class Specimen:
     stretch: Array
     stress: Array
     column: str = "nominal_stress_MPa"
+
+    @property
+    def telling(self) -> NDArray[np.bool_]:
+        """Points off stretch 1, where laws differ, shape (n,)."""
+        return np.asarray(self.stretch != 1)
+
+    @property
+    def least_strain(self) -> float:
+        """Least size of a strain that is not 0."""
+        return float(np.abs(self.stretch[self.telling] - 1).min())
+
+    def near(self, strain: float) -> NDArray[np.bool_]:
+        """Points with strains up to this size, or where there are none those with the least, shape (n,)."""
+        limit = max(strain, self.least_strain)
+        return np.asarray(self.telling & (np.abs(self.stretch - 1) <= limit * (1 + 1e-9)))
 
 
 def read(path: str) -> Specimen:
@@ -67,12 +85,26 @@ def read(path: str) -> Specimen:
             )
         stretch.append(value)
         stress.append(force)
-    if len(stretch) < LEAST_POINTS:
-        raise BadInput(f"{path!r} has {len(stretch)} points: a fit needs {LEAST_POINTS} or more below its header")
-    for name, values in ((header[along], stretch), (header[across], stress)):
-        if min(values) == max(values):
-            raise BadInput(f"{path!r}, column {name}: all {len(values)} values are the same: give a curve")
+    _check_curve(path, (header[along], header[across]), stretch, stress, [line for line, _ in rows])
     return Specimen(np.array(stretch), np.array(stress), header[across])
+
+
+def _check_curve(
+    path: str, names: tuple[str, str], stretch: list[float], stress: list[float], lines: list[int]
+) -> None:
+    if all(value == 1 for value in stretch):
+        raise BadInput(f"{path!r} has no point off stretch 1: a fit needs one or more below its header")
+    for name, values in zip(names, (stretch, stress), strict=True):
+        if len(values) > 1 and min(values) == max(values):
+            raise BadInput(f"{path!r}, column {name}: all {len(values)} values are the same: give a curve")
+    largest = max(map(abs, stress))
+    wrong = [(x - 1) * y < 0 for x, y in zip(stretch, stress, strict=True)]
+    for line, x, y, bad in zip(lines, stretch, stress, wrong, strict=True):
+        if bad and not all(wrong) and abs(y) > WRONG_SIGN * largest:
+            raise BadInput(
+                f"{path!r}, line {line}: at a stretch of {x:g} the nominal stress is {y:g} MPa: tension must be "
+                "positive and compression negative in both columns"
+            )
 
 
 def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:

@@ -1,0 +1,98 @@
+"""Where a silicone's law is stable in homogeneous stretches, and where it has to be.
+
+The body is incompressible and free of stress in its last direction. A law is called stable at such a stretch if it is
+so in Drucker's sense (`fem.drucker`), and dP : dF > 0 along the mode itself, so that the nominal stress still rises.
+
+It has to be stable where the test has been: in each mode, as long as no principal stretch leaves the range that the
+specimen's had (`tested`). And it should be where solves go (`SOLVE`). Uniaxial compression is equibiaxial tension,
+and the other way round.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import drucker
+from fem.material import law
+
+Array = NDArray[np.float64]
+Ranges = dict[str, tuple[float, float]]
+
+MODES = {"uniaxial": (1.0, -0.5, -0.5), "equibiaxial": (1.0, 1.0, -2.0), "planar": (1.0, 0.0, -1.0)}
+"""Logarithmic strains of each mode over that of its first direction; the last direction is free of stress."""
+
+RANGE = (0.3, 4.0)
+"""Stretches between which stability is looked for. Single points at the magnet's rounded edge come close to that: in
+a press of the paper's sensor to D/4 they reach 2.7 by 0.33, and to 3/8 D 4.3 by 0.18, nearly planar."""
+
+SOLVE: Ranges = {"uniaxial": (0.39, 1.26), "equibiaxial": (0.89, 1.6), "planar": (0.41, 2.3)}
+"""Stretches of all but a thousandth of the silicone, next to each mode, in a press of the paper's sensor to 3/8 D (3
+mm, neo-Hookean, accuracy standard); in a press to D/4 (2 mm) 0.52 to 1.18, 0.92 to 1.38 and 0.59 to 1.64.
+`tests/test_lawstability.py` measures them at the points of integration."""
+
+STEPS = 400
+"""Stretches at which stability is looked for between 1 and an end."""
+
+
+def tested(stretch: Array) -> Ranges:
+    """Stretches of each mode whose principal stretches the specimen of a test had.
+
+    Parameters
+    ----------
+    stretch : of a uniaxial test, shape (n,).
+
+    >>> {mode: tuple(round(end, 3) for end in ends) for mode, ends in tested(np.array([1.0, 2.0])).items()}
+    {'uniaxial': (0.707, 2.0), 'equibiaxial': (0.841, 1.189), 'planar': (0.707, 1.414)}
+    """
+    h = np.log(stretch)[:, None] * np.array(MODES["uniaxial"])
+    low, high = min(float(h.min()), 0.0), max(float(h.max()), 0.0)
+    found = {}
+    for mode, strains in MODES.items():
+        up = min(high / s if s > 0 else low / s for s in strains if s)
+        down = max(low / s if s > 0 else high / s for s in strains if s)
+        found[mode] = (math.exp(down), math.exp(up))
+    return found
+
+
+def ranges(name: str, numbers: tuple[float, ...], also: Ranges | None = None) -> Ranges:
+    """Stretches round 1 between which the law is stable in each of `MODES`; looked for in `RANGE` and `also`.
+
+    >>> ranges("neo-hookean", ())["planar"]
+    (0.3, 4.0)
+    """
+    found = {}
+    for mode, strains in MODES.items():
+        low, high = (also or {}).get(mode, RANGE)
+        reached = []
+        for end in (min(RANGE[0], low), max(RANGE[1], high)):
+            stretch = np.exp(np.linspace(0, math.log(end), STEPS))
+            stretch[-1] = end
+            good = stable(name, numbers, stretch, np.array(strains))
+            last = len(good) - 1 if good.all() else max(int(np.argmin(good)) - 1, 0)
+            reached.append(float(stretch[last]))
+        found[mode] = (reached[0], reached[1])
+    return found
+
+
+def within(wanted: Ranges, stable: Ranges) -> bool:
+    """Whether the stretches that are wanted lie within those in which a law is stable, to rounding.
+
+    >>> within({"planar": (0.5, 2.0)}, {"planar": (0.3, 1.9)})
+    False
+    """
+    return all(
+        stable[mode][0] <= low * (1 + 1e-12) and high <= stable[mode][1] * (1 + 1e-12)
+        for mode, (low, high) in wanted.items()
+    )
+
+
+def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
+    """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
+    tau, D = drucker.stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
+    # the pressure that frees the last direction of stress
+    tau = tau - tau[:, 2:]
+    along = (D @ strains) @ strains - tau @ strains**2
+    return np.asarray((drucker.least(D) > 0) & (along > 0))
