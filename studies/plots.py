@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -17,7 +16,6 @@ Row = Mapping[str, Any]
 
 FEM, HOMOGENEOUS, ANALYTIC, OTHER = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
 COLOURS = (FEM, ANALYTIC, HOMOGENEOUS, OTHER, "#E69F00", "#56B4E9", "#000000")
-SHARED = "#999999"
 
 STYLE = {
     "font.size": 12,
@@ -50,7 +48,7 @@ MODELS = {
 def press(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
     """Force, its error, the magnet's shift and the reading of S1 against depth."""
     (first, *_), _ = columns(design)
-    with _figure(path, 2, 2) as (figure, axes):
+    with canvas(path, 2, 2) as (figure, axes):
         depth = [row["depth_mm"] for row in rows]
         three = ("fem", "fem_homogeneous", "analytic")
         _lines(axes[0], depth, rows, three, "force_N")
@@ -73,7 +71,7 @@ def press(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
 
 def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
     """Force, its error, shift, tilt and the readings of S1 and S2 against the sideways motion of the plate."""
-    with _figure(path, 3, 2) as (figure, axes):
+    with canvas(path, 3, 2) as (figure, axes):
         way = [row["shear_mm"] for row in rows]
         three, readings = ("fem", "fem_homogeneous", "analytic"), ("fem", "untilted", "analytic")
         _lines(axes[0], way, rows, three, "force_x_N")
@@ -94,61 +92,6 @@ def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
         _legend(figure, axes, ("fem", "fem_homogeneous", "untilted", "analytic"))
 
 
-def sweep(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> None:
-    """Force of both models and the formula's error against the first axis.
-
-    A column of panels for each value of one axis (the depth, if it has at most four), a colour for each value of the
-    next, a marker for each combination of what is left, and grey or dots for lines that coincide.
-    """
-    from matplotlib.lines import Line2D
-
-    first, *others = axes
-    panel = _panel_axis(axes, others)
-    others = [name for name in others if name != panel]
-    columns: list[float] = sorted(set(axes[panel])) if panel else [math.nan]
-    found = [row for row in rows if not (math.isnan(row["fem_force_N"]) and math.isnan(row["analytic_force_N"]))]
-    colour = _looks("color", [(v,) for v in sorted(set(axes[others[0]]))] if others else [()])
-    marker = _looks("marker", sorted({tuple(row[_column(n)] for n in others[1:]) for row in found}) or [()])
-    shared = False
-    with _figure(path, 2, len(columns)) as (figure, panels):
-        for k, value in enumerate(columns):
-            force, error = panels[k], panels[k + len(columns)]
-            lines = []
-            for hue, shape in itertools.product(colour, marker):
-                wanted = dict(zip(others, (*hue, *shape), strict=True)) | ({panel: value} if panel else {})
-                line = [row for row in found if all(row[_column(n)] == v for n, v in wanted.items())]
-                line.sort(key=lambda row: row[_column(first)])
-                lines.append((line, {"color": colour[hue], "marker": marker[shape]}))
-            both, off = {"fem_force_N": "-", "analytic_force_N": "--"}, {"force_error_percent": "-"}
-            shared |= _sweep_lines(force, lines, _column(first), both)
-            shared |= _sweep_lines(error, lines, _column(first), off, markerfacecolor="white")
-            _bands(error)
-            error.set_xlabel(f"{_symbol(first)} ({_unit(first).strip()})")
-            if panel:
-                force.set_title(f"{_symbol(panel)} = {value:.4g}{_unit(panel)}", fontsize=11)
-        errors = panels[len(columns) :]
-        limits = [axis.get_ylim() for axis in errors]
-        for axis in errors:
-            axis.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
-        panels[0].set_ylabel("press force (N)")
-        errors[0].set_ylabel("formula's error (%)")
-        handles = [
-            Line2D([], [], color="#555555", label="FEM"),
-            Line2D([], [], color="#555555", linestyle="--", label="paper"),
-        ]
-        for name, values in ((others[:1], colour), (others[1:], marker)):
-            for key, look in values.items() if name else ():
-                text = ", ".join(f"{_symbol(n)} = {v:.4g}{_unit(n)}" for n, v in zip(name, key, strict=True))
-                own = {"color": look} if values is colour else {"color": "#555555", "marker": look, "linestyle": ""}
-                handles.append(Line2D([], [], label=text, **own))
-        if shared:
-            handles.append(Line2D([], [], color=SHARED, marker=".", label="these coincide"))
-        lost = len(rows) - sum(not math.isnan(row["fem_force_N"]) for row in rows)
-        if lost:
-            figure.supxlabel(f"{lost} of {len(rows)} cases have no FEM result", fontsize=10, color="#555555")
-        figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
-
-
 def fit(
     path: str | Path,
     stretch: Sequence[float],
@@ -166,7 +109,7 @@ def fit(
     """
     largest = max(abs(value) for value in stress)
     order = sorted(range(len(stretch)), key=lambda k: stretch[k])
-    with _figure(path, 2, 1) as (figure, axes):
+    with canvas(path, 2, 1) as (figure, axes):
         axes[0].plot(stretch, stress, "o", color="#555555", markerfacecolor="white", label="test", zorder=1)
         for (law, (curve, at)), colour, dashes in zip(curves.items(), COLOURS, ("-", "--", "-.", ":"), strict=False):
             look = {"color": colour, "linestyle": dashes}
@@ -188,7 +131,7 @@ def size(path: str | Path, rows: Sequence[Row]) -> None:
     n = [row["dofs"] for row in rows]
     solve = [row["cpu_s"] - row["mesh_s"] for row in rows]
     curves = (("solve", solve, FEM, "o", "-"), ("mesh", [row["mesh_s"] for row in rows], ANALYTIC, "s", "--"))
-    with _figure(path, 2, 1) as (_, axes):
+    with canvas(path, 2, 1) as (_, axes):
         for label, y, colour, marker, dashes in curves:
             axes[0].plot(n, y, label=label, color=colour, marker=marker, linestyle=dashes)
         axes[1].plot(n, [row["peak_MB"] for row in rows], label="peak", color=HOMOGENEOUS, marker="^")
@@ -205,7 +148,7 @@ def size(path: str | Path, rows: Sequence[Row]) -> None:
 
 def friction(path: str | Path, curves: Sequence[Any], loop: Sequence[Any]) -> None:
     """Tangential over normal force against shear for several mu (`studies.sliding.Curve`), and a cycle of states."""
-    with _figure(path, 1, 2, shared=False) as (_, axes):
+    with canvas(path, 1, 2, shared=False) as (_, axes):
         for curve, colour in zip(curves, COLOURS, strict=False):
             ratio = [a / b for a, b in zip(curve.force_N, curve.normal_N, strict=True)]
             axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
@@ -220,64 +163,8 @@ def friction(path: str | Path, curves: Sequence[Any], loop: Sequence[Any]) -> No
         axes[0].legend(frameon=False)
 
 
-def _panel_axis(axes: Mapping[str, Sequence[float]], others: Sequence[str]) -> str | None:
-    """The axis whose values get panels of their own, where there is more than one axis besides the first."""
-    fits = [name for name in others if len(set(axes[name])) <= 4]
-    if len(others) < 2 or not fits:
-        return None
-    return "depth" if "depth" in fits else fits[-1]
-
-
-def _looks(kind: str, keys: Sequence[tuple[float, ...]]) -> dict[tuple[float, ...], Any]:
-    """A colour or a marker for each key; beyond the set of distinct colours, shades in order."""
-    from matplotlib import colormaps
-
-    choice: Sequence[Any] = COLOURS if kind == "color" else "os^Dv<>pX*"
-    if kind == "color" and len(keys) > len(COLOURS):
-        choice = [colormaps["viridis"](0.92 * k / (len(keys) - 1)) for k in range(len(keys))]
-    return {key: choice[k % len(choice)] for k, key in enumerate(keys)}
-
-
-def _sweep_lines(
-    axis: Any,
-    lines: Sequence[tuple[Sequence[Row], dict[str, Any]]],
-    x_name: str,
-    names: Mapping[str, str],
-    **look: Any,
-) -> bool:
-    """A line for each list of rows and each name. Those that coincide are one, without what they differ in: grey if
-    that is the colour, with dots if it is the marker. Returns whether any do.
-    """
-    same: dict[Any, list[tuple[Sequence[Row], dict[str, Any]]]] = {}
-    for rows, own in lines:
-        # to seven digits, with NaN equal to itself
-        points = tuple(f"{row[name]:.6e}" for row in rows for name in (x_name, *names))
-        same.setdefault(points, []).append((rows, own))
-    for alike in same.values():
-        rows, own = alike[0]
-        for key, neutral in (("color", SHARED), ("marker", ".")):
-            if len({other[key] for _, other in alike}) > 1:
-                own = own | {key: neutral}
-        for name, dashes in names.items():
-            marked = own | look if dashes == "-" else {"color": own["color"], "linestyle": dashes}
-            axis.plot([row[x_name] for row in rows], [row[name] for row in rows], **marked)
-    return any(len(alike) > 1 and alike[0][0] for alike in same.values())
-
-
-def _column(axis: str) -> str:
-    return "depth_mm" if axis == "depth" else f"{axis}_{_unit(axis).strip()}"
-
-
-def _unit(axis: str) -> str:
-    return " MPa" if axis == "E" else " mm"
-
-
-def _symbol(axis: str) -> str:
-    return "depth $d$" if axis == "depth" else f"${axis}$"
-
-
 @contextlib.contextmanager
-def _figure(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
+def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
     """A figure and its axes, written when all is drawn; it leaves matplotlib's global state alone."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -301,10 +188,10 @@ def _lines(axis: Any, x: Sequence[float], rows: Sequence[Row], models: Sequence[
 def _errors(axis: Any, x: Sequence[float], rows: Sequence[Row], names: Mapping[str, str]) -> None:
     for model, name in names.items():
         axis.plot(x, [row[name] for row in rows], **MODELS[model][1])
-    _bands(axis)
+    bands(axis)
 
 
-def _bands(axis: Any) -> None:
+def bands(axis: Any) -> None:
     """Shade errors of up to 5 % and 10 %."""
     axis.axhspan(-10, 10, color="#000000", alpha=0.06, linewidth=0)
     axis.axhspan(-5, 5, color="#000000", alpha=0.09, linewidth=0)

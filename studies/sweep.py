@@ -14,6 +14,7 @@ import functools
 import itertools
 import json
 import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,8 @@ Key = tuple[float | str, ...]
 
 UNITS = {"D": "mm", "L": "mm", "f": "mm", "E": "MPa"}
 MOST_CASES = 20_000
+SILENCE = 2.0
+"""Seconds after which it is said how many rows there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,14 +144,20 @@ def _rows(
 ) -> Iterator[Row]:
     store = kept.opened(None if folder is None else folder / "solves.jsonl", code())
     rows = []
+    said = time.monotonic()
     for case, solved in zip(cases, _solve(cases, magnet, accuracy, progress, store), strict=True):
         rows.append(_row(case, solved, *named))
         yield rows[-1]
+        if progress is not None and time.monotonic() - said > SILENCE:
+            said = time.monotonic()
+            progress(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
     if folder is not None:
-        from studies import plots
+        if progress is not None:
+            progress(1.0, "sweep.csv and sweep.png")
+        from studies import sweepplot
 
         write_table(folder / "sweep.csv", rows)
-        plots.sweep(folder / "sweep.png", rows, axes)
+        sweepplot.draw(folder / "sweep.png", rows, axes)
 
 
 @functools.cache

@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from analytic import beam, hall
 from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Response
-from studies import kept, plots, sweep
+from studies import kept, sweep
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -228,16 +227,6 @@ def test_another_accuracy_or_magnet_is_another_solve(traced, tmp_path):
     for change in ({}, {"accuracy": replace(QUICK, section_size=0.2)}, {"magnet": "rigid"}):
         run(paper(), axes, tmp_path, **GIVEN | change)
     assert len(traced) == 3
-
-
-def test_lines_that_coincide_are_drawn_once_without_what_they_differ_in():
-    axis = Figure().subplots()
-    points = [(3.0, "red", "o"), (3.0, "blue", "o"), (4.0, "red", "o"), (4.0, "red", "s"), (5.0, "blue", "s")]
-    lines = [([{"x": 1.0, "y": y}, {"x": 2.0, "y": math.nan}], {"color": c, "marker": m}) for y, c, m in points]
-    assert plots._sweep_lines(axis, lines, "x", {"y": "-"})
-    looks = [(line.get_color(), line.get_marker()) for line in axis.get_lines()]
-    assert looks == [(plots.SHARED, "o"), ("red", "."), ("blue", "s")]
-    assert not plots._sweep_lines(axis, lines[-1:], "x", {"y": "-"})
 
 
 def test_a_scaled_state_keeps_both_tilts():
