@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import curving, exact
+from geometry import curving, exact, labels
 from geometry.design import BadInput, Shape
 from geometry.mesh import Parts
 from geometry.quality import quality
@@ -54,20 +55,32 @@ class _Cells:
     text: str
 
 
-def read(path: str | Path, shape: Shape, magnet: Parts = "regions") -> MeshTet2:
+def read(
+    path: str | Path, shape: Shape, magnet: Parts = "regions", warn: Callable[[str], None] | None = None
+) -> MeshTet2:
     """The mesh in a file, mm, with boundaries and subdomains as `geometry.mesh.tetrahedra` gives them.
 
     Parameters
     ----------
     magnet : "regions" keeps it, if there are cells in it; "hole" leaves them out; "none" takes all for silicone.
+    warn : takes a sentence about a file that does not say for which sensor it was made, as `magtip mesh` lets it.
 
     Raises
     ------
     BadInput
-        The file cannot be read, has no tetrahedra or others than linear or quadratic ones, a cell is inverted, names
-        and places disagree, or the mesh does not conform, leaves gaps or is one of another design.
+        The file cannot be read, was made for another sensor, has no tetrahedra or others than linear or quadratic
+        ones, a cell is inverted, names and places disagree, or the mesh does not conform, leaves gaps or is one of
+        another design.
     """
-    given = _checked(_parsed(_opened(path, repr(str(path))), repr(str(path))), shape)
+    text = repr(str(path))
+    content = _opened(path, text)
+    needed = labels.of_solid(shape, magnet=magnet != "none")
+    if not labels.check(_label(content), needed, f"the mesh {text}") and warn is not None:
+        warn(
+            f"the mesh {text} does not say for which sensor it was made: it is checked by its own surfaces, to "
+            f"{100 * OFF:g} % of D, and volumes, to {100 * VOLUME:g} %"
+        )
+    given = _checked(_parsed(content, text), shape)
     region = _regions(given, shape)
     if magnet == "none":
         shape, region = shape.without_magnet(), np.zeros_like(region)
@@ -98,6 +111,12 @@ def _opened(path: str | Path, text: str) -> Any:
         # its readers end in whatever way a broken file leads them to
         reason = "broken or cut short" if isinstance(error, SystemExit) else str(error) or type(error).__name__
         raise BadInput(f"meshio cannot read the mesh {text} ({reason}): save it in another format") from None
+
+
+def _label(content: Any) -> dict[str, Any]:
+    """What the file says of itself."""
+    single = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
+    return labels.from_numbers(single)
 
 
 def _parsed(content: Any, text: str) -> _Cells:

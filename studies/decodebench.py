@@ -224,7 +224,7 @@ def main(out: str, full: str | None = None) -> None:
         }
         states = folder / "states.jsonl"
         if states.exists():
-            law = decoding.of_file(states)
+            law = decoding.of_file(states, paper())
             found["law"] = law
             found["tilts"]["finite elements (states.jsonl), as far as they go"] = ignored(
                 decode.decoder(paper(), law)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Response, tilts_of
-from studies import console, files, inputs, readers
+from geometry.scene import tilts_of
+from studies import console, files, inputs, responses
 from studies.fields import read_rows
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ WHY = {
 }
 
 
-def prepare(design: Design, level: str | None, responses: Path | None, *, ignore_tilt: bool) -> Decoder:
+def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt: bool) -> Decoder:
     """The decoder of a design with the mechanics of a formula, or of responses in a file.
 
     Raises
@@ -50,14 +50,14 @@ def prepare(design: Design, level: str | None, responses: Path | None, *, ignore
     """
     from analytic.decode import decoder
 
-    return decoder(design, mechanics_of(design, level, responses), ignore_tilt=ignore_tilt)
+    return decoder(design, mechanics_of(design, level, file), ignore_tilt=ignore_tilt)
 
 
-def mechanics_of(design: Design, level: str | None, responses: Path | None) -> Mechanics:
+def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
     """The mechanics of a level, or of responses in a file; of the level paper if neither is given."""
-    if responses is not None and level is not None:
+    if file is not None and level is not None:
         raise BadInput("--level and --responses both give the mechanics: leave one of them out")
-    return of_level(design, level or "paper") if responses is None else of_file(responses)
+    return of_level(design, level or "paper") if file is None else of_file(file, design)
 
 
 def of_level(design: Design, level: str) -> Mechanics:
@@ -72,44 +72,19 @@ def of_level(design: Design, level: str) -> Mechanics:
     return mechanics.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
 
 
-def of_file(path: Path) -> Mechanics:
-    """The mechanics of states that `magtip solve --json` printed, one a line; those that are not ok are left out."""
+def of_file(path: Path, design: Design) -> Mechanics:
+    """The mechanics of the states in a file that are ok, which were solved for this design."""
     from analytic import mechanics
 
-    samples = []
-    for line, record in readers.json_objects(path):
-        try:
-            if record["status"] == "ok":
-                samples.append(_sample(record))
-        except BadInput as error:
-            raise BadInput(f"{path}, line {line}: {error}") from None
-        except (ValueError, KeyError, TypeError):
-            raise BadInput(
-                f"{path}, line {line} is no state of `magtip solve --json`: it needs status, depth_mm,"
-                " shear_mm, force_N, shift_mm and tilt_rad"
-            ) from None
+    samples = [
+        (state.load, state.response)
+        for state in responses.read(path, design)
+        if state.status == "ok" and state.load is not None and state.response is not None
+    ]
     try:
         return mechanics.of_samples(samples)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
-
-
-def _sample(record: dict[str, Any]) -> tuple[Load, Response]:
-    x, y, z = (float(v) for v in record["shift_mm"])
-    f_x, f_y, f_n = (float(v) for v in record["force_N"])
-    load = Load(
-        depth=float(record["depth_mm"]),
-        shear_x=float(record["shear_mm"]),
-        shear_y=float(record.get("shear_y_mm") or 0.0),
-        friction="stick",
-        plate_tilt=float(record.get("plate_tilt_rad") or 0.0),
-    )
-    tilt, tilt_y = float(record["tilt_rad"]), float(record.get("tilt_y_rad") or 0.0)
-    radius = float(record.get("contact_radius_mm") or 0.0)
-    numbers = (x, y, z, f_x, f_y, f_n, tilt, tilt_y)
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError("not finite")
-    return load, Response((f_x, f_y, f_n), (x, y, z), tilt, radius, tilt_y)
 
 
 def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:

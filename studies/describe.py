@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from geometry import labels
 from geometry.design import BadInput, Design, paper
 from studies import console, files
 from studies.console import Progress
@@ -105,7 +106,7 @@ def build_mesh(
         except RuntimeError as error:
             return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
         seconds = time.perf_counter() - begin
-        files.write_mesh(file, made)
+        files.write_mesh(file, made, labels.as_numbers(labels.of_solid(design.shape)))
     record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
     return record | mesh_quality(made, design)
 

@@ -262,8 +262,13 @@ def clean(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def write_mesh(path: str | Path, mesh: skfem.Mesh) -> None:
-    """Write a second-order mesh as .vtu, with the number of each cell's region (0 silicone, 1 magnet)."""
+def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | None = None) -> None:
+    """Write a second-order mesh as .vtu, with the number of each cell's region (0 silicone, 1 magnet).
+
+    Parameters
+    ----------
+    about : named numbers that the file holds beside the mesh.
+    """
     import numpy as np
 
     grid = grid_of(mesh)
@@ -271,6 +276,8 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh) -> None:
     region = np.zeros(mesh.nelements, dtype=np.int64)
     region[regions.get("magnet", slice(0))] = 1
     grid.cell_data["region"] = region
+    for name, number in (about or {}).items():
+        grid.field_data[name] = np.array([number])
     _save(path, grid)
 
 

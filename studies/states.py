@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from geometry import labels
 from geometry.design import BadInput, Design
 from geometry.scene import STEEPEST, Load, Magnet, Response
-from studies import fields, files, inputs
+from studies import console, fields, files, inputs
 from studies.console import Progress
 from studies.options import Method, Motion
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from fem.facts import Facts
     from fem.levels import Accuracy
     from fem.solution import Solution
+    from geometry.mesh import Parts
 
 MOST_STEPS = 1000
 MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
@@ -29,6 +31,8 @@ FACTS = (
 """Keys whose values the message tells in words."""
 FIRST = ("status", *MOVED, "force_N", "shift_mm")
 """Keys that a table of states needs most."""
+UNSHOWN = (*FACTS, "made_for")
+"""Keys that tables leave out."""
 
 
 def loads_of(motion: Motion) -> list[Load]:
@@ -167,7 +171,8 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
         return method, None
     from geometry import meshfile
 
-    mesh = meshfile.read(method.mesh, design.shape, "hole" if method.magnet == "rigid" else "none")
+    parts: Parts = "hole" if method.magnet == "rigid" else "none"
+    mesh = meshfile.read(method.mesh, design.shape, parts, lambda text: console.say(f"magtip: warning: {text}"))
     model: Literal["half", "full"] = "half" if "symmetry" in mesh.boundaries else "full"
     if method.model not in ("auto", model):
         raise BadInput(f"the mesh {str(method.mesh)!r} is for model {model}: leave --model {method.model} out")
@@ -204,13 +209,14 @@ def _records(
 ) -> Generator[dict[str, Any]]:
     last: Solution | None = None
     reached = 0
+    label = labels.label(labels.of_mechanics(design, method.magnet))
     with files.sole_writer(vtu, png):
         try:
             for last in found:
                 reached += 1
-                yield solution_record(last)
+                yield solution_record(last) | label
         except RuntimeError as error:
-            yield _unsolved(loads[reached], method.model, str(error))
+            yield _unsolved(loads[reached], method.model, str(error)) | label
         finally:
             if last is not None:
                 _write(design, last, method.magnet, vtu, png)

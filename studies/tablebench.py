@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import resource
 import time
 from pathlib import Path
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 
 from analytic import forward, lookup
 from analytic.forward import Forward
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, paper
+from studies import tables
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -62,15 +62,12 @@ def whole(path: Path, count: int = 2000, again: int = 12) -> Row:
     BadInput
         It is no table of the paper's sensor without tilt.
     """
-    try:
-        about, table = json.loads(path.with_suffix(".json").read_text("utf-8")), np.load(path, mmap_mode="r")
-        grid = lookup.Grid(3.0, 3.0, float(about["step_mm"]))
-        known = Design(**about["design"]) == paper() and table.shape == (*grid.shape, 3)
-    except (OSError, ValueError, KeyError, TypeError):
-        known = False
-    if not known:
+    table, about = tables.read(path, paper())
+    grid = lookup.Grid(3.0, 3.0, float(about["step_mm"]))
+    if table.shape != (*grid.shape, 3) or np.any(about["tau"]):
         raise BadInput(
-            f"{str(path)!r} is no table of the paper's sensor: make it by magtip table paper --out FILE.npy"
+            f"{str(path)!r} is no table of the paper's sensor without tilt: make it by magtip table paper --out "
+            "FILE.npy"
         )
     model, shift, field = _asked(count)
     slabs = np.linspace(0, len(table) - 1, again).astype(int).tolist()

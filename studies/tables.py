@@ -17,13 +17,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from geometry import labels
 from geometry.design import BadInput, Design
-from studies import files
+from studies import console, files
 from studies.console import Progress
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from analytic.forward import Forward
     from analytic.lookup import Grid
+
+    Array = NDArray[np.float64]
 
 NOTE_EVERY = 8
 """Slabs between two notes."""
@@ -172,9 +178,16 @@ def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
     return {"status": "ok", "file": str(out), "poses": table.size // 2, "size_MB": table.nbytes / 1e6, "resumed": 0}
 
 
+def _made_for(design: Design, *, tilted: bool) -> labels.Fields:
+    """What a table depends on beside its grid; the mechanics enter by the tilt alone."""
+    seen = labels.of_readings(design)
+    return labels.of_mechanics(design) | seen if tilted else seen
+
+
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
     return {
         "design": dataclasses.asdict(model.design),
+        **labels.label(_made_for(model.design, tilted=bool(model.tau.any()))),
         "mode": model.mode,
         "tau": model.tau.tolist(),
         "step_mm": grid.step,
@@ -211,3 +224,31 @@ def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
     except (OSError, ValueError, KeyError, TypeError):
         pass
     return 0, 0
+
+
+def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
+    """The table of a design in a file, by memory mapping, and what FILE.json says of it.
+
+    One that does not say for which sensor it was made is taken, with a warning.
+
+    Raises
+    ------
+    BadInput
+        It cannot be read, is no table of this program, or was made for another sensor.
+    """
+    import numpy as np
+
+    try:
+        about = json.loads(file.with_suffix(".json").read_text("utf-8"))
+        table = np.load(file, mmap_mode="r")
+        tilted, shape = bool(np.any(about["tau"])), tuple(about["shape"])
+    except (OSError, ValueError, KeyError, TypeError):
+        tilted, shape, table = False, (), None
+    if table is None or table.shape != shape:
+        raise BadInput(f"{str(file)!r} is no table, or its .json is not that of it: make it by magtip table")
+    if not labels.check(about, _made_for(design, tilted=tilted), str(file)):
+        console.say(
+            f"magtip: warning: {file} does not say for which sensor it was made, so it cannot be checked that this "
+            "design is the one"
+        )
+    return table, about

@@ -151,7 +151,7 @@ def solve(
                 title=title,
                 keys=keys,
                 count=len(loads),
-                brief=states.FACTS,
+                brief=states.UNSHOWN,
                 first=states.FIRST,
                 wide=wide,
             )

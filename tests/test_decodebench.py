@@ -15,8 +15,8 @@ def test_a_table_in_a_file_is_measured(run, tmp_path):
     assert 0.1 < row["median_mm"] < 0.2 < row["worst_mm"]
     assert "made again" in "".join(decodefiles._full(row))
     assert run("table", "paper", "--step", 0.5, "--set", "l0=8", "--out", "u.npy")[0] == 0
-    for name in ("u.npy", "missing.npy"):
-        with pytest.raises(BadInput, match="is no table of the paper's sensor"):
+    for name, words in (("u.npy", "another sensor, with l0 8 mm"), ("missing.npy", "is no table")):
+        with pytest.raises(BadInput, match=words):
             tablebench.whole(tmp_path / name)
 
 

@@ -6,6 +6,9 @@ import json
 import pytest
 from numpy.testing import assert_allclose
 
+from geometry import labels
+from geometry.design import Design, paper
+
 READINGS = ("readings", "paper", "--shift", "0.5,0.2,-1", "--json")
 
 
@@ -101,6 +104,42 @@ def test_states_of_a_solve_give_tilt_and_load(run, strict, tmp_path):
     (flat,) = strict(run(*decode, "--ignore-tilt")[1])
     assert flat["tilt_rad"] == 0
     assert abs(flat["shift_mm"][0] - 0.5) > 0.02
+
+
+def states_of(design, magnet="rigid"):
+    """A file of states that were solved for a design."""
+    label = labels.label(labels.of_mechanics(design, magnet))
+    return "".join(json.dumps(state(d, s) | label) + "\n" for d in (0.0, 1.0, 2.0, 3.0) for s in (0.0, 2.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    "tokens", [("decode", "--readings", "3.05,2.97,2.92"), ("layout",), ("table", "--step", 1, "--out", "t.npy")]
+)
+def test_states_of_another_sensor_are_refused_with_what_differs(run, tmp_path, tokens):
+    verb, *rest = tokens
+    (tmp_path / "states.jsonl").write_text(states_of(Design(D=10.0, L=12.0, E=0.5, l0=9.2)))
+    status, out, err = run(verb, "paper", *rest, "--responses", "states.jsonl", "--json")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "states.jsonl, line 1 was made for another sensor, with D 10 mm, L 12 mm, E 0.5 MPa" in err
+    assert "where this design has D 8 mm, L 9 mm, E 1 MPa" in err
+    assert not (tmp_path / "t.npy").exists()
+
+
+def test_states_of_this_sensor_are_taken_whatever_its_elements_are(run, tmp_path):
+    (tmp_path / "states.jsonl").write_text(states_of(paper()))
+    command = ("decode", "paper", "--readings", "3.05,2.97,2.92", "--responses", "states.jsonl", "--json")
+    assert run(*command, "--set", "f=5.2")[2] == ""
+    (tmp_path / "states.jsonl").write_text(states_of(paper(), "ignored"))
+    status, _, err = run(*command)
+    assert (status, "with magnet ignored" in err) == (2, True)
+
+
+def test_states_that_do_not_say_their_sensor_warn(run, strict, tmp_path):
+    lines = [json.dumps(state(d, s)) for d in (0.0, 1.0, 2.0, 3.0) for s in (0.0, 2.0, 4.0)]
+    (tmp_path / "states.jsonl").write_text("\n".join(lines))
+    status, out, err = run("decode", "paper", "--readings", "3.05,2.97,2.92", "--responses", "states.jsonl", "--json")
+    assert (status, len(strict(out)), err.count("\n")) == (0, 1, 1)
+    assert "states.jsonl does not say for which sensor its states were solved" in err
 
 
 def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):

@@ -1,13 +1,16 @@
 """Meshes from elsewhere come in whole, with their regions, or are refused by a sentence that says why."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
 
-from geometry import meshfile
+from geometry import labels, meshfile
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.quality import quality
+from studies import files
 
 SHAPE = Shape(8, 6, 3, 2, 0.4)
 CORNERS = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
@@ -176,3 +179,26 @@ def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
     status, out, err = run("solve", *press, "--mesh", "half.vtu", "--model", "full")
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "is for model half" in err
+
+
+def test_a_mesh_says_for_which_sensor_it_was_made(own, tmp_path):
+    """A sensor that differs by less than what surfaces and volumes tell is another one all the same."""
+    said = []
+    files.write_mesh(tmp_path / "own.vtu", own, labels.as_numbers(labels.of_solid(SHAPE)))
+    same_parts(meshfile.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)
+    assert said == []
+    with pytest.raises(BadInput, match=r"with magnet_height 2 mm where this design has magnet_height 2\.0005 mm"):
+        meshfile.read(tmp_path / "own.vtu", replace(SHAPE, magnet_height=2.0005))
+    files.write_mesh(tmp_path / "mute.vtu", own)
+    meshfile.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
+    assert len(said) == 1
+    assert "does not say for which sensor it was made" in said[0]
+
+
+def test_the_verbs_mesh_and_solve_agree_on_the_sensor(run, tmp_path):
+    bare = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
+    assert run("mesh", "paper", *bare, "--size", 4, "--half", "--out", "m.vtu")[0] == 0
+    press = ("solve", "paper", *bare, "--depth", 0.5, "--magnet", "ignored", "--mesh", "m.vtu", "--json")
+    status, out, err = run(*press, "--set", "D=8.01")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "with D 8 mm where this design has D 8.01 mm" in err

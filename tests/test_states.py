@@ -36,6 +36,8 @@ SOLVE_KEYS = {
     "imperfection_N",
     "tilt_y_rad",
     "rotation_rad",
+    "digest",
+    "made_for",
     "dofs",
     "newton_iterations",
     "seconds",

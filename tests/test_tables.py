@@ -1,6 +1,7 @@
 """The look-up table: its entries, its plane, how it goes on after an interruption, and bad input."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from analytic import forward, hall, lookup
 from geometry.design import BadInput, paper
+from studies import tables
 
 
 def test_entries_are_the_readings(run, strict, tmp_path):
@@ -86,6 +88,30 @@ def test_a_foreign_file_is_not_replaced(run, tmp_path, plane, name):
 def test_a_table_of_this_program_is_replaced(run):
     for plane in ((), ("--plane",), ()):
         assert run("table", "paper", "--step", 1, "--out", "t.npy", *plane)[0] == 0
+
+
+def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
+    assert run("table", "paper", "--step", 1, "--out", "t.npy")[0] == 0
+    table, about = tables.read(tmp_path / "t.npy", replace(paper(), E=2.0, hall_noise=0.1))
+    assert table.shape == tuple(about["shape"])
+    assert capsys.readouterr().err == ""
+    with pytest.raises(
+        BadInput, match=r"with remanence 1\.2 T, f 5 mm where this design has remanence 1\.1 T, f 6 mm"
+    ):
+        tables.read(tmp_path / "t.npy", replace(paper(), remanence=1.1, f=6.0))
+    kept = {key: value for key, value in about.items() if key not in ("digest", "made_for")}
+    (tmp_path / "t.json").write_text(json.dumps(kept))
+    tables.read(tmp_path / "t.npy", paper())
+    assert "does not say for which sensor" in capsys.readouterr().err
+    (tmp_path / "t.json").write_text("{}")
+    with pytest.raises(BadInput, match="is no table"):
+        tables.read(tmp_path / "t.npy", paper())
+
+
+def test_a_tilted_table_depends_on_the_mechanics(run, tmp_path):
+    assert run("table", "paper", "--step", 1, "--level", "finite", "--out", "t.npy")[0] == 0
+    with pytest.raises(BadInput, match="with E 1 MPa where this design has E 2 MPa"):
+        tables.read(tmp_path / "t.npy", replace(paper(), E=2.0))
 
 
 def test_a_note_without_its_slabs_is_not_believed(run, strict, tmp_path, monkeypatch):
