@@ -242,7 +242,7 @@ def fake(monkeypatch):
             return answer
 
         module = types.ModuleType(f"studies.{name}")
-        module.run = pretend
+        module.run, module.FILES = pretend, ()
         monkeypatch.setitem(sys.modules, f"studies.{name}", module)
         monkeypatch.setattr(studies, name, module, raising=False)
         return calls
