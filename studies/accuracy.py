@@ -21,7 +21,6 @@ from typing import Any
 from fem import equilibrium, levels
 from fem.equilibrium import Model
 from fem.levels import LEVELS, Accuracy
-from geometry import cache
 from geometry.scene import Load, Magnet, Response
 from studies import kept, trials
 from studies.trials import Trial
@@ -35,7 +34,8 @@ GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
 COVERAGE, SHARPNESS, SHARP = 0.95, 0.5, 3.0
 JUMP = 0.25
 REPEATS, NUDGE = 3, 1e-4
-"""Meshes of tetrahedra for each state, and the relative change of their size that makes fTetWild mesh anew."""
+"""Meshes of tetrahedra for each state, and the relative change of their size from one to the next: the least change
+makes fTetWild come to another mesh."""
 FINE_SHEARS = (0, 1, 2, 3)
 FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(trials.DESIGNS), "ignored": range(2)}
 SOLIDS, CHECKED = (0, 3), (0, 6)
@@ -82,7 +82,8 @@ def tasks(*, quick: bool = False) -> list[Task]:
         found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
         found += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
         found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
-        found += [_task(n, magnet, "stick", name, "half", i) for name in names[:2] for n in SOLIDS for i in repeats]
+        for scene in ("press", "stick"):
+            found += [_task(n, magnet, scene, name, "half", i) for name in names[:2] for n in SOLIDS for i in repeats]
     return found
 
 
@@ -113,15 +114,7 @@ def run(
 
 
 def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
-    """The states of a trial, without estimates; an exception is the last state, with its text as the message.
-
-    Meshes are new ones, for their noise is part of what is measured.
-    """
-    with cache.bypassed():
-        return _followed(trial, accuracy)
-
-
-def _followed(trial: Trial, accuracy: Accuracy) -> list[State]:
+    """The states of a trial, without estimates; an exception is the last state, with its text as the message."""
     states, begin = [], time.process_time()
     try:
         for s in equilibrium.walk(

@@ -108,13 +108,14 @@ def verdicts(rows: Sequence[Row]) -> list[str]:
 def noise(rows: Sequence[Row]) -> list[Row]:
     """Relative standard deviation of the half model's answers over its meshes: mean and greatest of the states."""
     half = [row for row in rows if row["model"] == "half" and row["status"] == "ok"]
-    states = _grouped(half, lambda row: (row["level"], row["scene"], row["design"], row["magnet"], row["shear_mm"]))
+    names = ("level", "scene", "design", "magnet", "depth_mm", "shear_mm")
+    states = _grouped(half, lambda row: tuple(row[name] for name in names))
     spreads = defaultdict(list)
     for (level, scene, *_), repeats in states.items():
         if len(repeats) < 2:
             continue
         for name in QUANTITIES:
-            if scene == "pressed" and name in ("tilt", "sideways"):
+            if scene in ("press", "pressed") and name in ("tilt", "sideways"):
                 continue
             values = [[row[key] for row in repeats] for key in COMPONENTS[name]]
             size = math.hypot(*(statistics.fmean(v) for v in values))

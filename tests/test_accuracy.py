@@ -129,7 +129,9 @@ def test_the_full_study_covers_all_levels_scenes_and_models():
         assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
             (n, magnet) for n in range(12) for magnet in ("rigid", "ignored")
         }
-    assert len({t.repeat for t in made if t.trial.model == "half"}) == 3
+    assert {(t.trial.scene, t.repeat) for t in made if t.trial.model == "half"} == {
+        (scene, i) for scene in ("press", "stick") for i in range(3)
+    }
     solves = {accuracy.key(*t.solves[""]) for t in made if t.trial.model == "half"}
     assert len(solves) == sum(t.trial.model == "half" for t in made)
 
@@ -163,6 +165,21 @@ def test_mesh_noise_is_the_spread_over_meshes():
     (force, shift) = calibration.noise(rows)
     assert force["mean_percent"] == pytest.approx(1.0)
     assert shift["mean_percent"] == 0.0
+
+
+def test_depths_of_a_press_are_no_noise():
+    """Nor is the tilt that tetrahedra have where there should be none."""
+    numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "tilt_rad": 0.0}
+    rows = [
+        row(0.01, 0.02, model="half", depth_mm=d, force_z_N=d, shift_z_mm=-d, **numbers)
+        for d in (1.0, 2.0)
+        for _ in "ab"
+    ]
+    found = calibration.noise(rows)
+    assert [(one["quantity"], one["states"], one["max_percent"]) for one in found] == [
+        ("force", 2, 0.0),
+        ("shift", 2, 0.0),
+    ]
 
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
