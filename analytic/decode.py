@@ -26,7 +26,7 @@ from analytic.parts import Element
 from geometry.design import BadInput, Design
 
 Array = NDArray[np.float64]
-Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent"]
+Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension"]
 
 CELLS = (24, 24, 12)
 """Of the table, along x, y and z."""
@@ -74,10 +74,12 @@ class Decoded:
     ----------
     status : "ok"; "ambiguous" (several poses; the one given is the nearest to the one before, or to rest);
         "out_of_workspace" (no pose in it gives these readings); "saturated" (a reading at a rail); "not_finite";
-        "inconsistent" (more than three readings, and none of the poses explains them all).
+        "inconsistent" (more than three readings, and none of the poses explains them all); "tension" (one pose, but
+        by the mechanics the plate would have to pull there, so that its load is not known).
     shift : shape (n, 3), mm.
     tilt : rotation vector (rx, ry), shape (n, 2), rad.
-    force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics.
+    force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics
+        and where the plate would have to pull.
     condition : of dB/ds, shape (n,).
     multiplicity : how many poses in the workspace give the readings, shape (n,).
     noise_mm, noise_N : standard deviations of shift and force, shape (n, 3); NaN if no element has any noise.
@@ -185,7 +187,9 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     return _result(coder, status, poses, slopes, owner, multiplicity, chosen)
 
 
-def _solve(coder: Decoder, target: Array, index: NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
+def _solve(
+    coder: Decoder, target: Array, index: NDArray[np.int64]
+) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
     """All poses of the readings with these numbers: shifts, slopes and owners; and the numbers of misfits."""
     part = target[:, index]
     owner, start, curve = sheets.starts(coder.table, part)
@@ -200,17 +204,20 @@ def _solve(coder: Decoder, target: Array, index: NDArray[np.int64]) -> tuple[Arr
     )
     low, high = coder.low[:, None] - EDGE, coder.high[:, None] + EDGE
     inside = done & ((s >= low) & (s <= high)).all(axis=0)
-    if len(target) == 3:
-        fits = np.sqrt((f**2).sum(axis=0)) <= EXACT * np.sqrt((A**2).sum(axis=(0, 1)))
-    else:
-        fits = (np.abs(f) <= coder.tolerance[:, None]).all(axis=0)
-    misfit = index[owner[inside & ~fits]]
-    good = inside & fits
+    good = inside & fits(coder, f, A)
+    misfit = index[owner[inside & ~good]]
     s, A, owner = s[:, good], A[:, :, good], owner[good]
     if np.any(owner[1:] == owner[:-1]):
         kept = _distinct(s, owner)
         s, A, owner = s[:, kept], A[:, :, kept], owner[kept]
     return s, A, index[owner], misfit
+
+
+def fits(coder: Decoder, residual: Array, slopes: Array) -> NDArray[np.bool_]:
+    """Whether readings are explained, shape (n,), by residuals (k, n), T, and slopes (3, k, n), T/mm, of poses."""
+    if len(residual) == 3:
+        return np.asarray(np.sqrt((residual**2).sum(axis=0)) <= EXACT * np.sqrt((slopes**2).sum(axis=(0, 1))))
+    return np.asarray((np.abs(residual) <= coder.tolerance[:, None]).all(axis=0))
 
 
 def _distinct(s: Array, owner: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -273,7 +280,12 @@ def _result(
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
         force, slope = mechanics.forces(coder.mechanics, s)
-        load = mechanics.load(coder.mechanics, s)
+        force[2] = mechanics.pressing(coder.mechanics, s[2], force[2])
+        pulled = np.isnan(force[2])
+        force[:, pulled] = np.nan
+        load = np.where(pulled, np.nan, mechanics.load(coder.mechanics, s))
+        for k in np.flatnonzero(some)[pulled].tolist():
+            status[k] = "tension" if status[k] == "ok" else status[k]
         noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))
     return Decoded(
         status=status,

@@ -7,6 +7,10 @@ lateral quantities along the shift (a body of revolution), least squares over sa
     tilt = u tau(U, w),  F_t = u k(U, w),  F_n = n(U, w),  depth = r d(U, r),  shear = u g(U, r),  r = (-w)^(1/3),
 
 tau, k, n, d, g polynomials. The depth of a contact goes like (-w)^(2/3) near first touch, hence r. mm, N, rad.
+
+The normal force and the depth grow as the magnet sinks, and a plate does not pull. A polynomial through few samples
+may do otherwise between them, so n and d are of the highest orders with which, on the lines between the samples and
+rest, dn/dw < 0, dd/dr > 0 and neither is negative; how far they then are from the samples is in `Mechanics.errors`.
 """
 
 from __future__ import annotations
@@ -25,9 +29,20 @@ from geometry.scene import Load, Response
 
 Array = NDArray[np.float64]
 Sample = tuple[Load, Response]
+Powers = list[tuple[int, int]]
 
 ORDERS = (2, 6)
 """Highest powers of U and of w or r, where there are samples enough."""
+
+EXACT = 1e-20
+"""Sum of squares of a fit's errors, over that of the values, that counts as rounding."""
+SHARES = (0.25, 0.5, 0.75)
+"""Of the way between two samples, where a fit is looked at."""
+MOST_ENDS = 60
+"""Samples between which lines are drawn; there are some thousand of these."""
+
+NOTHING = 1e-9
+"""Force that counts as rounding, N."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,8 +113,11 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
     m, rest = moved, np.zeros(1)
     tau = _fit(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
     lateral = _fit(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
-    normal = _fit(np.append(U, rest), np.append(w, rest), np.append(f_n, rest), (wide, high), constant=False)
-    deep = _fit(U, r, depth, (wide, max(high, 3)), constant=False)
+    U_between, w_between = _between(u, w)
+    normal = _rising(
+        (np.append(U, rest), np.append(w, rest)), np.append(f_n, rest), (wide, high), (U_between, w_between), -1
+    )
+    deep = _rising((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
     sheared = _fit(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
     errors = (
         _worst(u * polynomial(tau, U, w)[0], tilt),
@@ -125,6 +143,16 @@ def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
         ]
     )
     return np.stack([x * k, y * k, n]), slopes
+
+
+def pressing(mechanics: Mechanics, w: Array, normal: Array) -> Array:
+    """The normal force, shape (n,), N, at vertical shifts (n,), mm, of a plate that presses or does not touch.
+
+    0 above rest and where it is negative by no more than the fit's own error; NaN where the plate would have to pull:
+    there the polynomials are far from all samples.
+    """
+    pulls = (w < 0) & (normal < -(mechanics.errors[2] + NOTHING))
+    return np.asarray(np.where(pulls, np.nan, np.maximum(normal, 0.0)))
 
 
 def load(mechanics: Mechanics, shift: Array) -> Array:
@@ -169,16 +197,62 @@ def _row(load: Load, response: Response) -> list[float]:
     return [u, shift[2], tilt, lateral, force[2], load.depth, amount]
 
 
-def _fit(u: Array, w: Array, values: Array, orders: tuple[int, int], *, constant: bool = True) -> Array:
+def _between(u: Array, w: Array) -> tuple[Array, Array]:
+    """U and w on the lines between the samples and the rest state, shape (n,), as far as these sink."""
+    points = np.unique(np.column_stack([np.append(u, 0.0), np.append(w, 0.0)]), axis=0)
+    points = points[np.unique(np.linspace(0, len(points) - 1, MOST_ENDS).astype(int))]
+    first, second = (points[ends] for ends in np.triu_indices(len(points), 1))
+    places = np.concatenate([second, *(first + share * (second - first) for share in SHARES)])
+    aside, sunk = places[places[:, 1] < 0].T
+    return aside * aside, sunk
+
+
+def _rising(
+    places: tuple[Array, Array], values: Array, orders: tuple[int, int], between: tuple[Array, Array], sign: int
+) -> Array:
+    """The closest fit without a constant that is positive between the samples and rises there with sign times w (r).
+
+    Besides the highest orders all lower ones are tried, and those whose mixed terms U^i w^j end at a lower j: shears
+    at one depth alone say nothing of the others. If none will do, as for samples that fall, it is the lowest of all.
+    """
+    found, least = _solved(*places, values, [(0, 1)]), math.inf
+    # of fits that differ by rounding the first is taken
+    exact = float((EXACT * values**2).sum())
+    for powers in _choices(*orders):
+        if len(powers) <= len(values):
+            c = _solved(*places, values, powers)
+            misfit = max(float(((polynomial(c, *places)[0] - values) ** 2).sum()), exact)
+            p, _, slope = polynomial(c, *between)
+            if misfit < least and (p > 0).all() and (sign * slope > 0).all():
+                found, least = c, misfit
+    return found
+
+
+def _choices(wide: int, high: int) -> list[Powers]:
+    """Sets of powers (i, j) of U and w up to some orders, the largest first."""
+    sets = {
+        tuple((i, j) for i in range(a + 1) for j in range(b + 1) if (i, j) != (0, 0) and (i == 0 or j <= mixed))
+        for a in range(wide + 1)
+        for b in range(1, high + 1)
+        for mixed in range(b + 1)
+    }
+    return sorted((list(powers) for powers in sets), key=lambda powers: (len(powers), powers), reverse=True)
+
+
+def _fit(u: Array, w: Array, values: Array, orders: tuple[int, int]) -> Array:
     """Least squares, with fewer powers where there are not enough samples."""
     wide, high = orders
-    while (wide + 1) * (high + 1) > len(values) + (not constant) and (wide or high):
+    while (wide + 1) * (high + 1) > len(values) and (wide or high):
         wide, high = (wide - 1, high) if wide else (wide, high - 1)
+    return _solved(u, w, values, [(i, j) for i in range(wide + 1) for j in range(high + 1)])
+
+
+def _solved(u: Array, w: Array, values: Array, powers: Powers) -> Array:
+    """Least squares with some powers."""
     scale_u, scale_w = (float(np.abs(v).max(initial=0.0)) or 1.0 for v in (u, w))
-    powers = [(i, j) for i in range(wide + 1) for j in range(high + 1) if constant or (i, j) != (0, 0)]
     columns = np.column_stack([(u / scale_u) ** i * (w / scale_w) ** j for i, j in powers])
     found = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
-    c = np.zeros((wide + 1, high + 1))
+    c = np.zeros(np.max(powers, axis=0) + 1)
     for (i, j), value in zip(powers, found, strict=True):
         c[i, j] = value / (scale_u**i * scale_w**j)
     return c

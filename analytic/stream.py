@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from analytic.decode import EDGE, Decoder, Status, decode
 from analytic.magnet import meridian_field
+from analytic.mechanics import NOTHING
 from analytic.refine import GOAL
 from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
 from geometry.scene import rotation_of
@@ -83,7 +84,9 @@ class Stream:
         self.last = shift
         turn = self._tau(shift[0] ** 2 + shift[1] ** 2, shift[2])[0]
         force = NAN3 if self.coder.mechanics is None else self._force(shift)
-        return Sample("ok", shift, rotation_of(turn * shift[0], turn * shift[1]), force, 1)
+        # a known force is lost only where the plate would have to pull
+        pulls = self.coder.mechanics is not None and math.isnan(force[2])
+        return Sample("tension" if pulls else "ok", shift, rotation_of(turn * shift[0], turn * shift[1]), force, 1)
 
     def _slowly(self, field: Vector) -> Sample:
         found = decode(self.coder, np.asarray(field, dtype=np.float64)[None], near=self.last)
@@ -211,8 +214,11 @@ class Stream:
         assert law is not None
         x, y, w = shift
         u = x * x + y * y
-        k = _polynomial(law.lateral.tolist(), u, w)[0]
-        return x * k, y * k, _polynomial(law.normal.tolist(), u, w)[0]
+        k, n = _polynomial(law.lateral.tolist(), u, w)[0], _polynomial(law.normal.tolist(), u, w)[0]
+        # as `analytic.mechanics.pressing`
+        if w < 0 and n < -(law.errors[2] + NOTHING):
+            return NAN3
+        return x * k, y * k, max(n, 0.0)
 
 
 def _cross(a: list[float], b: list[float]) -> list[float]:

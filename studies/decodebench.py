@@ -188,7 +188,7 @@ def ignored(coder: Decoder, count: int = 2000) -> Row:
         workspace=(coder.low - 0.5, coder.high + 0.5),
     )
     found = decode.decode(flat, field.T, near=np.zeros(3))
-    good = found.multiplicity > 0
+    good = (found.multiplicity > 0) & np.isfinite(found.force[:, 2])
     error = np.linalg.norm(found.shift[good] - shift.T[good], axis=1)
     assert coder.mechanics is not None
     force = mechanics.forces(coder.mechanics, shift)[0].T[good]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from analytic.beyond import End
     from analytic.decode import Decoded, Decoder
     from analytic.mechanics import Mechanics
     from analytic.parts import Element
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 FOUND = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad", "force_x_N", "force_y_N"]
 FOUND += ["force_z_N", "depth_mm", "shear_mm", "shear_y_mm", "condition", "multiplicity"]
 """Columns that a table of readings gets."""
+MOST_LOOKED_AT = 2000
+"""Rows out of the workspace that are looked for outside it."""
 MANY = 500
 """Rows from which it pays to load the compiled field first."""
 
@@ -36,8 +40,35 @@ WHY = {
     "out_of_workspace": "no pose of the magnet in the workspace gives these readings: check their order and units",
     "saturated": "a reading lies at a rail of its element, so it no longer tells where the magnet is",
     "not_finite": "a reading is missing or not a finite number",
+    "tension": "the pose is found, but its load is not: by the mechanics the plate would have to pull there;"
+    " give states over more depths and shears",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
+
+
+def beyond_sentence(coder: Decoder, end: End | None, *, solved: bool) -> str:
+    """Why readings are out of the workspace, and what to do.
+
+    Parameters
+    ----------
+    end : what keeps the pose out of it; None where there is no pose outside either.
+    solved : whether the mechanics are those of states, or of formulas.
+    """
+    source, remedy = ("states", "solve") if solved else ("formulas", "give states by --responses that go")
+    if end == "depth":
+        return f"the magnet sinks more than the {-coder.low[2]:.3g} mm that the {source} reach: {remedy} deeper"
+    if end == "shear":
+        return (
+            f"the magnet moves sideways by more than the {coder.high[0]:.3g} mm that the {source} reach:"
+            f" {remedy} farther sideways"
+        )
+    if end == "workspace":
+        low, high = coder.low, coder.high
+        return (
+            f"the magnet is outside the workspace, {high[0]:.3g} mm sideways, {-low[2]:.3g} mm down and"
+            f" {high[2]:.3g} mm up: press or shear less, or check order and units"
+        )
+    return WHY["out_of_workspace"]
 
 
 def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt: bool) -> Decoder:
@@ -87,8 +118,9 @@ def of_file(path: Path, design: Design) -> Mechanics:
         raise BadInput(f"{path}: {error}") from None
 
 
-def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
-    """The record of one set of readings a,b,c."""
+def one(coder: Decoder, text: str, units: str | None, *, solved: bool = False) -> dict[str, Any]:
+    """The record of one set of readings a,b,c; `solved` as in `beyond_sentence`."""
+    from analytic import beyond
     from analytic.decode import decode
 
     chosen = coder.forward.elements
@@ -100,9 +132,12 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
     found = decode(coder, field)
     (status,) = found.status
     tilt, tilt_y = tilts_of(*found.tilt[0].tolist())
+    out = status == "out_of_workspace"
+    outside = beyond.poses(coder, field)[0] if out else None
+    end = None if outside is None else beyond.end(coder, outside)
     return {
         "status": status,
-        "message": WHY[status],
+        "message": beyond_sentence(coder, end, solved=solved) if out else WHY[status],
         "readings_T": field[0].tolist(),
         "shift_mm": found.shift[0].tolist(),
         "tilt_rad": tilt,
@@ -117,6 +152,8 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
         "poses_mm": found.poses.tolist(),
         "noise_um": (1e3 * found.noise_mm[0]).tolist(),
         "noise_N": found.noise_N[0].tolist(),
+        "beyond": end,
+        "outside_mm": None if outside is None else outside.tolist(),
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
@@ -125,8 +162,10 @@ def one(coder: Decoder, text: str, units: str | None) -> dict[str, Any]:
 
 def table(
     coder: Decoder, path: Path, units: str | None, out: Path | None, *, as_json: bool = False
-) -> dict[str, int]:
+) -> tuple[dict[str, int], dict[End | None, int]]:
     """Decode a table of readings as a stream, write it with the columns `FOUND` added, and count the statuses.
+
+    Returns the counts, and of the first `MOST_LOOKED_AT` rows out of the workspace what keeps how many of them out.
 
     Without `out` it is printed; as JSON an object for each row, with its number and what the elements read.
 
@@ -171,7 +210,7 @@ def table(
             ],
             as_json=True,
         )
-        return _counts(found)
+        return _counts(found), _ends(coder, found, field)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *FOUND])
@@ -181,11 +220,20 @@ def table(
         print(text.getvalue(), end="", flush=True)
     else:
         files.write_text(target, text.getvalue())
-    return _counts(found)
+    return _counts(found), _ends(coder, found, field)
 
 
 def _counts(found: Decoded) -> dict[str, int]:
     return {name: found.status.count(name) for name in WHY if name in found.status}
+
+
+def _ends(coder: Decoder, found: Decoded, field: Array) -> dict[End | None, int]:
+    """What keeps rows out of the workspace, and how many of them."""
+    from analytic import beyond
+
+    rows = [k for k, status in enumerate(found.status) if status == "out_of_workspace"][:MOST_LOOKED_AT]
+    ends = [beyond.end(coder, pose) for pose in beyond.poses(coder, field[rows])] if rows else []
+    return dict(Counter(ends))
 
 
 def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:

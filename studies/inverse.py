@@ -54,7 +54,7 @@ def decode(
     files.check_apart([out], [source, file, responses])
     coder = decoding.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     if readings is not None:
-        record = decoding.one(coder, readings, units)
+        record = decoding.one(coder, readings, units, solved=responses is not None)
         console.report([record], as_json=as_json, title="Decoded")
         if record["status"] == "ambiguous":
             console.say(f"magtip: warning: {record['message']}")
@@ -62,12 +62,16 @@ def decode(
         return judged([record])
     assert file is not None
     with files.sole_writer(out):
-        counts = decoding.table(coder, file, units, out, as_json=as_json)
+        counts, ends = decoding.table(coder, file, units, out, as_json=as_json)
     if as_json and out is not None:
         console.report([counts], as_json=True)
     for status, count in counts.items():
         if status != "ok":
-            console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {decoding.WHY[status]}")
+            why = [decoding.WHY[status]]
+            if status == "out_of_workspace":
+                solved = responses is not None
+                why = [f"{n}: {decoding.beyond_sentence(coder, end, solved=solved)}" for end, n in ends.items()]
+            console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
     return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
 
 

@@ -142,6 +142,71 @@ def test_states_that_do_not_say_their_sensor_warn(run, strict, tmp_path):
     assert "states.jsonl does not say for which sensor its states were solved" in err
 
 
+LABEL = labels.label(labels.of_mechanics(paper(), "rigid"))
+
+
+def responses(tmp_path, depth):
+    states = [state(depth * share, s) | LABEL for share in (0.0, 0.5, 1.0) for s in (0.0, 2.0, 4.0)]
+    (tmp_path / "states.jsonl").write_text("\n".join(map(json.dumps, states)))
+
+
+OUT = {
+    "0,0,-1.25": ("depth", "the magnet sinks more than the 1.2 mm that the states reach: solve deeper"),
+    "2.1,0,-1": (
+        "shear",
+        "the magnet moves sideways by more than the 2 mm that the states reach: solve farther sideways",
+    ),
+    "0,0,-3.2": (
+        "workspace",
+        (
+            "the magnet is outside the workspace, 2 mm sideways, 1.2 mm down and 0.1 mm up:"
+            " press or shear less, or check order and units"
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("shift", OUT)
+def test_readings_beyond_the_states_say_what_to_solve(run, strict, tmp_path, shift):
+    responses(tmp_path, 2.0)
+    end, sentence = OUT[shift]
+    tilt = f"0,{0.1 * float(shift.split(',')[0]):g}"
+    text = volts(run, strict, "readings", "paper", "--shift", shift, "--tilt", tilt, "--json")
+    decode = ("decode", "paper", "--responses", "states.jsonl")
+    status, out, err = run(*decode, "--readings", text, "--json")
+    (record,) = strict(out)
+    assert (status, record["status"], record["beyond"], record["message"]) == (3, "out_of_workspace", end, sentence)
+    assert err == f"magtip: {sentence}\n"
+    assert_allclose(record["outside_mm"], [float(v) for v in shift.split(",")], atol=1e-6)
+    (tmp_path / "r.csv").write_text(f"S1_V,S2_V,S3_V\n{text}\n{text}\n2.5,2.5,2.5\n")
+    status, _, err = run(*decode, "--file", "r.csv", "--json")
+    assert status == 3
+    nowhere = "no pose of the magnet in the workspace gives these readings: check their order and units"
+    assert err == f"magtip: 3 of 3 rows out_of_workspace: 2: {sentence}; 1: {nowhere}\n"
+
+
+def test_formulas_that_end_ask_for_states(run, strict):
+    text = volts(run, strict, "readings", "paper", "--shift", "0,0,-2.5", "--json")
+    status, out, _ = run("decode", "paper", "--readings", text, "--json")
+    (record,) = strict(out)
+    assert (status, record["beyond"]) == (3, "depth")
+    assert record["message"].endswith("mm that the formulas reach: give states by --responses that go deeper")
+
+
+def test_a_pose_whose_plate_would_pull_has_no_load(run, strict, tmp_path):
+    """At the depths that were solved the force falls with the shear; far aside at no depth it would be a tension."""
+    states = [state(d, s) | LABEL for d in (1.0, 2.0, 3.0) for s in (0.0, 1.0, 2.0)]
+    for one in states:
+        one["force_N"][2] -= 0.5 * one["shear_mm"] ** 2
+    (tmp_path / "states.jsonl").write_text("\n".join(map(json.dumps, states)))
+    text = volts(run, strict, "readings", "paper", "--shift", "0.9,0,-0.05", "--tilt", "0,0.09", "--json")
+    status, out, err = run("decode", "paper", "--readings", text, "--responses", "states.jsonl", "--json")
+    (record,) = strict(out)
+    assert (status, record["status"], record["force_N"], record["depth_mm"]) == (3, "tension", [None] * 3, None)
+    assert_allclose(record["shift_mm"], [0.9, 0, -0.05], atol=1e-8)
+    assert "the plate would have to pull there" in err
+
+
 def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     one = volts(run, strict)
     rest = volts(run, strict, "readings", "paper", "--json")
