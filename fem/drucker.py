@@ -8,12 +8,14 @@ mesh.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fem import integrals
 from fem.elements import Elements
-from fem.material import Law, kinematics, strain
+from fem.material import Law, kinematics, strain, yeoh
 from fem.system import System
 
 Array = NDArray[np.float64]
@@ -62,19 +64,33 @@ def strains(e: Elements, part: slice, u: Array) -> Array:
     return np.asarray(h - h.mean(axis=1, keepdims=True))
 
 
-def lost(system: System, u: Array) -> Array | None:
+def always_stable(silicone: Law) -> bool:
+    """Whether a law of `geometry.design.Design` is stable at every stretch: all but Yeoh's with a negative number.
+
+    The energies of the others are sums of exponentials of h with positive factors, and so convex. I1' - 3 is such a
+    sum and not negative, so that its powers are convex too.
+    """
+    if not isinstance(silicone, functools.partial) or silicone.func is not yeoh:
+        return True
+    return bool(min(silicone.keywords.values()) >= 0)
+
+
+def lost(system: System, u: Array, reach: float = REACH) -> Array | None:
     """Principal stretches (3,), the largest first, at which the law loses stability in a body; None if nowhere.
 
-    Looked for on the straight way from rest to REACH times the logarithmic strains of the point where the law is
+    Looked for on the straight way from rest to `reach` times the logarithmic strains of the point where the law is
     least stable.
 
     Parameters
     ----------
+    reach : 1 for the state itself, REACH for what comes next.
     u : (nodes, fields) displacements with all J > 0 at the points of integration.
     """
+    if always_stable(system.law):
+        return None
     e, worst, where = system.elements, 0.0, np.zeros(3)
     for at in range(0, len(e.cells), BATCH):
-        h = REACH * strains(e, slice(at, at + BATCH), u)
+        h = reach * strains(e, slice(at, at + BATCH), u)
         found = least(stiffness(system.law, h)[1])
         lowest = int(np.argmin(found))
         if found[lowest] < worst:

@@ -58,8 +58,8 @@ class Facts:
     unstable_directions : of the state; None where it is not known.
     onset, onset_mm : what moved when the path turned unstable, and between which of its values (from, to), mm; None
         where the path did not, or where nobody looked.
-    weak_at : principal stretches, the largest first, at which the law loses stability in a state that stopped or is
-        unstable; None if nowhere.
+    weak_at : principal stretches, the largest first, at which the law loses stability in the state, or just beyond
+        one that stopped or is unstable; None if nowhere.
     inside_out_share : share of the silicone's volume with det F <= 0; 0 where J at the points of integration is
         above FLAT.
     remark : what a user should know of the answer, None if nothing. "given_way" is a tip that left the symmetric
@@ -90,8 +90,9 @@ def gather(
     """
     onset, between = _onset(path, D)
     remark = None if stop else _remark(path, D, load, response, slip_share, watch=watch)
-    # it takes a moment to find, and a good state has nothing to do with it
-    stretches = drucker.lost(path.d.system, path.u) if stop or path.unstable or onset else None
+    # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
+    reach = drucker.REACH if stop or path.unstable or onset else 1.0
+    stretches = drucker.lost(path.d.system, path.u, reach)
     return Facts(
         stop=stop,
         unstable_directions=path.unstable,

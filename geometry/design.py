@@ -28,6 +28,10 @@ LAWS: dict[str, tuple[str, ...]] = {
 }
 """The silicone's laws, and the fields of `Design` that shape each; all of them are pure numbers beside E and nu."""
 
+SILICONE_E = (0.01, 20.0)
+"""Young's moduli of silicones, MPa: from castable gels softer than Shore 00-10 (0.05 MPa) to Shore A 90, 20.9 MPa by
+Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
+
 HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
 """Three one-axis elements S1, S2 and S3, or one 3-axis chip at the depth of S1."""
 
@@ -243,12 +247,22 @@ class Design:
             )
         if self.L > 3 * self.D:
             found.append(f"L/D = {self.L / self.D:.3g}: under a plate such a slender beam may buckle sideways")
+        return [*found, *self.doubts()]
+
+    def doubts(self) -> list[str]:
+        """What is likely not meant, whatever the design is used for: fields without effect, and no silicone's E."""
+        found = []
         standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
-        if self.chip_x and not chip:
+        if self.chip_x and self.hall_layout == "three":
             found.append("chip_x has no effect: hall_layout is three")
         set_in_vain = [name for name in self.idle() if getattr(self, name) != standard[name]]
         if set_in_vain:
             found.append(f"{', '.join(set_in_vain)} has no effect: the law is {self.law}")
+        if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
+            found.append(
+                f"E = {self.E:g} MPa is no silicone's, {SILICONE_E[0]:g} MPa (gels) to {SILICONE_E[1]:g} MPa "
+                "(Shore A 90): check that it is in MPa"
+            )
         return found
 
 

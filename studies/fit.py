@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.design import BadInput
+from geometry.design import SILICONE_E, BadInput
 from studies.files import write_text
 from studies.lawchoice import Judged, choose
 from studies.lawfit import Fit, fit, nominal_stress
 from studies.lawstability import MODES
-from studies.lawwords import SILICONE_E, warnings
+from studies.lawwords import warnings
 from studies.specimen import Specimen, read
 
 Array = NDArray[np.float64]

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from geometry.design import Design
+from geometry.design import SILICONE_E, Design
 from studies.lawchoice import PRESSED, SMALL_MISFIT, SPREAD, Judged, Reason
 from studies.lawfit import MISFIT, SMALL_STRAIN
 from studies.lawstability import MODES, RANGE, SOLVE, Ranges, within
 from studies.specimen import STRESS, Specimen
-
-SILICONE_E = (0.01, 20.0)
-"""Young's moduli of silicones, MPa: from castable gels softer than Shore 00-10 (0.05 MPa) to Shore A 90, 20.9 MPa by
-Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 
 
 def warnings(judged: Judged, data: Specimen) -> list[str]:
@@ -36,7 +32,7 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
         )
     if data.stretch.min() > PRESSED and judged.spread > SPREAD:
         said.append(
-            f"laws that hit the test differ by {100 * judged.spread:.2g} % from {found.law} in a compression to a "
+            f"laws that hit the test differ by {100 * judged.spread:.3g} % from {found.law} in a compression to a "
             f"stretch of {PRESSED:g}, which the test does not have: forces of a press may differ as much"
         )
     if not judged.in_test:

@@ -146,17 +146,16 @@ class Basis:
 
 
 def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:
-    """The design of `inputs.read_design`; what of it has no effect is said."""
+    """The design of `inputs.read_design`; what of it has no effect, or is no silicone's, is said."""
     found = inputs.read_design(source, sets or [], magnet=magnet)
     say_what_is_idle(found)
     return found
 
 
 def say_what_is_idle(design: Design) -> None:
-    """A warning for each field that is set in vain."""
-    for warning in design.warnings():
-        if "has no effect" in warning:
-            console.say(f"magtip: warning: {warning}")
+    """A warning for each field that is set in vain, and where E is no silicone's."""
+    for doubt in design.doubts():
+        console.say(f"magtip: warning: {doubt}")
 
 
 def judged(records: Sequence[dict[str, Any]]) -> int:

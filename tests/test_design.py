@@ -136,6 +136,10 @@ def test_similarity(factor):
         ({"l0": 6.0, "f": 3.0}, ["S2 and S3 would lie inside"]),
         ({"f": 4.5}, ["only 0.5 mm between"]),
         ({"L": 25.0, "l0": 24.0}, ["buckle"]),
+        ({"E": 1000.0}, ["E = 1000 MPa is no silicone's, 0.01 MPa (gels) to 20 MPa (Shore A 90): check that it is"]),
+        ({"E": 0.0005}, ["E = 0.0005 MPa is no silicone's"]),
+        ({"E": 20.0}, []),
+        ({"E": 0.01}, []),
     ],
 )
 def test_warnings(values, found):

@@ -59,6 +59,36 @@ def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lo
     assert ("another accuracy" in state.message) is not lost
 
 
+@pytest.mark.parametrize(("depth", "lost"), [(0.13, False), (0.16, True)])
+def test_a_good_state_says_where_it_is_beyond_its_law(depth, lost):
+    """At 0.13 mm the law would be lost a tenth further on, which is no matter of a good state."""
+    state = equilibrium.solve(SOFT, Load(depth=depth), accuracy=QUICK)
+    assert state.status == "ok"
+    assert (state.facts.weak_at is not None) is lost
+    assert ("loses stability (Drucker) at principal stretches of 1.05, 1.05, 0.899" in state.message) is lost
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("neo-hookean", ()),
+        ("mooney-rivlin", (0.3,)),
+        ("mooney-rivlin", (1.0,)),
+        ("yeoh", (0.0, 0.0)),
+        ("yeoh", (0.2, 0.1)),
+        ("yeoh", (-0.02, 0.0)),
+        ("yeoh", (0.2, -0.01)),
+        ("ogden", (0.5, -0.1, 0.5)),
+        ("ogden", (12.0, -8.0, 0.3)),
+    ],
+)
+def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, numbers):
+    silicone = law(name, numbers)
+    h = np.random.default_rng(0).uniform(-2, 2, (2000, 3))
+    stable = (drucker.least(drucker.stiffness(silicone, h - h.mean(axis=1, keepdims=True))[1]) > 0).all()
+    assert drucker.always_stable(silicone) == stable
+
+
 def test_what_is_always_stable_is_never_lost():
     path = equilibrium._start(paper(), [Load(depth=2.0)], QUICK, "rigid", "axisymmetric", None)
     try:
