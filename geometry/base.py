@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from geometry.cad import beam, cut, overlap
 from geometry.design import BadInput, Design
-from geometry.hallbody import CHIPS, SS495A, Vector, places
+from geometry.hallbody import CHIPS, SS495A, Vector, heights, places
 from geometry.printing import PROCESSES, Check, Range, at_least, at_most
 
 if TYPE_CHECKING:
@@ -146,6 +146,15 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
             sides=(half + seats["S1"].corner[0], *passages["S1"].sides[1:]),
         )
     return Plan(half, thickness, base.screw, at, seats, passages, posts)
+
+
+def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
+    """Size of base, beam and bodies of the Hall elements together along x, y, z, and how far leads stand out below.
+
+    Both mm, without board and screws. The leads are drawn `geometry.hallbody.LEAD` long, for they are cut to need.
+    """
+    top, low = heights(design)
+    return (2 * plan.half, 2 * plan.half, max(design.L, top) + plan.thickness), max(0.0, -plan.thickness - low)
 
 
 def base(design: Design, choices: Base, process: str = "fdm") -> Solid:

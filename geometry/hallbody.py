@@ -77,6 +77,17 @@ def places(design: Design) -> dict[str, Vector]:
     return {"S1": (0.0, 0.0, s1), "S2": (design.f, 0.0, s23), "S3": (0.0, design.f, s23)}
 
 
+def heights(design: Design) -> tuple[float, float]:
+    """Top of the highest part's body, and the lowest end of leads or bodies, in the sensor's frame, mm."""
+    where = places(design)
+    if design.hall_layout != "three":
+        chip, (_, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
+        return z - chip.plate + chip.height, z - chip.plate
+    p, z1, z23 = SS495A, where["S1"][2], where["S2"][2]
+    top = max(z1 + p.depth, z23 + p.height / 2)
+    return top, min(z1 + p.depth - p.thickness, z23 - p.height / 2 - LEAD)
+
+
 def bodies(design: Design) -> dict[str, Solid]:
     """The parts in the sensor's frame: S1's marked face up, those of S2 and S3 towards the beam; leads cut short."""
     if design.hall_layout != "three":

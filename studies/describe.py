@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry import labels
 from geometry.design import BadInput, Design, paper
 from studies import console, files
 from studies.console import Progress
+
+if TYPE_CHECKING:
+    from geometry.base import Plan
 
 
 def origin(name: str, design: Design) -> str:
@@ -39,24 +42,30 @@ def design_record(design: Design) -> dict[str, Any]:
 
 
 def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
-    """Heights, volumes, places and readings at rest of the Hall elements; and why a reading is missing."""
+    """Heights, volumes, outer size, places and readings at rest of the Hall elements; and why one is missing."""
     from analytic import hall
     from analytic.parts import of_design
+    from geometry.base import Base, plan
     from geometry.cad import beam_volume, magnet_volume
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)
     places = dict(zip(("S1_mm", "S2_mm", "S3_mm"), positions.tolist(), strict=True))
     at_rest: dict[str, Any] = {"rest_readings_T": None, "rest_readings_V": None, "rest_saturated": None}
-    failed = []
+    failed: list[str] = []
+    built = None
+    try:
+        built = plan(design, Base())
+    except BadInput as error:
+        failed.append(f"no size of the assembled sensor: {error}")
     try:
         seen = hall.readings(design)
         volts = list(seen.V) if set(seen.units) == {"V"} else None
         at_rest = dict(zip(at_rest, (list(seen.B_T), volts, list(seen.saturated)), strict=True))
         names = [element.name for element in of_design(design)]
-        failed = [f"{name} is saturated at rest" for name, full in zip(names, seen.saturated, strict=True) if full]
+        failed += [f"{name} is saturated at rest" for name, full in zip(names, seen.saturated, strict=True) if full]
     except BadInput as error:
-        failed = [f"no readings at rest: {error}"]
+        failed.append(f"no readings at rest: {error}")
     return {
         "H_mm": design.H,
         "tip_radius_mm": design.R,
@@ -64,9 +73,22 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
         "beam_volume_mm3": body,
         "magnet_volume_mm3": magnet,
         "silicone_volume_mm3": body - magnet,
+        **outer_record(design, built),
         **places,
         **at_rest,
     }, failed
+
+
+def outer_record(design: Design, plan: Plan | None) -> dict[str, Any]:
+    """Outer size of the beam, and with base and Hall elements, under the names of the command line.
+
+    Without a plan of the base the size of the whole is None.
+    """
+    from geometry.base import outer_size
+
+    size, leads = outer_size(design, plan) if plan else (None, None)
+    beam = (design.D, design.D, design.L)
+    return {"beam_size_mm": beam, "assembled_size_mm": size, "leads_below_base_mm": leads}
 
 
 def show(design: Design, *, as_json: bool) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from geometry.base import Plan
@@ -22,6 +23,79 @@ CUP = 2000.0
 """And what every mixing cup keeps, mm³."""
 
 
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a mould is printed from, and the temperature that it gives way from, °C."""
+
+    process: str
+    name: str
+    limit: float
+
+
+MATERIALS = (
+    Material("fdm", "PLA", 55.0),
+    Material("fdm", "PETG", 70.0),
+    Material("fdm", "ABS or ASA", 90.0),
+    Material("sla", "standard resin", 60.0),
+    Material("sla", "high-temperature resin", 200.0),
+)
+"""Heat deflection temperatures as vendors commonly state them, rounded down; a maker's own data sheet goes first."""
+
+MAGNET_LIMIT = 80.0
+"""Working limit of common sintered NdFeB, grade N without a further letter, °C; grades M, H and SH stand more."""
+
+MARGIN = 10.0
+"""A cure stays this far below what mould and magnet stand, K."""
+
+PAPER_CURE = 80.0
+"""Of the paper, for 1 h, °C; no cure is hotter."""
+
+
+def cure(limit: float) -> float:
+    """The hottest cure for what stands `limit`, °C.
+
+    >>> cure(55.0), cure(200.0)
+    (45.0, 80.0)
+    """
+    return min(PAPER_CURE, limit - MARGIN)
+
+
+def facts(design: Design, making: Making) -> dict[str, Any]:
+    """What the recipe says of temperatures and dowels, under the names of the command line."""
+    found = [material for material in MATERIALS if material.process == making.mold.process]
+    magnet = MAGNET_LIMIT if design.shape.has_magnet else None
+    cures = [
+        {
+            "mold_material": material.name,
+            "mold_limit_C": material.limit,
+            "first_cure_C": cure(material.limit),
+            "second_cure_C": None if magnet is None else cure(min(material.limit, magnet)),
+        }
+        for material in found
+    ]
+    dowels = None
+    if making.mold.split:
+        s = sizes(design, making.mold)
+        dowels = {"count": 2, "diameter_mm": s.dowel, "length_mm": s.floor}
+    return {"magnet_limit_C": magnet, "cures": cures, "dowels": dowels}
+
+
+def size(record: Mapping[str, Any]) -> str:
+    """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
+    if record["assembled_size_mm"] is None:
+        return f"No base, so no assembled size; the beam is {_sides(record['beam_size_mm'])} mm (x, y, z)."
+    leads = record["leads_below_base_mm"]
+    out = f"; the leads, as drawn, stand out {leads:.4g} mm below" if leads else ""
+    return (
+        f"Assembled, with base and Hall elements: {_sides(record['assembled_size_mm'])} mm (x, y, z), the last the "
+        f"total height from the base's underside{out}."
+    )
+
+
+def _sides(size: Sequence[float]) -> str:
+    return " x ".join(f"{side:.4g}" for side in size)
+
+
 def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str) -> str:
     """The recipe for one design."""
     d = design
@@ -30,10 +104,12 @@ def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan |
         "",
         "Written by `magtip cad`. Lengths are mm.",
         "",
+        size(record),
+        "",
         *([f"![the sensor, cut open]({picture})", ""] if picture else []),
         *_files(record, plan),
         *_printing(design, making, plan),
-        *_casting(design, making),
+        *_casting(design, making, record["recipe"]),
         *_assembly(design, plan),
         *_checks(record),
     ]
@@ -71,19 +147,20 @@ def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
     ]
     if m.process == "sla":
         lines.append(
-            "- Platinum silicone does not cure on most fresh resins: wash, cure under UV, bake (60 °C, some hours) "
-            "and varnish the mould; try a drop first."
+            "- Platinum silicone does not cure on most fresh resins: wash, cure under UV, bake for some hours at "
+            "the temperature of the first cure below, and varnish the mould; try a drop first."
         )
-    else:
-        lines.append("- The oven decides the filament: PLA gives way from 55 °C on, ABS and ASA stand 80 °C.")
+    lines.append("- The cure decides the material: see the temperatures under Cast.")
     if m.split:
-        dowel = sizes(design, m).dowel
-        lines.append(f"- Two dowels of Ø{dowel:.3g} mm stand in the foot, in the plane of the split; a rubber band")
-        lines.append("  round the foot holds the halves.")
+        s = sizes(design, m)
+        lines.append(
+            f"- Two dowels of Ø{s.dowel:.3g} mm, {s.floor:.3g} mm long (flush with the foot, below A's skirt), stand "
+            "in the foot, in the plane of the split; a rubber band round the foot holds the halves."
+        )
     return [*lines, ""]
 
 
-def _casting(design: Design, making: Making) -> list[str]:
+def _casting(design: Design, making: Making, facts: Mapping[str, Any]) -> list[str]:
     m = making.mold
     count = m.columns * m.rows
     volumes = [count * volume for volume in pours(design, m)]
@@ -110,17 +187,27 @@ def _casting(design: Design, making: Making) -> list[str]:
         f"{m.vents} vents of each cavity."
     )
     steps.append("Degas again in the vacuum chamber; top up through the vents.")
-    steps.append("Cure: 1 h at 80 °C (the paper), or 16 h at room temperature.")
+    steps.append("First cure: 16 h at room temperature, or in the oven at no more than the table below allows.")
     opening = "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B."
     if design.shape.has_magnet:
         steps.append(opening)
         steps.append(
+            "Wipe release agent out of the pocket with isopropanol. Degrease the magnet, coat it with a silane "
+            "primer for platinum (addition-cure) silicone, and let it dry: silicone does not bond to nickel plating "
+            "by itself, and the finite elements take magnet and silicone as bonded all round."
+        )
+        steps.append(
             f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
-            "pocket, its north pole up, out of the mould: it points to the base later."
+            "pocket with a drop of the same silicone, its north pole up, out of the mould: it points to the base "
+            "later. Glues of tin-cured silicone or amine-cured epoxy keep platinum silicone from curing."
         )
         steps.append(
             "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "
-            "which is the base plane. Cure as before."
+            "which is the base plane."
+        )
+        steps.append(
+            "Second cure, with the magnet: 16 h at room temperature, or in the oven at no more than the table below "
+            "allows."
         )
     else:
         steps.append(opening)
@@ -134,11 +221,37 @@ def _casting(design: Design, making: Making) -> list[str]:
             "sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
         )
     lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
+    lines += _temperatures(facts)
     shrink = (
         f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
     )
     lines += [f"{shrink} of linear shrinkage; the fit of A on B is not scaled.", ""]
     return lines
+
+
+def _temperatures(facts: Mapping[str, Any]) -> list[str]:
+    """How hot each cure may be."""
+    limit = facts["magnet_limit_C"]
+    second = "" if limit is None else " second cure, at most |"
+    lines = [
+        f"| mould of | gives way from about | first cure, at most |{second}",
+        f"|---|---:|---:|{second and '---:|'}",
+    ]
+    for row in facts["cures"]:
+        last = "" if limit is None else f" {row['second_cure_C']:g} °C |"
+        lines.append(f"| {row['mold_material']} | {row['mold_limit_C']:g} °C | {row['first_cure_C']:g} °C |{last}")
+    bounds = (
+        f"Each is {MARGIN:g} K below what mould and magnet stand, and at most the paper's {PAPER_CURE:g} °C (1 h); "
+        "how long a cooler cure takes, the silicone's data sheet says. The mould's figures are common ones: your "
+        "material's data sheet goes first."
+    )
+    lines += ["", bounds]
+    if limit is not None:
+        lines.append(
+            f"The magnet: common sintered NdFeB of grade N works up to {limit:g} °C and loses field for good above, "
+            "a flat one somewhat earlier; grades M, H and SH stand 100, 120 and 150 °C."
+        )
+    return [*lines, ""]
 
 
 def _assembly(design: Design, plan: Plan | None) -> list[str]:
@@ -156,6 +269,7 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
         lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}.")
         lines.append("2. Its z axis must point down as in the model, or change the sign.")
     lines.append("3. Glue the beam onto the middle of the base with silicone glue; it must hold the whole disc.")
+    lines.append("   The finite elements take it as bonded there: prime the base as the glue's data sheet says.")
     lines.append("")
     lines.append("Bodies of the elements and the depth of their plates are partly unchecked figures")
     return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]

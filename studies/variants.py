@@ -124,7 +124,7 @@ def made(job: tuple[Design, dict[str, float], Path, Making]) -> dict[str, Any]:
         return build(varied(design, fields), folder, silent, making, picture=False)
     except BadInput as error:
         failed = {"status": "bad_input", "message": str(error), "folder": folder}
-        return {**failed, "parts": [], "checks": [], "warnings": []}
+        return {**failed, "parts": [], "checks": [], "assembled_size_mm": None, "warnings": []}
 
 
 def silent(fraction: float, text: str) -> None:

@@ -14,7 +14,7 @@ from geometry.base import Base, Plan
 from geometry.cadfiles import check_tolerance
 from geometry.design import BadInput, Design
 from geometry.mold import Mold
-from studies import console, files, inputs, recipe
+from studies import console, describe, files, inputs, recipe
 from studies.console import Progress
 
 if TYPE_CHECKING:
@@ -146,6 +146,8 @@ def build(
             importlib.import_module("build123d")
         made = things(design, making)
         record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
+        record |= describe.outer_record(design, made.plan)
+        record["recipe"] = recipe.facts(design, making)
         record["warnings"] = [*design.warnings(), *warnings(design, making, made)]
         try:
             progress(0.2, "triangles")
@@ -301,10 +303,17 @@ def show(records: Sequence[Mapping[str, Any]], *, as_json: bool, wide: bool = Fa
     elif len(records) == 1:
         _show_one(records[0], wide=wide)
     else:
-        rows = [{**record, "parts": len(record["parts"]), "checks": len(record["checks"])} for record in records]
+        rows = [{**_brief(record), **{name: len(record[name]) for name in ("parts", "checks")}} for record in records]
         console.report(rows, as_json=False, title="Folders", wide=wide)
     for warning in dict.fromkeys(warning for record in records for warning in record["warnings"]):
         console.say(f"magtip: warning: {warning}")
+
+
+def _brief(record: Mapping[str, Any]) -> dict[str, Any]:
+    """What a row of a table has room for."""
+    return {
+        key: value for key, value in record.items() if key not in ("recipe", "beam_size_mm", "leads_below_base_mm")
+    }
 
 
 def _show_one(record: Mapping[str, Any], *, wide: bool) -> None:
@@ -316,5 +325,6 @@ def _show_one(record: Mapping[str, Any], *, wide: bool) -> None:
         for check in record["checks"]
     ]
     console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
+    console.note(recipe.size(record))
     if record["parts"]:
         console.note(f"Start with {Path(record['folder'], ALONE)}.")

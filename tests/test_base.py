@@ -6,7 +6,7 @@ import pytest
 
 from analytic.parts import of_design
 from geometry import cad, cadfiles
-from geometry.base import Base, base, checks, plan, warnings
+from geometry.base import Base, base, checks, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.hallbody import SS495A, bodies, places
 from geometry.moldchecks import printable
@@ -61,6 +61,31 @@ def test_bodies_lie_round_their_plates():
         )
         front = {"S1": high[2] - z, "S2": x - low[0], "S3": y - low[1]}[name]
         assert front == pytest.approx(p.depth, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"c": 9.0},
+        {"L": 24.0, "l0": 22.0},
+        {"hall_layout": "tmag5273a1"},
+        {"hall_layout": "tle493d-p2b6", "chip_x": 9},
+    ],
+)
+def test_the_outer_size_is_that_of_the_solids(fields):
+    design = Design(**fields)
+    p = plan(design, Base())
+    size, leads = outer_size(design, p)
+    boxes = {name: body.bounding_box() for name, body in bodies(design).items()}
+    plate, form = base(design, Base()).bounding_box(), cad.beam(design).bounding_box()
+    low = plate.min.Z
+    assert size[:2] == pytest.approx((plate.size.X, plate.size.Y), abs=1e-6)
+    assert size[2] == pytest.approx(max(box.max.Z for box in (plate, form, *boxes.values())) - low, abs=1e-6)
+    assert leads == pytest.approx(low - min(low, *(box.min.Z for box in boxes.values())), abs=1e-6)
+    # no element stands out beside the base but S1's leads, which lie along -x
+    for box in boxes.values():
+        assert max(box.max.X, box.max.Y, -box.min.Y) <= p.half
 
 
 def test_a_post_rises_to_the_plate_and_is_open_to_the_beam():

@@ -36,6 +36,19 @@ def test_design_without_magnet_has_nulls(run, strict):
     assert record["derived"]["rest_readings_T"] is None
 
 
+def test_design_gives_the_outer_size_or_says_why_not(run, strict):
+    derived = strict(run("design", "paper", "--json")[1])[0]["derived"]
+    assert derived["beam_size_mm"] == [8.0, 8.0, 9.0]
+    # L, and a base of the 1.57 mm thick S1 whose plate lies 2.2 mm below z = 0 and 0.5 mm below its marked face
+    assert derived["assembled_size_mm"][2] == pytest.approx(9 + 2.2 - 0.5 + 1.57, abs=1e-12)
+    assert "assembled size" in run("design", "paper")[1]
+    record = strict(run("design", "paper", "--set", "L=12", "--json")[1])[0]
+    assert record["derived"]["assembled_size_mm"] is None
+    assert any(
+        text.startswith("no size of the assembled sensor: l0 must be at least 9.2") for text in record["warnings"]
+    )
+
+
 def test_mesh(run, tmp_path, strict):
     status, out, err = run("mesh", "paper", "--out", "mesh.vtu", "--size", 2.5, "--json")
     assert (status, err) == (0, "")

@@ -1,6 +1,7 @@
 """What `magtip cad` makes, says and leaves alone."""
 
 import dataclasses
+import math
 import os
 import resource
 import shutil
@@ -57,6 +58,40 @@ def test_the_recipe_names_files_volumes_and_checks(made):
     assert "| second: over the magnet | 0.050 | 2.08 | 2.24 |" in text
     assert "north pole up" in text
     assert "nan" not in text
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
+    facts = recipe.facts(paper(), workshop.Making(Mold(process=process)))
+    assert facts["magnet_limit_C"] == 80
+    for row in facts["cures"]:
+        assert 20 < row["first_cure_C"] < row["mold_limit_C"]
+        assert 20 < row["second_cure_C"] < min(row["mold_limit_C"], facts["magnet_limit_C"])
+    bare = dataclasses.replace(paper(), magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
+    facts = recipe.facts(bare, workshop.Making(Mold(process=process)))
+    assert facts["magnet_limit_C"] is None
+    assert all(row["second_cure_C"] is None for row in facts["cures"])
+
+
+def test_the_recipe_says_what_magnet_and_mould_need(made):
+    text = (made / "README.md").read_text(encoding="utf-8")
+    assert "| PLA | 55 °C | 45 °C | 45 °C |" in text
+    assert "| ABS or ASA | 90 °C | 80 °C | 70 °C |" in text
+    assert "grade N works up to 80 °C" in text
+    assert "silane primer" in text
+    assert "17.74 x 17.74 x 12.27 mm" in text
+
+
+def test_dowels_fill_their_holes_in_the_foot():
+    making = workshop.Making(Mold(split=1, floor=4.5))
+    made = workshop.things(paper(), making)
+    dowels = recipe.facts(paper(), making)["dowels"]
+    whole = workshop.Making(Mold(floor=4.5))
+    drilled = workshop.things(paper(), whole).B.volume - sum(
+        made.mold[name].volume for name in ("mold_b1", "mold_b2")
+    )
+    assert drilled == pytest.approx(2 * math.pi / 4 * dowels["diameter_mm"] ** 2 * dowels["length_mm"], rel=1e-9)
+    assert dowels["length_mm"] == 4.5
 
 
 def test_assembly_and_mould_are_named_and_coloured(made):
@@ -144,6 +179,11 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
     assert "warning: no base and no assembly: l0 must be at least 9.1" in err
     (record,) = strict(out)
     assert {"status", "message", "folder", "parts", "checks", "warnings"} <= set(record)
+    assert (record["assembled_size_mm"], record["beam_size_mm"]) == (None, [8, 8, 12])
+    assert record["recipe"]["dowels"] == {"count": 2, "diameter_mm": 1.05, "length_mm": 2.0}
+    text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
+    assert "No base, so no assembled size; the beam is 8 x 8 x 12 mm" in text
+    assert "Two dowels of Ø1.05 mm, 2 mm long" in text
     names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
     assert [part["name"] for part in record["parts"]] == names
     assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
