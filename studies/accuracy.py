@@ -1,10 +1,6 @@
 """How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
 
-The true error of a state is the length of the difference of its vector (force; shift of the magnet; tilt) to that of
-the reference, over the length of the reference's; `sideways` is that of the force along the shear alone, a small part
-of the force's vector under a plate. `coverage` is the share of states whose true error is at most the estimate,
-`sharpness` the share whose estimate is at most three times the true error.
-States that did not end well, or whose error exceeds JUMP, are listed and left out of the statistics.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -24,6 +20,16 @@ from fem.levels import LEVELS, Accuracy
 from geometry.scene import Load, Magnet, Response
 from studies import kept, trials
 from studies.trials import Trial
+
+ABOUT = """\
+How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
+
+The true error of a state is the length of the difference of its vector (force; shift of the magnet; tilt) to that of
+the reference, over the length of the reference's; `sideways` is that of the force along the shear alone, a small part
+of the force's vector under a plate. `coverage` is the share of states whose true error is at most the estimate,
+`sharpness` the share whose estimate is at most three times the true error.
+States that did not end well, or whose error exceeds JUMP, are listed and left out of the statistics.
+"""
 
 Progress = Callable[[float, str], None]
 Row = dict[str, Any]

@@ -1,16 +1,6 @@
 """Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and how the cost grows.
 
-Every solve is a process of its own on one thread. Figures are medians of several runs: CPU seconds after imports, and
-peak memory of the process and those it starts; `import_s` stands apart. Each program may choose its mesh: of a
-ladder of meshes the cheapest counts whose force is within the tolerance of a fine axisymmetric reference at every
-load and in all runs. The error is the worst of them; for a shear the reference is the harmonic model on a fine mesh,
-and the tilt counts as well.
-
-magtip meshes for itself, and that time is its own; the peers get a finished mesh from the same mesher. A mesh of
-tetrahedra costs as much as the solve, so that beside CalculiX the mesher's time (`mesh_s`) counts on neither side.
-`faster` is the peer's CPU seconds over magtip's. Solves that take more than 20 s are measured once. The speed of a
-machine changes within minutes: solves below a second that are compared take turns, and what counts is the median over
-the turns, of the ratio for FElupe and of the difference for a small shear.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -30,6 +20,20 @@ from geometry.scene import Magnet
 from studies import benchfiles, peers
 from studies.peer_calculix import Press
 from studies.timing import compared, exponents, measured, median
+
+ABOUT = """\
+Every solve is a process of its own on one thread. Figures are medians of several runs: CPU seconds after imports, and
+peak memory of the process and those it starts; `import_s` stands apart. Each program may choose its mesh: of a
+ladder of meshes the cheapest counts whose force is within the tolerance of a fine axisymmetric reference at every
+load and in all runs. The error is the worst of them; for a shear the reference is the harmonic model on a fine mesh,
+and the tilt counts as well.
+
+magtip meshes for itself, and that time is its own; the peers get a finished mesh from the same mesher. A mesh of
+tetrahedra costs as much as the solve, so that beside CalculiX the mesher's time (`mesh_s`) counts on neither side.
+`faster` is the peer's CPU seconds over magtip's. Solves that take more than 20 s are measured once. The speed of a
+machine changes within minutes: solves below a second that are compared take turns, and what counts is the median over
+the turns, of the ratio for FElupe and of the difference for a small shear.
+"""
 
 Row = dict[str, Any]
 Progress = Callable[[float, str], None]
@@ -172,6 +176,7 @@ def run(
     folder: Path | None = None,
     peers_folder: Path = Path("out/peers"),
     ccx: str = "ccx",
+    command: str = "",
     progress: Progress | None = None,
 ) -> list[Row]:
     """All rows; with a folder also bench.csv, BENCH.md and size.png in it, written anew after each case.
@@ -181,6 +186,7 @@ def run(
     quick : medians of 3 instead of 5, up to 50k unknowns, CalculiX without the sensor's own Poisson's ratio.
     peers_folder : FElupe's environment.
     ccx : CalculiX.
+    command : that this is run by.
     """
     bench = _Bench(quick, peers_folder, ccx, progress)
     about = benchfiles.machine()
@@ -192,7 +198,7 @@ def run(
         part()
         bench.done += share
         if folder is not None:
-            benchfiles.write(folder, bench.rows, about | bench.versions, quick=quick, text=__doc__ or "")
+            benchfiles.write(folder, bench.rows, about | bench.versions, command, ABOUT)
     return bench.rows
 
 

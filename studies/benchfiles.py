@@ -55,7 +55,7 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], *, quick: bool, text: str) -> None:
+def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, text: str) -> None:
     """bench.csv, BENCH.md and size.png."""
     from studies import plots
     from studies.compare import write_table
@@ -65,16 +65,14 @@ def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], *, quick:
     fits = {row["setting"]: row["exponent"] for row in rows if row["exponent"] is not None}
     if len(sizes) > 1:
         plots.size(folder / "size.png", sizes)
-    write_text(folder / "BENCH.md", report(rows, about, fits, quick=quick, text=text))
+    write_text(folder / "BENCH.md", report(rows, about, fits, command, text))
 
 
-def report(
-    rows: Sequence[Row], about: Mapping[str, str], fits: Mapping[str, float], *, quick: bool, text: str
-) -> str:
+def report(rows: Sequence[Row], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str) -> str:
     """BENCH.md: goals first, then a table for each case, then how it was measured and where."""
     judged = [row for row in rows if row["goal"]]
     met = sum(row["met"] is True for row in judged)
-    lines = ["# Speed", "", f"`magtip bench{' --quick' if quick else ''}`: {met} of {len(judged)} goals are met.", ""]
+    lines = ["# Speed", "", f"{met} of {len(judged)} goals are met.", ""]
     for case in dict.fromkeys(row["case"] for row in rows):
         own = [row for row in rows if row["case"] == case and row["setting"] not in fits]
         keys = [key for key in HEADS if any(row[key] not in (None, "") for row in own)]
@@ -85,7 +83,8 @@ def report(
         if any(row["case"] == case and row["setting"] in fits for row in rows):
             lines += [*(f"- {name}, n unknowns" for name in fits), "", "![Cost against size](size.png)"]
         lines.append("")
-    lines += ["## How it was measured", "", *text.split("\n\n", 1)[-1].strip().splitlines(), ""]
+    lines += ["## How it was measured", "", *text.splitlines(), ""]
+    lines += [f"- command: `{command}`"] if command else []
     lines += [f"- {name}: {value}" for name, value in about.items() if value]
     return "\n".join(lines) + "\n"
 

@@ -1,13 +1,6 @@
 """What `magtip cad` makes, measured: volumes, triangles against their tolerance, checks at extremes, and time.
 
-`python -m studies.cadbench results/cad` writes CAD.md, cad.csv and the paper's sensor as pictures.
-
-A part's volume is set against its closed form (beam, magnet, silicone) or the solid's own (base, mould). The STEP
-file is read back. The deviation of triangles is the largest distance of points of the beam's facets from its exact
-surface, seven points to a facet. The whole command is timed in a process of its own, from its start to its end, and
-the fastest of some runs counts, as others may be at work on the machine; a variant is the whole batch's time over the
-number of its designs, start and imports of the processes left out by taking the difference of a long and a short
-batch.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -27,6 +20,17 @@ from typing import Any
 
 from geometry.design import BadInput, Design, paper
 from studies import benchfiles, console, files
+
+ABOUT = """\
+`python -m studies.cadbench results/cad` writes CAD.md, cad.csv and the paper's sensor as pictures.
+
+A part's volume is set against its closed form (beam, magnet, silicone) or the solid's own (base, mould). The STEP
+file is read back. The deviation of triangles is the largest distance of points of the beam's facets from its exact
+surface, seven points to a facet. The whole command is timed in a process of its own, from its start to its end, and
+the fastest of some runs counts, as others may be at work on the machine; a variant is the whole batch's time over the
+number of its designs, start and imports of the processes left out by taking the difference of a long and a short
+batch.
+"""
 
 Row = dict[str, Any]
 
@@ -160,7 +164,7 @@ def times(folder: Path) -> list[Row]:
 
 def document(found: dict[str, list[Row]], about: dict[str, str]) -> str:
     """CAD.md."""
-    lines = ["# CAD and moulds, measured", "", *(__doc__ or "").split("\n\n", 1)[1].strip().split("\n"), ""]
+    lines = ["# CAD and moulds, measured", "", *ABOUT.splitlines(), ""]
     titles = {
         "volumes": "Parts of the paper's sensor: volume and its relative errors",
         "tolerances": "Triangles of the beam against the tolerance asked for",

@@ -13,6 +13,7 @@ from studies import accuracy, trials
 from studies.accuracy import COVERAGE, GOALS, QUANTITIES, SHARP, SHARPNESS, Row
 from studies.compare import write_table
 from studies.files import atomic, write_text
+from studies.provenance import made
 
 LOOKS = {
     "press": "#0072B2",
@@ -155,16 +156,15 @@ def _goal(level: str, true: Sequence[float]) -> Row:
     return {"goal_percent": 100 * GOALS[level], "met": max(true) <= GOALS[level]}
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str, *, quick: bool) -> None:
     """accuracy.csv with all states, ACCURACY.md to read, errors.png."""
     write_table(folder / "accuracy.csv", rows, digits=9)
     picture(folder / "errors.png", rows)
-    command = f"magtip accuracy{' --quick' if quick else ''}"
     good, missed = sum(row["status"] == "ok" for row in rows), verdicts(rows)
-    lines = ["# Accuracy", "", f"`{command}`: {good} of {len(rows)} states compared. "]
+    lines = ["# Accuracy", "", f"{good} of {len(rows)} states compared. "]
     lines[-1] += f"{len(missed)} promises are not kept." if missed else "All promises are kept."
     lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
-    lines += ["", *(accuracy.__doc__ or "").strip().splitlines(), "", "![Estimates over true errors](errors.png)", ""]
+    lines += ["", *accuracy.ABOUT.splitlines(), "", "![Estimates over true errors](errors.png)", ""]
     lines += ["## Estimates", "", *_markdown(shares(rows)), "", "## Levels", "", *_markdown(summary(rows)), ""]
     if spread := noise(rows):
         lines += [
@@ -179,7 +179,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
     if checked := references(rows):
         lines += ["Against one more refinement:", "", *_markdown(checked), ""]
     lines += ["## States left out", "", *_left_out(rows), "", "## Designs", "", *_designs(rows), ""]
-    write_text(folder / "ACCURACY.md", "\n".join([*lines, f"Made with `{command}`, {origin}."]) + "\n")
+    write_text(folder / "ACCURACY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
 
 def _references(fineness: int) -> list[str]:

@@ -1,11 +1,6 @@
 """The harmonic model on the section beside the half model on tetrahedra: two codes' worth of difference, one answer.
 
-Twelve designs, by turns with a rigid magnet and all of silicone, are pressed and sheared with the tip stuck to the
-plate, by both models at one level. Each answer carries its own error estimates; two answers agree where they differ
-by no more than the sum of both (relative to the harmonic one), in the force, the magnet's shift, its tilt, and
-sideways, in the force along the shear alone. The harmonic answer is also held against one with a harmonic more on the
-same mesh. Mesh, element, integration, contact and magnet's constraint differ between the models; law and Newton's
-method are shared.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -22,6 +17,16 @@ from fem.solution import Solution
 from geometry.scene import Magnet, Response
 from studies import trials
 from studies.console import Progress
+from studies.provenance import made
+
+ABOUT = """\
+Twelve designs, by turns with a rigid magnet and all of silicone, are pressed and sheared with the tip stuck to the
+plate, by both models at one level. Each answer carries its own error estimates; two answers agree where they differ
+by no more than the sum of both (relative to the harmonic one), in the force, the magnet's shift, its tilt, and
+sideways, in the force along the shear alone. The harmonic answer is also held against one with a harmonic more on the
+same mesh. Mesh, element, integration, contact and magnet's constraint differ between the models; law and Newton's
+method are shared.
+"""
 
 Row = dict[str, Any]
 
@@ -96,9 +101,9 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
 
     write_table(folder / "crosscheck.csv", rows)
     agree = sum(row["agree"] for row in rows)
-    lines = ["# Harmonic against half model", "", f"`{command}`: {agree} of {len(rows)} designs agree in all.", ""]
+    lines = ["# Harmonic against half model", "", f"{agree} of {len(rows)} designs agree in all.", ""]
     lines += [
-        *(__doc__ or "").strip().splitlines()[2:],
+        *ABOUT.splitlines(),
         "",
         "Differences, both estimates and the answer's change by one",
     ]
@@ -116,4 +121,4 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
                 cells += [row["status"], "", "", "", "**no**"]
             lines.append(f"| {' | '.join(cells)} |")
     stopped = [f"- design {row['design']}: {row['message']}" for row in rows if row["message"]]
-    write_text(folder / "CROSSCHECK.md", "\n".join([*lines, "", *stopped, "", f"Made {origin}."]) + "\n")
+    write_text(folder / "CROSSCHECK.md", "\n".join([*lines, "", *stopped, "", made(command, origin)]) + "\n")

@@ -4,13 +4,7 @@
 folder, states of `magtip solve --json`, their tilt and load are decoded with as well. FULL.npy is the paper's table
 as `magtip table paper --step 0.01 --out FULL.npy` writes it; without it its figures are extrapolated.
 
-Poses are drawn uniformly from the workspace, +-3/8 D sideways and 3/8 D down, with the elements' rails taken away,
-so that what is ambiguous is so by the layout. tau is the tilt per mm of the magnet's shift. A pose is lost if none of
-the poses found is within 1e-5 mm of it. The other sign of det is the share of poses at which the determinant of the
-slopes has another sign than at rest, which is what a look at the determinant alone would call ambiguous. The
-exhaustive search starts Newton's steps at 13 x 13 x 7 places for each reading. Speeds are CPU time on one thread, the
-median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings, from
-memory by a search tree, the full one from its file by bounds of its blocks (`analytic.lookup.nearest`).
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -31,6 +25,16 @@ from analytic import beam, decode, forward, magnet, mechanics, refine, stream
 from analytic.decode import Decoder
 from geometry.design import Design, paper
 from studies import benchfiles, console, decoding, files, tablebench
+
+ABOUT = """\
+Poses are drawn uniformly from the workspace, +-3/8 D sideways and 3/8 D down, with the elements' rails taken away,
+so that what is ambiguous is so by the layout. tau is the tilt per mm of the magnet's shift. A pose is lost if none of
+the poses found is within 1e-5 mm of it. The other sign of det is the share of poses at which the determinant of the
+slopes has another sign than at rest, which is what a look at the determinant alone would call ambiguous. The
+exhaustive search starts Newton's steps at 13 x 13 x 7 places for each reading. Speeds are CPU time on one thread, the
+median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings, from
+memory by a search tree, the full one from its file by bounds of its blocks (`analytic.lookup.nearest`).
+"""
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -231,7 +235,7 @@ def main(out: str, full: str | None = None) -> None:
             )
         console.say("tilt done")
         found["speed"] = speed()
-        files.write_text(folder / "DECODE.md", decodefiles.report(found, about, __doc__ or ""))
+        files.write_text(folder / "DECODE.md", decodefiles.report(found, about, ABOUT))
 
 
 if __name__ == "__main__":

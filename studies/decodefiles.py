@@ -45,7 +45,7 @@ def report(found: Mapping[str, Any], about: Mapping[str, str], text: str) -> str
         heads, [[r["program"], r["layout"], f"{r['per_s']:.0f}", f"{r['stream_Hz']:.0f}"] for r in found["speed"]]
     )
     lines += ["", *_lookup(found), "", *_tilts(found), "", "## How it was measured", ""]
-    lines += [*text.split("\n\n", 2)[-1].strip().splitlines(), ""]
+    lines += [*text.strip().splitlines(), ""]
     return "\n".join([*lines, *(f"- {name}: {value}" for name, value in about.items() if value)]) + "\n"
 
 

@@ -12,7 +12,7 @@ from fem.solution import Solution
 from geometry.design import Design, paper
 from studies import compare, describe, files, report, workshop
 from studies.compare import Comparison, Outcome, Progress, Row, part
-from studies.provenance import versions
+from studies.provenance import made, versions
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
 """What draws and makes solids, beside what finite elements need."""
@@ -55,6 +55,7 @@ def run(
     accuracy: Accuracy = STANDARD,
     depths: Sequence[float] | None = None,
     shears: Sequence[float] | None = None,
+    command: str = "",
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Do the whole job on the paper's sensor and write everything into an existing folder.
@@ -62,13 +63,14 @@ def run(
     Parameters
     ----------
     accuracy, depths, shears : as in `compare.run`.
+    command : that this is run by.
     progress : called with the fraction done and what is being done.
 
     Returns
     -------
     "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
     """
-    design, show, origin = paper(), progress or _silent, versions(PACKAGES)
+    design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
     cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
     mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
     found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
@@ -139,8 +141,8 @@ def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Ma
         _bullets(_made(cad, mesh)),
         "## Files",
         _bullets([f"`{name}`: {text}" for name, text in FILES.items()]),
-        "## Made with",
-        f"`magtip demo`, {origin}.",
+        "## How it was made",
+        origin,
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from geometry.design import BadInput
 from studies import console, files
+from studies.commandline import command
 from studies.inputs import AccuracyName
 from studies.options import FAILED, GOOD, AsJson, Whole, Wide
 
@@ -21,10 +22,11 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     out
         Folder of verify.csv and VERIFY.md.
     """
+    asked = command(verify, locals())
     from studies import verify as work
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, progress=progress)
+        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
     printed = rows if as_json else [work.shown(row) for row in rows]
     console.report(
         printed,
@@ -50,10 +52,11 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     out
         Folder of friction.csv, FRICTION.md and friction.png.
     """
+    asked = command(friction, locals())
     from studies import sliding as work
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, progress=progress)
+        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
     console.report(
         rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide
     )
@@ -75,11 +78,12 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     out
         Folder of extremes.csv and EXTREMES.md.
     """
+    asked = command(extremes, locals())
     from studies import extremes as work
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = []
-        for row in work.run(quick=quick, folder=folder, progress=progress):
+        for row in work.run(quick=quick, folder=folder, command=asked, progress=progress):
             print(files.json_line(row) if as_json else work.line(row), flush=True)
             rows.append(row)
     failed, unjudged = ([row["scene"] for row in rows if row["verdict"] == v] for v in ("fail", "not judged"))
@@ -109,6 +113,7 @@ def accuracy(
     minutes
         Begin no further solve after this time, and report what there is.
     """
+    asked = command(accuracy, locals())
     if minutes is not None and not minutes >= 0:
         raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies import accuracy as work
@@ -121,7 +126,7 @@ def accuracy(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
         )
         if folder is not None:
-            calibration.write(folder, rows, origin, quick=quick)
+            calibration.write(folder, rows, origin, asked, quick=quick)
     for name, table in (("Estimates", calibration.shares(rows)), ("Levels", calibration.summary(rows))):
         console.report(
             table,
@@ -155,6 +160,7 @@ def crosscheck(
     out
         Folder of crosscheck.csv and CROSSCHECK.md.
     """
+    asked = command(crosscheck, locals())
     from studies import crosscheck as work
     from studies import trials
     from studies.provenance import versions
@@ -169,7 +175,7 @@ def crosscheck(
             if as_json:
                 print(files.json_line(row), flush=True)
         if folder is not None:
-            work.write(folder, rows, versions(), f"magtip crosscheck --accuracy {accuracy} --count {count}")
+            work.write(folder, rows, versions(), asked)
     if not as_json:
         brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
         console.report(brief, as_json=False, title="Harmonic against half model", wide=wide)
@@ -200,6 +206,7 @@ def ladder(
     out
         Folder of ladder.csv, LADDER.md and ladder.png.
     """
+    asked = command(ladder, locals())
     from studies import ladder as work
     from studies.provenance import versions
 
@@ -213,7 +220,7 @@ def ladder(
             if as_json:
                 print(files.json_line(row), flush=True)
         if folder is not None:
-            work.write(folder, rows, versions(), f"magtip ladder --accuracy {accuracy} --count {count}")
+            work.write(folder, rows, versions(), asked)
     if not as_json:
         console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square", wide=wide)
     return GOOD
@@ -243,11 +250,12 @@ def bench(
     out
         Folder of bench.csv, BENCH.md and size.png.
     """
+    asked = command(bench, locals())
     from studies import bench as work
     from studies import benchfiles
 
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, peers_folder=peers, ccx=ccx, progress=progress)
+        rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
     console.report(rows, as_json=as_json, title="Speed", brief=benchfiles.BRIEF, wide=wide)
     for row in rows:
         if row["message"]:

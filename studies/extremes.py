@@ -13,7 +13,7 @@ from studies import judges
 from studies.compare import write_table
 from studies.files import write_text
 from studies.judges import Finding, Scene, StoppedError
-from studies.provenance import versions
+from studies.provenance import made, versions
 from studies.scenes import scenes
 
 Progress = Callable[[float, str], None]
@@ -36,8 +36,13 @@ integration (section meshes only).
 """
 
 
-def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> Iterator[Row]:
-    """A row for each scene as it ends; at the end extremes.csv and EXTREMES.md are written if told where."""
+def run(
+    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
+) -> Iterator[Row]:
+    """A row for each scene as it ends; at the end extremes.csv and EXTREMES.md are written if told where.
+
+    command : that this is run by.
+    """
     rows: list[Row] = []
     origin = versions()
     chosen = scenes(quick=quick)
@@ -47,7 +52,7 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
         rows.append(judge(scene))
         yield rows[-1]
     if folder is not None:
-        write(folder, rows, origin, quick=quick)
+        write(folder, rows, origin, command)
 
 
 def judge(scene: Scene) -> Row:
@@ -154,12 +159,11 @@ def counted(rows: Sequence[Row]) -> str:
     return f"{passed} of {len(rows)} scenes pass, {failed} fail, {open_} {verb} not judged"
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """extremes.csv with all columns, EXTREMES.md to read."""
     write_table(folder / "extremes.csv", rows, digits=9)
-    command = f"magtip extremes{' --quick' if quick else ''}"
     heads = ["scene", "status", "s", "how it was judged", "measured", "bound", "inside out", "", "what happened"]
-    lines = ["# Extremes", "", f"`{command}`: {counted(rows)}.", ""]
+    lines = ["# Extremes", "", f"{counted(rows)}.", ""]
     lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for row in rows:
         numbers = [_number(row[key]) for key in ("measured", "bound", "inside_out_share")]
@@ -173,7 +177,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
             row["message"],
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", *ABOUT.splitlines(), "", *_designs(rows), "", f"Made with `{command}`, {origin}."]
+    lines += ["", *ABOUT.splitlines(), "", *_designs(rows), "", made(command, origin)]
     write_text(folder / "EXTREMES.md", "\n".join(lines) + "\n")
 
 

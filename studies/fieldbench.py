@@ -2,12 +2,7 @@
 
 `python -m studies.fieldbench results/field` writes field.csv and FIELD.md. It needs magpylib, mpmath and numba.
 
-Errors are |B - B_true| / |B_true|, of the Jacobian |J - J_true| / |J_true|, the worst of the points of a region and
-of magnets with height/radius from 1e-6 to 1e3; the true values have 60 digits and take the points as they are in
-double precision. Time for a million points around the paper's magnet (a normal distribution of 6 mm) is CPU time on
-one thread, the median of runs in turn with magpylib. The cost of one point is that of a call with one point less
-that of the same call with none, which is Python's own: converting, checking, allocating. First calls are those of a
-new process, by the clock.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -35,6 +30,15 @@ from analytic import magnet
 from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from geometry.design import BadInput, paper
 from studies import benchfiles, console, fieldtruth, files
+
+ABOUT = """\
+Errors are |B - B_true| / |B_true|, of the Jacobian |J - J_true| / |J_true|, the worst of the points of a region and
+of magnets with height/radius from 1e-6 to 1e3; the true values have 60 digits and take the points as they are in
+double precision. Time for a million points around the paper's magnet (a normal distribution of 6 mm) is CPU time on
+one thread, the median of runs in turn with magpylib. The cost of one point is that of a call with one point less
+that of the same call with none, which is Python's own: converting, checking, allocating. First calls are those of a
+new process, by the clock.
+"""
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -214,7 +218,7 @@ def report(found: list[Row], times: list[Row], waits: list[Row], about: dict[str
     heads = ["process", "import analytic.magnet, s", "first call in NumPy, s", "kernel loaded and called, s"]
     lines += _table(heads, [[w["process"], *(f"{w[k]:.2f}" for k in list(w)[1:])] for w in waits])
     lines += ["", "The kernel is loaded after 1000 calls or 2e5 points, or by `analytic.magnet.compiled()`.", ""]
-    lines += ["## How it was measured", "", *(__doc__ or "").split("\n\n", 2)[-1].strip().splitlines(), ""]
+    lines += ["## How it was measured", "", *ABOUT.splitlines(), ""]
     return "\n".join([*lines, *(f"- {name}: {value}" for name, value in about.items())]) + "\n"
 
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies import console, decoding, files, tables
+from studies.commandline import command
 from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, Wide, design_of, judged
 
 
@@ -140,6 +141,7 @@ def layout(
     out
         Folder of layout.csv, layout.png and LAYOUT.md.
     """
+    asked = command(layout, locals())
     from studies import layout as work
     from studies import layoutfiles as texts
 
@@ -149,7 +151,7 @@ def layout(
     files.check_apart(files.inside(out, texts.FILES), [source, basis.responses])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         job = work.Job(given, basis, search, tuple(ranges or ()), count, claim)
-        found = work.run(job, progress, folder, " ".join(["magtip layout", source, *_repeated("--set", sets)]))
+        found = work.run(job, progress, folder, asked)
     if as_json:
         console.report([found], as_json=True)
         return GOOD
@@ -161,7 +163,3 @@ def layout(
     for warning in (*found["hits"], *found["warnings"]):
         console.say(f"magtip: warning: {warning}")
     return GOOD
-
-
-def _repeated(option: str, values: list[str] | None) -> list[str]:
-    return [f"{option} {value}" for value in values or []]

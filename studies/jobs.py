@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from geometry.design import Design
 from geometry.scene import Magnet
 from studies import console, files, grids
+from studies.commandline import command
 from studies.inputs import AccuracyName
 from studies.options import (
     FAILED,
@@ -37,10 +38,11 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     out
         Folder of the results.
     """
+    asked = command(demo, locals())
     from studies import demo as work
 
     with files.filled(out) as folder, console.progress(as_json=False) as progress:
-        found = work.run(folder, progress=progress)
+        found = work.run(folder, command=asked, progress=progress)
     for sentence in found["summary"]["sentences"]:
         console.note(f"- {sentence}")
     console.note(f"All results are in {out}; start with REPORT.md.")

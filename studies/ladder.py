@@ -1,17 +1,6 @@
 """Every level of the formulas beside finite elements: ten designs, presses, and shears of a plate that sticks.
 
-The designs span D, L/D and the magnet (none, small, wide, tall). Four numbers of the press and two of the shear in
-the levels above `column` were fitted to finite elements of 18 designs, L/D 0.75 to 4; of those here, only the paper's
-sensor is among them. Errors, as root mean squares over the states of a region:
-
-- press force and, also under a shear, sinking of the magnet, relative to the finite elements';
-- press force under the shear, relative to that before it;
-- shear force, over that of Timoshenko's cantilever of length L under the same shear, k0 delta (the pressed beam's
-  own passes through zero where it would give way sideways);
-- shift of the magnet, over the shear;
-- tilt of the magnet, times R, over the shear.
-
-A state where a level refuses the load, or the finite elements stop, keeps its row with a message and is in no mean.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -28,6 +17,22 @@ from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Magnet, Response
 from studies.console import Progress
+from studies.provenance import made
+
+ABOUT = """\
+The designs span D, L/D and the magnet (none, small, wide, tall). Four numbers of the press and two of the shear in
+the levels above `column` were fitted to finite elements of 18 designs, L/D 0.75 to 4; of those here, only the paper's
+sensor is among them. Errors, as root mean squares over the states of a region:
+
+- press force and, also under a shear, sinking of the magnet, relative to the finite elements';
+- press force under the shear, relative to that before it;
+- shear force, over that of Timoshenko's cantilever of length L under the same shear, k0 delta (the pressed beam's
+  own passes through zero where it would give way sideways);
+- shift of the magnet, over the shear;
+- tilt of the magnet, times R, over the shear.
+
+A state where a level refuses the load, or the finite elements stop, keeps its row with a message and is in no mean.
+"""
 
 Row = dict[str, Any]
 
@@ -188,13 +193,11 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     write_table(folder / "ladder.csv", rows)
     picture(folder / "ladder.png", rows)
     best = beam.LEVELS[-1]
-    lines = ["# The levels of the formulas beside finite elements", "", *(__doc__ or "").strip().splitlines()[2:], ""]
+    lines = ["# The levels of the formulas beside finite elements", "", *ABOUT.splitlines(), ""]
     lines += ["![Errors of the levels](ladder.png)", "", "## By level and region", "", *_markdown(summary(rows)), ""]
     lines += [f"## Level {best} by design", "", *_markdown(by_design(rows, best)), ""]
     lost = {f"- design {row['design']}: {row['message']}" for row in rows if row["message"]}
-    write_text(
-        folder / "LADDER.md", "\n".join([*lines, *sorted(lost), "", f"Made with `{command}`, {origin}."]) + "\n"
-    )
+    write_text(folder / "LADDER.md", "\n".join([*lines, *sorted(lost), "", made(command, origin)]) + "\n")
 
 
 def _markdown(table: Sequence[Row]) -> list[str]:

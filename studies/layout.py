@@ -1,15 +1,10 @@
 """A layout of Hall elements over the workspace: what `magtip layout` says and writes of it.
 
-Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
-or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
-Ambiguous is what the decoder calls so, which does not look at what is in the way of the other poses.
-Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
-deviation along the worst direction.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +20,14 @@ if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.mechanics import Mechanics
     from analytic.survey import Survey
+
+ABOUT = """\
+Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
+or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
+Ambiguous is what the decoder calls so, which does not look at what is in the way of the other poses.
+Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
+deviation along the worst direction.
+"""
 
 Row = dict[str, Any]
 
@@ -78,26 +81,8 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     if job.claim:
         found["claim"] = uniqueness.run(design, progress)
     if folder is not None:
-        layoutfiles.write(folder, coder, seen, found, " ".join([command, *_options(job)]), basis.clearance)
+        layoutfiles.write(folder, coder, seen, found, command, basis.clearance)
     return found
-
-
-def _options(job: Job) -> list[str]:
-    """Those that differ from what is taken without them, as they are given."""
-    given, plain = job.basis, Basis()
-    names = [
-        field.name for field in dataclasses.fields(Basis) if getattr(given, field.name) != getattr(plain, field.name)
-    ]
-    texts = [
-        f"--{n.replace('_', '-')}" + ("" if n == "ignore_tilt" else f" {_shortest(getattr(given, n))}") for n in names
-    ]
-    if job.search:
-        texts += ["--search", *(f"--range {text}" for text in job.ranges), f"--count {job.count}"]
-    return [*texts, "--claim"] if job.claim else texts
-
-
-def _shortest(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def prepare(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from studies import files, layout, layoutplots, layoutsearch, uniqueness
+from studies.provenance import made, versions
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -21,7 +22,6 @@ FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LA
 def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, room: float) -> None:
     """layout.csv, layout.png, LAYOUT.md and, of the claim, claim.csv and claim.png, into an existing folder."""
     from studies.compare import write_table
-    from studies.provenance import versions
 
     # before a file of the repository changes
     origin = versions()
@@ -37,7 +37,7 @@ def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, 
 
 def text(found: Row, command: str, origin: str) -> str:
     """LAYOUT.md."""
-    lines = ["# The layout of the Hall elements", "", f"`{command}`", ""]
+    lines = ["# The layout of the Hall elements", ""]
     lines += [f"In this workspace, {found['message']}.", "", *_figures(found), ""]
     remarks = [f"- {sentence}" for sentence in (*found["hits"], *found["warnings"])]
     lines += [*remarks, ""] if remarks else []
@@ -47,15 +47,10 @@ def text(found: Row, command: str, origin: str) -> str:
         lines += _claim(found["claim"])
     if "search" in found:
         lines += ["## Other layouts, the best first", "", *_search(found["search"]), ""]
-    lines += ["## How it was made", "", *_body(layout.__doc__)]
+    lines += ["## How it was made", "", *layout.ABOUT.splitlines()]
     if "search" in found:
-        lines += ["", *_body(layoutsearch.__doc__)]
-    return "\n".join([*lines, "", f"Made {origin}."]) + "\n"
-
-
-def _body(doc: str | None) -> list[str]:
-    """A module's text without its first line."""
-    return (doc or "").strip().split("\n\n", 1)[-1].splitlines()
+        lines += ["", *layoutsearch.ABOUT.splitlines()]
+    return "\n".join([*lines, "", made(command, origin)]) + "\n"
 
 
 def _figures(found: Row) -> list[str]:
@@ -145,7 +140,7 @@ def _claim(claim: dict[str, list[dict[str, Any]]]) -> list[str]:
     lines += ["", "For the given layout:", "", *_markdown(heads, cells), ""]
     lines += ["For which c, and where it fails first:", "", *_limits(claim["limits"]), ""]
     lines += ["![Share of poses whose readings another pose gives too, over c](claim.png)", ""]
-    return [*lines, *_body(uniqueness.__doc__), "", "The table behind it is claim.csv.", ""]
+    return [*lines, *uniqueness.ABOUT.splitlines(), "", "The table behind it is claim.csv.", ""]
 
 
 def _limits(rows: Sequence[Row]) -> list[str]:

@@ -1,14 +1,6 @@
 """A search for layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
 
-A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
-at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
-saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of poses is
-looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
-and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
-
-Unless told, S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
-side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
-and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -26,6 +18,18 @@ from studies.options import Basis
 
 if TYPE_CHECKING:
     from analytic.mechanics import Mechanics
+
+ABOUT = """\
+A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
+at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
+saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of poses is
+looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
+and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
+
+Unless told, S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
+side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
+and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
+"""
 
 Row = dict[str, Any]
 Place = tuple[float, ...]

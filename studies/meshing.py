@@ -6,6 +6,7 @@ from pathlib import Path
 
 from geometry.design import BadInput
 from studies import console, files
+from studies.commandline import command
 from studies.options import FAILED, GOOD, AsJson, Whole, Wide
 
 
@@ -40,6 +41,7 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     out
         Folder of range.csv, RANGE.md and rows.jsonl, from which a stopped run goes on.
     """
+    asked = command(range_, locals())
     from studies import ranging as work
     from studies.provenance import versions
 
@@ -53,7 +55,7 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
             if as_json:
                 print(files.json_line(row), flush=True)
         if folder is not None:
-            work.write(folder, rows, origin, f"magtip range --count {count}")
+            work.write(folder, rows, origin, asked)
     if not as_json:
         console.report(work.summary(rows), as_json=False, title="Range of designs", wide=wide)
     failed = [f"design {row['design']}" for row in rows if row["status"] == "failed"]

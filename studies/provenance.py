@@ -22,6 +22,20 @@ def versions(more: Sequence[str] = ()) -> str:
     return f"on Python {platform.python_version()} with {named}{f' at commit {at}' if at else ''}"
 
 
+def made(command: str, origin: str) -> str:
+    """The last sentence of a page of results.
+
+    Parameters
+    ----------
+    command : by `studies.commandline.command`; empty where Python was asked directly.
+    origin : by `versions`, before a file of the repository changes.
+
+    >>> made("magtip verify --quick", "on Python 3.12"), made("", "on Python 3.12")
+    ('Made with `magtip verify --quick`, on Python 3.12.', 'Made on Python 3.12.')
+    """
+    return f"Made with `{command}`, {origin}." if command else f"Made {origin}."
+
+
 def installed(name: str) -> str | None:
     """The version of an installed package."""
     try:

@@ -1,12 +1,6 @@
 """The whole range of designs, sampled: solids, mould and meshes of each, or what makes it impossible.
 
-Sobol's sequence over D, L, the magnet's size, its height over diameter and its edge radius. D spans 1 to 50 mm and L
-D/2 + 0.05 mm to 10 D; the magnet spans a disc of 0.2 mm to one that leaves 0.15 mm of wall, a tenth to four times as
-high as wide. All are spaced logarithmically (the edge radius evenly, from 0 to half the most there can be), and a
-tenth of the samples lies at each end of each, so that the extremes meet. The section is that of level standard with
-the magnet as a hole; tetrahedra are those of level quick, the half body with its magnet, made anew, then read back
-from a cache. A design is good where each step of it is good, or impossible for a reason that the message names; mesh
-steps are good with volumes right to 1e-5, the base to 1e-4 and no Jacobian below 0.05.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -26,6 +20,19 @@ from typing import Any
 from geometry.design import BadInput, Design
 from studies import kept
 from studies.files import write_text
+from studies.provenance import made
+
+ABOUT = """\
+The whole range of designs, sampled: solids, mould and meshes of each, or what makes it impossible.
+
+Sobol's sequence over D, L, the magnet's size, its height over diameter and its edge radius. D spans 1 to 50 mm and L
+D/2 + 0.05 mm to 10 D; the magnet spans a disc of 0.2 mm to one that leaves 0.15 mm of wall, a tenth to four times as
+high as wide. All are spaced logarithmically (the edge radius evenly, from 0 to half the most there can be), and a
+tenth of the samples lies at each end of each, so that the extremes meet. The section is that of level standard with
+the magnet as a hole; tetrahedra are those of level quick, the half body with its magnet, made anew, then read back
+from a cache. A design is good where each step of it is good, or impossible for a reason that the message names; mesh
+steps are good with volumes right to 1e-5, the base to 1e-4 and no Jacobian below 0.05.
+"""
 
 Progress = Callable[[float, str], None]
 Row = dict[str, Any]
@@ -236,11 +243,11 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
 
     write_table(folder / "range.csv", rows, digits=6)
     count = {status: sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")}
-    lines = ["# Range of designs", "", f"`{command}`: of {len(rows)} designs {count['ok']} are good, "]
+    lines = ["# Range of designs", "", f"Of {len(rows)} designs {count['ok']} are good, "]
     lines[-1] += f"{count['impossible']} impossible, {count['failed']} failed."
     lines += [
         "",
-        *(__doc__ or "").strip().splitlines(),
+        *ABOUT.splitlines(),
         "",
         "Least, median and greatest, of errors the magnitudes:",
         "",
@@ -256,7 +263,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
         cells = [str(row["design"]), f"{row['D_mm']:g}", f"{row['L_mm']:g}", magnet, _text(row["wall_mm"])]
         cells += [row["status"], _text(row["tetrahedra"], 6), _text(row["mesh_s"]), _text(row["least_jacobian"])]
         lines.append(f"| {' | '.join([*cells, row['message']])} |")
-    write_text(folder / "RANGE.md", "\n".join([*lines, "", f"Made with `{command}`, {origin}."]) + "\n")
+    write_text(folder / "RANGE.md", "\n".join([*lines, "", made(command, origin)]) + "\n")
 
 
 def _text(value: float | None, digits: int = 3) -> str:

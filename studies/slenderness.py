@@ -1,9 +1,6 @@
 """The critical depth of a press over the slenderness L/D, beside Euler's, Engesser's and Haringx's column.
 
-A beam of each length is looked at with a tip that is free to slide on a frictionless plate and with one whose patch
-in contact is guided (glued to a plate that cannot move sideways). All but L is the design's; a magnet that does not
-fit a length is a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
-The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -18,6 +15,14 @@ from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.scene import Magnet
 from studies.console import Progress
+from studies.provenance import made
+
+ABOUT = """\
+A beam of each length is looked at with a tip that is free to slide on a frictionless plate and with one whose patch
+in contact is guided (glued to a plate that cannot move sideways). All but L is the design's; a magnet that does not
+fit a length is a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
+The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
+"""
 
 Row = dict[str, Any]
 
@@ -80,9 +85,9 @@ def write(folder: Path, design: Design, rows: Sequence[Row], origin: str, comman
 
     write_table(folder / "stability.csv", rows)
     picture(folder / "stability.png", design, rows)
-    lines = ["# Sideways stability of a press over slenderness", "", *(__doc__ or "").strip().splitlines()[2:], ""]
+    lines = ["# Sideways stability of a press over slenderness", "", *ABOUT.splitlines(), ""]
     lines += ["![Critical depth and force over L/D](stability.png)", "", *_table(rows), "", *_sentences(rows), ""]
-    write_text(folder / "STABILITY.md", "\n".join([*lines, f"Made with `{command}`, {origin}."]) + "\n")
+    write_text(folder / "STABILITY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
 
 def _table(rows: Sequence[Row]) -> list[str]:

@@ -1,13 +1,6 @@
-"""Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.
+"""Coulomb friction against theory, in numbers: what the verb friction checks.
 
-- Onset: a press of 1e-5 mm without the magnet, where Cattaneo's and Mindlin's sphere is the limit. With G the shear
-  modulus, a the contact's radius and F_N the normal force, full slip begins at a shear of
-  3 mu F_N (2 - nu) / (16 G a); at a share s of it the tangential force is mu F_N (1 - (1 - s)^1.5), and the circle
-  that sticks has the share 1 - s of the contact's area. The beam's own compliance is 1 % there.
-- Full slip: the tangential force over mu times the normal one, after a press of 1 mm.
-- Cycle: press 1 mm, then shear to and fro. The loop closes, and its area is the energy dissipated.
-- Half and full model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
-- Tilted plate: full slip in the full model, forces along the plate and across it.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -27,7 +20,20 @@ from geometry.design import paper
 from geometry.scene import Load, Magnet
 from studies.compare import write_table
 from studies.files import write_text
-from studies.provenance import versions
+from studies.provenance import made, versions
+
+ABOUT = """\
+Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.
+
+- Onset: a press of 1e-5 mm without the magnet, where Cattaneo's and Mindlin's sphere is the limit. With G the shear
+  modulus, a the contact's radius and F_N the normal force, full slip begins at a shear of
+  3 mu F_N (2 - nu) / (16 G a); at a share s of it the tangential force is mu F_N (1 - (1 - s)^1.5), and the circle
+  that sticks has the share 1 - s of the contact's area. The beam's own compliance is 1 % there.
+- Full slip: the tangential force over mu times the normal one, after a press of 1 mm.
+- Cycle: press 1 mm, then shear to and fro. The loop closes, and its area is the energy dissipated.
+- Half and full model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
+- Tilted plate: full slip in the full model, forces along the plate and across it.
+"""
 
 Row = dict[str, Any]
 Progress = Callable[[float, str], None]
@@ -61,10 +67,13 @@ class StoppedError(RuntimeError):
     """A path of this study stopped short."""
 
 
-def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> list[Row]:
+def run(
+    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
+) -> list[Row]:
     """Rows of all checks; friction.csv, FRICTION.md and friction.png too if told where.
 
     quick : on coarser meshes, and without tetrahedra.
+    command : that this is run by.
     """
     say = progress or (lambda share, text: None)
     origin = versions()
@@ -85,7 +94,7 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
         say(0.9, "tilted plate")
         rows.append(tilted(SOLID))
     if folder is not None:
-        write(folder, rows, curves, loop, origin, quick=quick)
+        write(folder, rows, curves, loop, origin, command)
     return rows
 
 
@@ -193,21 +202,20 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
 
 
 def write(
-    folder: Path, rows: Sequence[Row], curves: Sequence[Curve], loop: Sequence[Solution], origin: str, *, quick: bool
+    folder: Path, rows: Sequence[Row], curves: Sequence[Curve], loop: Sequence[Solution], origin: str, command: str
 ) -> None:
     """friction.csv, FRICTION.md and friction.png."""
     from studies import plots
 
     write_table(folder / "friction.csv", rows, digits=9)
     plots.friction(folder / "friction.png", curves, loop)
-    command = f"magtip friction{' --quick' if quick else ''}"
     passed = sum(row["passed"] for row in rows)
-    lines = ["# Coulomb friction", "", f"`{command}`: {passed} of {len(rows)} checks hold.", ""]
+    lines = ["# Coulomb friction", "", f"{passed} of {len(rows)} checks hold.", ""]
     lines += ["| check | quantity | value | expected | off | bound | |", "|---|---|---|---|---|---|---|"]
     for row in rows:
         numbers = " | ".join(f"{row[key]:.4g}" for key in ("value", "expected", "off", "bound"))
         verdict = "holds" if row["passed"] else "**fails**"
         lines.append(f"| {row['check']} | {row['quantity']} | {numbers} | {verdict} |")
     lines += ["", "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)", ""]
-    lines += [*(__doc__ or "").strip().splitlines(), "", f"Made with `{command}`, {origin}."]
+    lines += [*ABOUT.splitlines(), "", made(command, origin)]
     write_text(folder / "FRICTION.md", "\n".join(lines) + "\n")

@@ -1,19 +1,6 @@
 """Whether readings are unique to each place of the magnet: the paper's claim, answered with numbers.
 
-The paper fills a table of readings over its workspace, sees in a plot for one depth that they are unique to each
-location, and takes the place of the magnet from it. Three forms of the readings are asked here: |B| of the elements
-and a magnet that stays upright, as the paper has it; B.n, as an element reads; and B.n of a magnet that tilts by the
-formulas of level `finite`, in the part of the workspace that these know. The field is exact; the paper's (3), without
-its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field;
-poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
-varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
-same at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets them in part of the workspace.
-Unique means that of a grid of 13 x 13 x 7 poses none has its readings in common with any other of the workspace.
-
-Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
-readings, over their noise (root of the sum of squares), of two poses that are at least so far apart. The paper's
-displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of that: its workspace is part of the one
-here.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -36,6 +23,23 @@ if TYPE_CHECKING:
     from analytic.survey import Survey
 
     Array = NDArray[np.float64]
+
+ABOUT = """\
+The paper fills a table of readings over its workspace, sees in a plot for one depth that they are unique to each
+location, and takes the place of the magnet from it. Three forms of the readings are asked here: |B| of the elements
+and a magnet that stays upright, as the paper has it; B.n, as an element reads; and B.n of a magnet that tilts by the
+formulas of level `finite`, in the part of the workspace that these know. The field is exact; the paper's (3), without
+its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field;
+poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
+varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
+same at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets them in part of the workspace.
+Unique means that of a grid of 13 x 13 x 7 poses none has its readings in common with any other of the workspace.
+
+Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
+readings, over their noise (root of the sum of squares), of two poses that are at least so far apart. The paper's
+displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of that: its workspace is part of the one
+here.
+"""
 
 Row = dict[str, Any]
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from geometry.design import BadInput, Design
 from geometry.scene import Magnet
 from studies import console, describe, fields, files, inputs, sideways, states, vibration
+from studies.commandline import command
 from studies.inputs import AccuracyName
 from studies.options import (
     ACCURACY,
@@ -268,11 +269,12 @@ def stability(
     out
         Folder of their table, plot and STABILITY.md.
     """
+    asked = command(stability, locals())
     given = design_of(source, sets, magnet)
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
-        return _stability_map(source, given, magnet, accuracy, slenderness, out, as_json=as_json, wide=wide)
+        return _stability_map(source, given, magnet, accuracy, slenderness, out, asked, as_json=as_json, wide=wide)
     if out is not None:
         raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
     with console.progress(as_json=as_json) as progress:
@@ -288,6 +290,7 @@ def _stability_map(
     accuracy: str,
     slenderness: str,
     out: Path | None,
+    asked: str,
     *,
     as_json: bool,
     wide: bool,
@@ -308,9 +311,7 @@ def _stability_map(
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = list(work.run(given, magnet, accuracy, ratios, progress))
         if folder is not None:
-            ratio_text = ",".join(f"{ratio:g}" for ratio in ratios)
-            command = f"magtip stability --slenderness {ratio_text} --magnet {magnet} --accuracy {accuracy}"
-            work.write(folder, given, rows, versions(), command)
+            work.write(folder, given, rows, versions(), asked)
     console.report(
         rows,
         as_json=as_json,

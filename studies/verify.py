@@ -1,8 +1,6 @@
 """Published and closed-form targets, each solved on a family of meshes and judged against a fixed tolerance.
 
-Three kinds of judgement: the value on the finest mesh, its Richardson extrapolation, or the order of convergence of
-an error. The extrapolation fits f + C h^p to the three finest meshes; where they give no positive order, the finest
-value stands. Tolerances are promises and are never widened to make a target pass.
+ABOUT, which the report prints, says how.
 """
 
 from __future__ import annotations
@@ -15,8 +13,14 @@ from typing import Any
 
 from studies.compare import write_table
 from studies.files import write_text
-from studies.provenance import versions
+from studies.provenance import made, versions
 from studies.targets import Quantity, Target, targets
+
+ABOUT = """\
+Three kinds of judgement: the value on the finest mesh, its Richardson extrapolation, or the order of convergence of
+an error. The extrapolation fits f + C h^p to the three finest meshes; where they give no positive order, the finest
+value stands. Tolerances are promises and are never widened to make a target pass.
+"""
 
 Progress = Callable[[float, str], None]
 Row = dict[str, Any]
@@ -24,12 +28,15 @@ Row = dict[str, Any]
 NAN = math.nan
 
 
-def run(*, quick: bool = False, folder: Path | None = None, progress: Progress | None = None) -> list[Row]:
+def run(
+    *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
+) -> list[Row]:
     """Solve and judge all targets, and write verify.csv and VERIFY.md if told where.
 
     Parameters
     ----------
     quick : the reduced targets.
+    command : that this is run by.
 
     Returns
     -------
@@ -40,7 +47,7 @@ def run(*, quick: bool = False, folder: Path | None = None, progress: Progress |
     for i, target in enumerate(chosen):
         rows += judge(target, i / len(chosen), progress)
     if folder is not None:
-        write(folder, rows, origin, quick=quick)
+        write(folder, rows, origin, command)
     return rows
 
 
@@ -117,14 +124,13 @@ def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, f
     return float(h + (h - g) * c**-p / (b**-p - c**-p)), p
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> None:
+def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """verify.csv with every digit, VERIFY.md to read."""
     write_table(folder / "verify.csv", rows, digits=12)
     failed = [row for row in rows if not row["passed"]]
     verdict = f"{len(rows) - len(failed)} of {len(rows)} targets are met."
     heads = ["target", "quantity", "published", "computed", "extrapolated", "order", "error %", "allowed %", ""]
-    command = f"magtip verify{' --quick' if quick else ''}"
-    lines = ["# Verification", "", f"`{command}`: {verdict}", ""]
+    lines = ["# Verification", "", verdict, ""]
     lines += ["| " + " | ".join([*heads, "meshes"]) + " |", "|---" * (len(heads) + 1) + "|"]
     for row in rows:
         numbers = [_number(row[key], 6) for key in ("published", "computed", "extrapolated")]
@@ -133,11 +139,11 @@ def write(folder: Path, rows: Sequence[Row], origin: str, *, quick: bool) -> Non
         lines.append(
             "| " + " | ".join([row["target"], row["quantity"], *numbers, *rest, verdict, row["meshes"]]) + " |"
         )
-    lines += ["", *(__doc__ or "").split("\n\n", 1)[1].strip().splitlines(), "", "Sources:", ""]
+    lines += ["", *ABOUT.splitlines(), "", "Sources:", ""]
     lines += [f"- {name}: {source}" for name, source in {row["target"]: row["source"] for row in rows}.items()]
     lines += ["", "Notes:", ""]
     lines += [f"- {name}: {note}" for name, note in {row["target"]: row["note"] for row in rows}.items() if note]
-    lines += ["", f"Made with `{command}`, {origin}."]
+    lines += ["", made(command, origin)]
     write_text(folder / "VERIFY.md", "\n".join(lines) + "\n")
 
 

@@ -37,6 +37,6 @@ def test_small_run_keeps_its_goals(monkeypatch):
     coarse, fine = found["tables"]
     assert 0.3 < fine["median_mm"] / coarse["median_mm"] < 0.7
     assert found["tilts"]["box"]["median_mm"] > 0.01
-    text = decodefiles.report(found, {"numpy": "2"}, decodebench.__doc__)
+    text = decodefiles.report(found, {"numpy": "2"}, decodebench.ABOUT)
     assert "| a stream at 1000 Hz, NumPy | 900 | **no** |" in text
     assert "| 50000 decodings/s on one core, NumPy | 70000 | yes |" in text

@@ -217,7 +217,7 @@ def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, mo
     assert (tmp_path / "extremes.csv").read_text("utf-8").count("\n") == 3
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
     assert "2 of 2 scenes pass, 0 fail, 0 are not judged" in report
-    assert "`magtip extremes --quick`" in report
+    assert f"Made with `magtip extremes --quick --out {tmp_path}`" in report
 
 
 def test_a_failed_scene_is_status_three(run, monkeypatch):

@@ -33,7 +33,7 @@ def test_a_way_there_is_no_closed_loop(states):
 
 
 def test_files_of_the_study(tmp_path, curve, states):
-    sliding.write(tmp_path, [sliding.full_slip(curve)], [curve], states, "here", quick=True)
+    sliding.write(tmp_path, [sliding.full_slip(curve)], [curve], states, "here", "magtip friction --quick")
     report = (tmp_path / "FRICTION.md").read_text()
     assert "1 of 1 checks hold" in report
     assert "`magtip friction --quick`" in report
