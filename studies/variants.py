@@ -73,7 +73,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
         with _uninterrupted():
             forkserver.ensure_running()
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
         try:
             yield pool
         except BaseException:
@@ -84,6 +84,18 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
             for process in children:
                 process.join(ENDING_S)
             raise
+
+
+def _end_with_parent() -> None:
+    """Let this process end when the one that shares out the work is gone, be it killed: its locks would bind."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextlib.contextmanager
