@@ -50,7 +50,7 @@ SMALL_STRAIN = 0.25
 within it in a press to D/8 (1 mm)."""
 
 AT_BOUND = 1e-6
-"""Distance of a number from its bound, over its range, that counts as none."""
+"""Distance of a number from its bound, over its range, that counts as none if it makes no difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +226,13 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
     ]
     x = np.array(min(tries, key=lambda found: found.cost).x)
     x[1:] = _tidy(form, x[1:].tolist())
+    at_end = np.array([False, *(_at_bound(v, a, b) for v, a, b in zip(x[1:], low[1:], high[1:], strict=True))])
+    moved = np.where(at_end, np.clip(np.round(x), low, high), x)
+    # a share of 1e-7 is no bound where the term's exponent makes it large
+    bounded = (
+        at_end if np.linalg.norm(residual(moved)) <= np.linalg.norm(residual(x)) * (1 + 1e-6) else at_end & False
+    )
+    x = np.where(bounded, moved, x)
     values, left = _whole(form, x[1:].tolist()), residual(x)
     rms = float(np.sqrt(np.mean(left**2)))
     near = data.near(SMALL_STRAIN)
@@ -244,9 +251,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
         ),
         criterion=criterion,
         stable=ranges(form.law, values, tested(data.stretch)),
-        bounded=tuple(
-            name for name in form.free if _at_bound(numbers[name], specs[name]["low"], specs[name]["high"])
-        ),
+        bounded=tuple(name for name, is_bounded in zip(form.free, bounded[1:], strict=True) if is_bounded),
     )
 
 

@@ -270,6 +270,16 @@ def test_a_number_at_a_bound_is_no_optimum():
     assert any("ogden_alpha1 = 30 at a bound of the search" in said for said in lawwords.warnings(judged, data))
 
 
+def test_a_small_share_that_matters_is_not_at_a_bound():
+    """At a stretch of 7, a term of exponent 10 and a share of 1e-8 has a third of the stress."""
+    stretch = np.geomspace(1.05, 7, 30)
+    data = Specimen(stretch, 0.4 * lawfit.nominal_stress("ogden", (10.0, 1.5, 1 - 1e-8), stretch))
+    best = lawfit.fit(data)[0]
+    assert best.law == "ogden"
+    assert not best.bounded
+    assert best.share < 1e-4
+
+
 def test_an_impossible_E_keeps_the_fits_and_names_the_column(run, tmp_path, strict):
     data = synthetic("neo-hookean", E=5e4)
     file = table(tmp_path, data)
