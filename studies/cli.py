@@ -10,6 +10,7 @@ import contextlib
 import difflib
 import errno
 import io
+import os
 import re
 import sys
 
@@ -123,5 +124,10 @@ def main(tokens: list[str] | None = None) -> int:
         return BAD
     except KeyboardInterrupt as stop:
         console.say(f"magtip: interrupted; {str(stop) or 'files that are complete stay'}")
+        if tokens is None and console.loaded():
+            # all files are closed by now: nothing is left for Python's own end but seconds of taking down
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+            os._exit(INTERRUPTED)
         return INTERRUPTED
     return int(status or GOOD)

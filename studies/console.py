@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import shutil
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -286,17 +286,37 @@ def _silent(fraction: float, text: str) -> None:
     """No progress."""
 
 
-@contextlib.contextmanager
-def unbroken() -> Iterator[None]:
-    """Ctrl-C takes effect only afterwards: a library that is being loaded would fail with an error of its own."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
+_begun = threading.Event()
+"""Slow modules are loaded, or about to be."""
+
+
+def load(*names: str) -> None:
+    """Import slow modules, in a thread of their own, so that Ctrl-C ends the wait for them at once.
+
+    Raised within a library that is being loaded, a KeyboardInterrupt becomes an error of that library, or is lost. So
+    the thread goes on loading, and a process that is to end now must not wait for it (see `loaded`).
+    """
+    if threading.current_thread() is not threading.main_thread() or all(name in sys.modules for name in names):
+        for name in names:
+            importlib.import_module(name)
         return
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            for name in names:
+                importlib.import_module(name)
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    _begun.set()
+    thread.start()
+    thread.join()
+    if failed:
+        raise failed[0]
+
+
+def loaded() -> bool:
+    """Whether `load` has been at work: Python then takes seconds to end, or fails in what is still being loaded."""
+    return _begun.is_set()

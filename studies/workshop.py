@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -142,8 +141,7 @@ def build(
         refuse_foreign(folder / ALONE)
         draw = stack.enter_context(portrait.painter()) if picture else None
         progress(0.0, "solids and mould")
-        with console.unbroken():
-            importlib.import_module("build123d")
+        console.load("build123d", "trimesh")
         made = things(design, making)
         record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
         record |= describe.outer_record(design, made.plan)

@@ -239,18 +239,31 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     assert not list(tmp_path.rglob(".writing-*"))
 
 
-def test_an_interrupt_waits_for_what_must_not_be_broken():
-    reached = []
+def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing(tmp_path):
+    """The kernel takes seconds to load; here something of its name takes a minute."""
+    slow, work = tmp_path / "slow", tmp_path / "work"
+    slow.mkdir()
+    work.mkdir()
+    (slow / "build123d.py").write_text("import time\ntime.sleep(60)\n")
+    paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
+    options = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
+    command = [sys.executable, "-c", "from studies.cli import main; main()", "cad", "paper", "--out", "parts"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options) as process:
+        assert "solids and mould" in process.stderr.readline()
+        time.sleep(0.3)
+        begin = time.perf_counter()
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "magtip: interrupted; files that are complete stay\n"
+        assert process.wait() == 130
+        assert time.perf_counter() - begin < 20
+    assert list(work.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
 
-    def work():
-        with console.unbroken():
-            os.kill(os.getpid(), signal.SIGINT)
-            reached.append("end")
 
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert reached == ["end"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+def test_a_module_that_cannot_be_loaded_says_so():
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        console.load("no_such_module")
 
 
 @pytest.mark.parametrize(("option", "ranges"), [("--mold", mold.RANGES), ("--base", base.RANGES)])
