@@ -4,10 +4,10 @@ Lengths in mm (any one unit would do: the field knows only their ratios), J and 
 polarisation; the sharp-edged cylinder is taken, an edge radius is ignored. Points and fields are in the magnet's
 frame: origin at its centre, z along the magnetisation.
 
-The exact field runs in NumPy (`analytic.cylinder`) until a process has asked for 1000 calls or 2e5 points; then, if
-numba is installed (the extra `fast`), the same formulas go on compiled (`analytic.kernel`), because only now the time
-to load it is well spent. Both agree to 1e-13 of |B|. Who knows that the work will be long calls `compiled()` first.
-For a loop over single points `meridian_field` has the formulas in plain Python (`analytic.pointwise`).
+The exact field runs in NumPy (`analytic.cylinder`) for fewer than `MANY` points in a call. For more, and in
+`meridian_field` for a loop over single points, the same formulas are compiled (`analytic.kernel`) if numba is
+installed (the extra `fast`); else these loops are in NumPy and in plain Python (`analytic.pointwise`). Both agree to
+1e-13 of |B|. The call alone decides, never those before it: the same call has the same digits wherever it stands.
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
@@ -15,8 +15,11 @@ IEEE Sensors Journal 2016, equations (1) to (3).
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from types import ModuleType
 
 import numpy as np
@@ -29,9 +32,11 @@ from geometry.design import BadInput
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
 
-CALL_S, POINT_S, ENOUGH_S = 2e-4, 1e-6, 0.2
-"""What NumPy takes for a call and for a point, and after how much of it the kernel is loaded, s: 1000 calls or 2e5
-points. Loading takes about a second."""
+MANY = 2000
+"""Points of a call from which on it is compiled, in a third of NumPy's time: more than one decoding asks for, less
+than a batch or a map. Loading the kernel takes about a second, once in a process."""
+
+_plain: ContextVar[bool] = ContextVar("plain", default=False)
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -78,18 +83,39 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
 
 
 def compiled() -> ModuleType | None:
-    """Load the compiled kernel now, and use it from now on; None where numba is not installed or cannot be used.
+    """The compiled kernel; None where numba is not installed or cannot be used.
 
-    The first time after an installation it is compiled, which takes several seconds; it is kept in a file.
+    The first time after an installation it is compiled, which takes several seconds; it is kept in a file. Later a
+    process loads it in about a second; who cares when that is calls this first. No answer depends on it.
     """
-    return _ENGINE.load()
+    return None if _plain.get() else _loaded()
+
+
+@functools.cache
+def _loaded() -> ModuleType | None:
+    try:
+        from analytic import kernel
+    except (ImportError, RuntimeError):
+        # not installed, not for this NumPy, or without a folder to keep compiled code in
+        return None
+    return kernel
+
+
+@contextlib.contextmanager
+def uncompiled() -> Iterator[None]:
+    """Within this context all runs in NumPy and plain Python, as without numba."""
+    token = _plain.set(True)
+    try:
+        yield
+    finally:
+        _plain.reset(token)
 
 
 def meridian_field(radius: float, height: float, J: float) -> Callable[[float, float], tuple[float, ...]]:
     """The field of one magnet as a function of one point (rho, z), mm, for loops that wait for each.
 
     It gives B_r and B_z, T, and dB_r/dr, B_r/r, dB_r/dz, dB_z/dz, T/mm, in a tenth of the time of a call of
-    `cylinder_field_jacobian`; compiled where the kernel is loaded already, else in plain Python.
+    `cylinder_field_jacobian`; compiled where numba is installed, else in plain Python.
 
     Raises
     ------
@@ -99,7 +125,7 @@ def meridian_field(radius: float, height: float, J: float) -> Callable[[float, f
     check_magnet(radius, height, J)
     half = height / 2
     moments, faces = cylinder_moments(half / radius), face_moments()
-    kernel = _ENGINE.kernel
+    kernel = compiled()
     meridian = pointwise.meridian if kernel is None else kernel.meridian
     given = (moments.tolist(), faces.tolist()) if kernel is None else (moments, faces)
 
@@ -200,39 +226,10 @@ def check_magnet(radius: float, height: float, J: float) -> None:
         raise BadInput(f"J must be a finite number of T; got {J:g}")
 
 
-class _Engine:
-    """NumPy or the compiled kernel: the calls of this process so far decide, not a clock."""
-
-    def __init__(self) -> None:
-        self.spent_s = 0.0
-        self.kernel: ModuleType | None = None
-        self.missing = False
-
-    def load(self) -> ModuleType | None:
-        if self.kernel is None and not self.missing:
-            try:
-                from analytic import kernel
-            except (ImportError, RuntimeError):
-                # not installed, not for this NumPy, or without a folder to keep compiled code in
-                self.missing = True
-            else:
-                self.kernel = kernel
-        return self.kernel
-
-    def choose(self, count: int) -> ModuleType | None:
-        if self.kernel is None:
-            self.spent_s += CALL_S + POINT_S * count
-            return self.load() if self.spent_s > ENOUGH_S else None
-        return self.kernel
-
-
-_ENGINE = _Engine()
-
-
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:
     check_magnet(radius, height, J)
     x = _points(points)
-    kernel = _ENGINE.choose(len(x))
+    kernel = compiled() if len(x) >= MANY else None
     if kernel is None:
         return in_numpy(x, float(radius), height / 2, float(J), slope=slope)
     return in_kernel(kernel, x, float(radius), height / 2, float(J), slope=slope)

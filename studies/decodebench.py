@@ -9,6 +9,7 @@ ABOUT, which the report prints, says how.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import statistics
 import sys
@@ -145,27 +146,32 @@ def _among(pose: Array, others: list[Array] | Array) -> bool:
     return any(np.abs(pose - other).max() < 2e-5 for other in others)
 
 
+SAMPLES = 1000
+
+
 def speed(count: int = 8192, runs: int = 3) -> list[Row]:
     """Decodings a second of many at once and of a stream, in NumPy alone and with the compiled field."""
     rows = []
-    engine = magnet._ENGINE
-    for program in ("NumPy", "compiled field"):
-        engine.kernel, engine.missing = None, program == "NumPy"
-        if program != "NumPy":
-            magnet.compiled()
+    for program, how in (("NumPy", magnet.uncompiled), ("compiled field", contextlib.nullcontext)):
         for name in ("paper (h 2, l0 7.2, c 2)", "h 4, l0 6, c 4", "3-axis chip"):
-            coder = coder_of(Design(**LAYOUTS[name]), TAUS[1])  # type: ignore[arg-type]
-            # folded layouts take a hundred times as long
-            some = count // 16 if "c 4" in name else count
-            field = poses(coder, some)[1].T
-            many = statistics.median(_cpu(partial(decode.decode, coder, field)) for _ in range(runs))
-            follower = stream.Stream(coder)
-            t = np.linspace(0, 10, 1000)
-            path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
-            samples = [(a, b, c) for a, b, c in forward.values_at(coder.forward, path).T.tolist()]
-            took = statistics.median(_clock(follower, samples) for _ in range(runs))
-            rows.append({"program": program, "layout": name, "per_s": some / many, "stream_Hz": len(samples) / took})
+            with how():
+                many, took, some = _timed(name, count, runs)
+            rows.append({"program": program, "layout": name, "per_s": some / many, "stream_Hz": SAMPLES / took})
     return rows
+
+
+def _timed(name: str, count: int, runs: int) -> tuple[float, float, int]:
+    """Time for so many decodings at once and for a stream of SAMPLES, s; and how many the many were."""
+    coder = coder_of(Design(**LAYOUTS[name]), TAUS[1])  # type: ignore[arg-type]
+    # folded layouts take a hundred times as long
+    some = count // 16 if "c 4" in name else count
+    field = poses(coder, some)[1].T
+    many = statistics.median(_cpu(partial(decode.decode, coder, field)) for _ in range(runs))
+    follower = stream.Stream(coder)
+    t = np.linspace(0, 10, SAMPLES)
+    path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
+    samples = [(a, b, c) for a, b, c in forward.values_at(coder.forward, path).T.tolist()]
+    return many, statistics.median(_clock(follower, samples) for _ in range(runs)), some
 
 
 def _clock(follower: stream.Stream, samples: list[stream.Vector]) -> float:

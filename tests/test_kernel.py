@@ -1,5 +1,7 @@
-"""NumPy and the compiled kernel give the same field, and the calls of a process decide between them."""
+"""NumPy and the compiled kernel give the same field, and the size of a call decides between them."""
 
+import contextlib
+import subprocess
 import sys
 
 import numpy as np
@@ -11,13 +13,6 @@ from geometry.design import BadInput
 pytest.importorskip("numba", reason="the kernel needs the extra `fast`")
 
 RNG = np.random.default_rng(20100301)
-
-
-@pytest.fixture
-def engine(monkeypatch):
-    fresh = magnet._Engine()
-    monkeypatch.setattr(magnet, "_ENGINE", fresh)
-    return fresh
 
 
 def places(a, h, count=400):
@@ -36,10 +31,10 @@ def places(a, h, count=400):
 
 
 @pytest.mark.parametrize("flatness", [1e-6, 1e-2, 0.3, 1.0, 2.0, 30.0, 1e3])
-def test_kernel_and_numpy_agree(flatness, engine):
+def test_kernel_and_numpy_agree(flatness):
     a, h, J = 1.7, 1.7 * flatness, 1.2
     x = places(a, h)
-    (B, jacobian), kernel = magnet.in_numpy(x, a, h / 2, J, slope=True), engine.load()
+    (B, jacobian), kernel = magnet.in_numpy(x, a, h / 2, J, slope=True), magnet.compiled()
     B_too, jacobian_too = magnet.in_kernel(kernel, x, a, h / 2, J, slope=True)
     size = np.linalg.norm(B, axis=1)
     assert (np.linalg.norm(B_too - B, axis=1) / size).max() < 1e-13
@@ -53,15 +48,14 @@ def test_kernel_and_numpy_agree(flatness, engine):
 
 
 @pytest.mark.parametrize("flatness", [1e-3, 0.3, 1.0, 2.0, 30.0])
-@pytest.mark.parametrize("loaded", [False, True])
-def test_one_point_in_a_loop_is_the_same(flatness, loaded, engine):
+@pytest.mark.parametrize("how", [magnet.uncompiled, contextlib.nullcontext])
+def test_one_point_in_a_loop_is_the_same(flatness, how):
     a, h, J = 1.7, 1.7 * flatness, -1.2
     rho, z = np.abs(RNG.normal(size=(2, 40))) * a * 10.0 ** RNG.uniform(-1, 2, 40)
     rho[0] = 0
     B, jacobian = magnet.in_numpy(np.column_stack([rho, 0 * rho, z]), a, h / 2, J, slope=True)
-    if loaded:
-        engine.load()
-    field = magnet.meridian_field(a, h, J)
+    with how():
+        field = magnet.meridian_field(a, h, J)
     found = np.array([field(*point) for point in zip(rho.tolist(), z.tolist(), strict=True)])
     expected = np.column_stack([B[:, 0], B[:, 2], *(jacobian[:, i, j] for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))])
     size = np.repeat([np.linalg.norm(B, axis=1), np.linalg.norm(jacobian, axis=(1, 2))], [2, 4], axis=0).T
@@ -70,23 +64,50 @@ def test_one_point_in_a_loop_is_the_same(flatness, loaded, engine):
         field(a, h / 2)
 
 
-def test_kernel_refuses_the_same(engine):
-    engine.load()
+def test_kernel_refuses_the_same():
     for point, text in (((2, 0, 1), "infinite on the magnet's rim"), ((0, np.nan, 1), "points must be finite")):
         with pytest.raises(BadInput, match=text):
-            magnet.cylinder_field([(1, 1, 1), point], 2, 2, 1.2)
-    assert magnet.cylinder_field(np.empty((0, 3)), 2, 2, 1.2).shape == (0, 3)
+            magnet.cylinder_field([(1, 1, 1)] * magnet.MANY + [point], 2, 2, 1.2)
 
 
-def test_kernel_is_loaded_when_it_pays(engine):
-    magnet.cylinder_field([[1, 2, 3]], 2, 2, 1.2)
-    assert engine.kernel is None
-    magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2)
-    assert engine.kernel is not None
+def test_the_size_of_a_call_alone_decides():
+    """Below MANY points it is NumPy's to the last digit, from there on the kernel's."""
+    x = places(2.0, 2.0, magnet.MANY)[: magnet.MANY]
+    few, many = magnet.cylinder_field(x[1:], 2, 2, 1.2), magnet.cylinder_field(x, 2, 2, 1.2)
+    np.testing.assert_array_equal(few, magnet.in_numpy(x[1:], 2.0, 1.0, 1.2, slope=False)[0])
+    np.testing.assert_array_equal(many, magnet.in_kernel(magnet.compiled(), x, 2.0, 1.0, 1.2, slope=False)[0])
+    assert not np.array_equal(few, many[1:])
 
 
-def test_without_numba_the_field_is_numpys(engine, monkeypatch):
+def test_a_call_has_the_same_digits_whatever_was_called_before():
+    """In a process of its own: first of all, after 1200 other calls, and after the kernel was loaded and used."""
+    ended = subprocess.run([sys.executable, "-c", HISTORY], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == ["True"] * 4
+
+
+HISTORY = """
+import numpy as np
+from analytic import magnet
+x = np.random.default_rng(1).normal(size=(300, 3)) * 5
+def call():
+    loop = magnet.meridian_field(2.0, 2.0, 1.2)
+    return magnet.cylinder_field(x, 2, 2, 1.2).tobytes(), repr([loop(abs(r), z) for r, _, z in x.tolist()])
+first = call()
+for _ in range(1200):
+    magnet.cylinder_field(x[:1], 2, 2, 1.2)
+print(*[a == b for a, b in zip(first, call())])
+magnet.compiled()
+magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2)
+print(*[a == b for a, b in zip(first, call())])
+"""
+
+
+def test_without_numba_the_field_is_numpys(monkeypatch):
     monkeypatch.setitem(sys.modules, "analytic.kernel", None)
     monkeypatch.delattr("analytic.kernel", raising=False)
+    magnet._loaded.cache_clear()
     assert magnet.compiled() is None
-    assert magnet.cylinder_field(np.ones((300_000, 3)), 2, 2, 1.2).shape == (300_000, 3)
+    assert magnet.cylinder_field(np.ones((magnet.MANY, 3)), 2, 2, 1.2).shape == (magnet.MANY, 3)
+    monkeypatch.undo()
+    magnet._loaded.cache_clear()
+    assert magnet.compiled() is not None
