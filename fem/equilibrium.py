@@ -22,6 +22,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem import contact, models
+from fem.depth_ranges import graded_depth, parts
 from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.material import law
 from fem.path import FIRST_TOUCH, Path
@@ -152,6 +153,28 @@ def _walk(
     progress: Progress | None,
     mesh: skfem.MeshTet2 | None,
 ) -> Iterator[Solution]:
+    done = 0
+    for part in parts(loads, design.D, name):
+        report = None if progress is None else functools.partial(_of_all, progress, done, len(part), len(loads))
+        states = _walk_part(design, part, accuracy, magnet, name, estimate, report, mesh)
+        with contextlib.closing(states):
+            for state in states:
+                yield state
+        if state.status not in ("ok", "unstable"):
+            return
+        done += len(part)
+
+
+def _walk_part(
+    design: Design,
+    loads: Sequence[Load],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    name: models.Model,
+    estimate: bool,
+    progress: Progress | None,
+    mesh: skfem.MeshTet2 | None,
+) -> Generator[Solution]:
     states = _follow(design, loads, accuracy, magnet, name, progress, watch=estimate, mesh=mesh)
     if not estimate:
         yield from states
@@ -161,6 +184,11 @@ def _walk(
         for state in states:
             companion = next(companions, None)
             yield state if companion is None else _with_estimates(state, companion, loads, accuracy, magnet, design)
+
+
+def _of_all(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
+    """Report the share of a part, of `count` loads after `done`, as one of the `whole` path."""
+    progress((done + share * count) / whole, text)
 
 
 def _with_estimates(
@@ -252,7 +280,7 @@ def _start(
 ) -> Path:
     """The path with its model, at rest."""
     shape = design.shape.scaled(1 / design.D)
-    depths = [load.depth / design.D for load in loads if load.depth > FIRST_TOUCH * design.D]
+    depths = [graded_depth(load.depth / design.D) for load in loads if load.depth > FIRST_TOUCH * design.D]
     silicone = law(design.law, design.law_numbers)
     sideways = any(map(slides, loads))
     grip, tilt = loads[0].grip, loads[0].plate_tilt
