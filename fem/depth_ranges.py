@@ -1,14 +1,16 @@
 """Which loads of a path are followed on one mesh, and to which depth that mesh is graded.
 
 The edge length of a section at the tip follows from the radius of the contact, so that a light touch is resolved too.
-Elements that small have no place in a deep press: the plate's springs are softer than they are, and under a large
-pressure their skin loses stability although the body is stable. Where in an element a contact ends is also felt in
-the force, by up to a percent. So every light touch has a mesh of its own, on which it looks like any other, and all
-deeper presses share one. Then no state depends on what else a path is asked for.
+Elements that small have no place in a deep press: the plate's springs may be softer than they are, and then their skin
+loses stability under a large pressure although the body is stable (see `fem.contact`). And a light touch needs a mesh
+that is graded to it, or the force scatters by a percent with the place where the contact ends in an element. So
+depths are divided into ranges with a mesh each: narrow ones for light touches, and one for all deeper presses. The
+bounds are the same for every path, so that no state depends on what else a path is asked for.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from fem import models
@@ -16,9 +18,10 @@ from fem.path import FIRST_TOUCH
 from fem.solution import coulomb, slides
 from geometry.scene import Load
 
-SHALLOW, SAME_DEPTH = 0.025, 1e-9
-"""Depth over D from which on presses share a mesh, graded to it (0.2 mm for the paper's sensor). Depths that miss it by
-a share SAME_DEPTH, as those of similar designs may by rounding, count as on it."""
+SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
+"""Depth over D from which on presses share a mesh, graded to it (0.2 mm for the paper's sensor); ratio of the bounds of
+the ranges below, whose meshes are graded to the lower one. Depths that miss a bound by a share SAME_DEPTH, as those of
+similar designs may by rounding, count as on it."""
 
 
 def parts(loads: Sequence[Load], D: float, model: models.Model) -> list[list[Load]]:
@@ -33,23 +36,27 @@ def parts(loads: Sequence[Load], D: float, model: models.Model) -> list[list[Loa
     """
     found: list[list[Load]] = []
     present = deepest = 0.0
+    remembers = coulomb(loads) is not None
     straight = model in ("axisymmetric", "harmonic") and loads[0].grip is None
     for load in loads:
+        straight = straight and not (remembers and load.depth < deepest)
         graded = graded_depth(load.depth / D) if load.depth > FIRST_TOUCH * D else present
         if found and (not straight or graded == present or not present):
             found[-1].append(load)
         else:
             found.append([load])
-        present, deepest = graded, max(deepest, load.depth)
-        # friction remembers where the plate has been
-        straight = straight and (coulomb(loads) is None or (load.depth == deepest and not slides(load)))
+        present, deepest = graded, load.depth
+        straight = straight and not (remembers and slides(load))
     return found
 
 
 def graded_depth(depth: float) -> float:
     """The depth that the mesh of a press is graded to, both over D.
 
-    >>> graded_depth(1e-6), graded_depth(0.025), graded_depth(0.4)
-    (1e-06, 0.025, 0.025)
+    >>> graded_depth(0.4), graded_depth(0.025), graded_depth(0.0249)
+    (0.025, 0.025, 0.02)
     """
-    return depth if depth < (1 - SAME_DEPTH) * SHALLOW else SHALLOW
+    if depth >= SHALLOW:
+        return SHALLOW
+    below = math.log(SHALLOW / depth) / math.log(SPAN)
+    return SHALLOW / SPAN ** math.ceil(below - SAME_DEPTH)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import contact, elements, friction
-from fem.contact import KAPPA, Plate
+from fem.contact import KAPPA, SECTION_KAPPA, Plate
 from fem.linear import Solver
 from fem.models import Discretisation, raise_harmonics
 from fem.newton import TOLERANCE, Equilibrium, Stop, newton
@@ -130,11 +130,12 @@ class Path:
         depth, *shear = self.position if position is None else position
         shape = self.d.shape
         radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
+        kappa = SECTION_KAPPA if self.d.revolved and self.friction is None else KAPPA
         # a tilted plate touches the dome beside its top
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         return Plate(
             height,
-            KAPPA / radius,
+            kappa / radius,
             np.array(shear),
             self.tilt,
             self.tied,

@@ -13,7 +13,7 @@ What was chosen for FElupe:
   4 (1 - r - 2 s) belongs, and Newton's method diverges. It is put right here where it is found wrong.
 - `ContactRigidPlane` pushes at nodes and did not converge here: on second-order edges the corners' share of a smooth
   pressure is small, and none at the axis. Triangles have no boundary region to put a `FormItem` on. So the plate is
-  an item of its own: a penalty at Gauss points of the edges, of the same stiffness as magtip's, that takes the first
+  an item of its own: a penalty at Gauss points of the edges, as stiff as magtip's of tetrahedra, that takes the first
   iteration of a step with the points in contact before it.
 - SciPy's `spsolve`, at these sizes faster than PyPardiso's; steps from depth to depth without any between, from an
   extrapolated first guess; a tolerance that leaves an error far below the mesh's.

@@ -117,7 +117,7 @@ def _contact() -> list[Target]:
             "force on a plate without penalty, extrapolated; meshes are quick, standard and fine",
             lambda n: [touch.penalty(levels[n - 1], depth, magnet) for depth, magnet in pressed],
             tuple(
-                Quantity(f"F / F of a rigid plate, depth {depth:g} D, magnet {magnet}", 1.0, 1e-3)
+                Quantity(f"F / F of a rigid plate, depth {depth:g} D, magnet {magnet}", 1.0, 1.5e-4)
                 for depth, magnet in pressed
             ),
             meshes=(1, 2, 3),

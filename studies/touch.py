@@ -35,9 +35,9 @@ def hertz(level: str) -> tuple[float, ...]:
 
 
 def penalty(level: str, depth: float, magnet: Magnet) -> float:
-    """Force on the paper's sensor with the plate's penalty KAPPA over that on a rigid plate, depth in units of D.
+    """Force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate, depth over D.
 
-    The force is solved with KAPPA times 1, 3 and 10; the rigid plate is the line through them over 1 / KAPPA at 0.
+    The force is solved with that times 1, 3 and 10; the rigid plate is the line through them over its inverse at 0.
     """
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)

@@ -7,7 +7,7 @@ import pytest
 
 from fem import models, path
 from fem.equilibrium import trace
-from fem.levels import QUICK
+from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from geometry.design import Design, paper
 from geometry.scene import Load
@@ -48,3 +48,40 @@ def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monke
     assert 0.25 <= p.position[0] < 0.3
     found = p.d.system.assemble(p.d.system.state(p.q), p.plate(), tangent=False)
     assert np.abs(found.residual).max() < 1e-9 * np.abs(found.forces[p.d.system.eliminated]).max()
+
+
+@pytest.mark.parametrize("least", [1e-6, 1e-4, 0.1, 0.5])
+def test_a_press_does_not_depend_on_the_other_depths_of_its_path(least):
+    alone, company = (trace(paper(), [Load(depth=d) for d in way], QUICK)[-1] for way in ([2.0], [least, 2.0]))
+    assert (alone.status, company.status) == ("ok", "ok")
+    assert company.response.force[2] == pytest.approx(alone.response.force[2], rel=1e-9)
+    assert company.error_estimate == pytest.approx(alone.error_estimate, rel=1e-6)
+
+
+def test_a_glued_shear_does_not_depend_on_a_light_touch_before():
+    sheared = Load(depth=1.0, shear_x=1.0, friction="stick")
+    alone, company = (
+        trace(paper(), way, QUICK, estimate=False)[-1]
+        for way in ([sheared], [replace(sheared, depth=1e-4, shear_x=0.0), sheared])
+    )
+    assert company.response == alone.response
+
+
+def test_a_press_with_friction_does_not_depend_on_a_light_touch_before():
+    pressed = Load(depth=0.5, friction=0.3)
+    alone, company = (
+        trace(paper(), way, QUICK, estimate=False)[-1] for way in ([pressed], [replace(pressed, depth=1e-4), pressed])
+    )
+    assert company.response == alone.response
+
+
+def test_a_plate_with_friction_that_lifts_off_stays_on_its_mesh():
+    """Its history lives there."""
+    way = [Load(depth=d, friction=0.3) for d in (0.5, 0.1, 0.05)]
+    first, *others = (state.dofs for state in trace(paper(), way, QUICK, estimate=False))
+    assert others == [first, first]
+
+
+def test_small_elements_under_a_deep_press_keep_their_stability():
+    """The plate's springs are stiff beside them: softer ones let the skin wrinkle from 4.31 mm on."""
+    assert trace(paper(), [Load(depth=4.4)], STANDARD, estimate=False)[-1].status == "ok"
