@@ -1,11 +1,11 @@
 """Which loads of a path are followed on one mesh, and to which depth that mesh is graded.
 
-The edge length of a section at the tip follows from the radius of the contact, so that a light touch is resolved too.
-Elements that small have no place in a deep press: the plate's springs may be softer than they are, and then their skin
-loses stability under a large pressure although the body is stable (see `fem.contact`). And a light touch needs a mesh
-that is graded to it, or the force scatters by a percent with the place where the contact ends in an element. So
-depths are divided into ranges with a mesh each: narrow ones for light touches, and one for all deeper presses. The
-bounds are the same for every path, so that no state depends on what else a path is asked for.
+The edge length of a section at the tip follows from the radius of the contact, so that a light touch is resolved
+too. Elements that small have no place in a deep press: the plate's springs may be softer than they are, and then
+their skin loses stability under a large pressure although the body is stable (see `fem.contact`). And a light touch
+needs a mesh that is graded to it, or the force scatters by a percent with the place where the contact ends in an
+element. So depths are divided into ranges with a mesh each: narrow ones for light touches, and one for all deeper
+presses. The bounds are the same for every path, so that no state depends on what else a path is asked for.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from fem.solution import coulomb, slides
 from geometry.scene import Load
 
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
-"""Depth over D from which on presses share a mesh, graded to it (0.2 mm for the paper's sensor); ratio of the bounds of
-the ranges below, whose meshes are graded to the lower one. Depths that miss a bound by a share SAME_DEPTH, as those of
-similar designs may by rounding, count as on it."""
+"""Depth over D from which on presses share a mesh, graded to it (0.2 mm for the paper's sensor); ratio of the bounds
+of the ranges below, whose meshes are graded to the lower one. Depths that miss a bound by a share SAME_DEPTH, as
+those of similar designs may by rounding, count as on it."""
 
 
 def parts(loads: Sequence[Load], D: float, model: models.Model) -> list[list[Load]]:
