@@ -266,7 +266,7 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
     # the bar would draw what is meant for a pipe or a file on standard error
     aside = sys.stdout.isatty()
     with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=aside) as bar:
-        task = bar.add_task("", total=1.0)
+        task = bar.add_task("loading", total=1.0)
         yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
 
 

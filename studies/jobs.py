@@ -184,7 +184,7 @@ def fit(
     else:
         _print_laws([work.flat(record) for record in records], wide=wide)
         for reason in filter(None, map(reasons, records)):
-            print(f"{reason}.")
+            console.note(f"{reason}.")
     chosen = [record for record in records if record["chosen"]]
     for record in chosen or records:
         for warning in record["warnings"]:

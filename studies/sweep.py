@@ -145,15 +145,21 @@ def _rows(
     store = kept.opened(None if folder is None else folder / "solves.jsonl", code())
     rows = []
     said = time.monotonic()
-    for case, solved in zip(cases, _solve(cases, magnet, accuracy, progress, store), strict=True):
+
+    def say(fraction: float, text: str) -> None:
+        nonlocal said
+        said = time.monotonic()
+        if progress is not None:
+            progress(fraction, text)
+
+    for case, solved in zip(cases, _solve(cases, magnet, accuracy, say, store), strict=True):
         rows.append(_row(case, solved, *named))
         yield rows[-1]
-        if progress is not None and time.monotonic() - said > SILENCE:
-            said = time.monotonic()
-            progress(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
+        # rows of one solve come without another word
+        if time.monotonic() - said > SILENCE:
+            say(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
     if folder is not None:
-        if progress is not None:
-            progress(1.0, "sweep.csv and sweep.png")
+        say(1.0, "sweep.csv and sweep.png")
         from studies import sweepplot
 
         write_table(folder / "sweep.csv", rows)
