@@ -91,6 +91,8 @@ def run(
     """
     found = compare(design, accuracy, progress, depths, shears, shear_depth)
     if folder is not None:
+        if progress is not None:
+            progress(1.0, ", ".join(FILES))
         write(folder, design, found)
     return {"press": found.press, "shear": found.shear, "summary": found.summary}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
@@ -198,7 +199,10 @@ def table(
     if len(rows) >= MANY:
         magnet.compiled()
     field = in_tesla(chosen, values, unit)
-    found = decode(coder, field, follow=True)
+    with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
+        if progress is not None:
+            progress(0.0, f"poses of {len(rows)} rows")
+        found = decode(coder, field, follow=True)
     tilt, tilt_y = tilts_of(*found.tilt.T)
     numbers = np.column_stack([found.shift, tilt, tilt_y, found.force, found.load, found.condition])
     if as_json and target is None:

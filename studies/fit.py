@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import SILICONE_E, BadInput
+from studies.console import Progress
 from studies.files import write_text
 from studies.lawchoice import Judged, choose
 from studies.lawfit import Fit, fit, nominal_stress
@@ -25,7 +26,9 @@ MARK = "# fitted to "
 """How a design file begins that is written here."""
 
 
-def run(path: str, nu: float, folder: Path | None, asked: str | None = None) -> list[dict[str, Any]]:
+def run(
+    path: str, nu: float, folder: Path | None, asked: str | None = None, progress: Progress | None = None
+) -> list[dict[str, Any]]:
     """Fit the test in a file; writes fit.csv, fit.png and design.toml into an existing folder.
 
     Parameters
@@ -40,6 +43,8 @@ def run(path: str, nu: float, folder: Path | None, asked: str | None = None) -> 
     data = read(path)
     if folder is not None:
         _refuse_foreign(folder / "design.toml")
+    if progress is not None:
+        progress(0.0, "fits of all laws")
     judged = choose(fit(data, nu), data, asked)
     records = [record(found, data) for found in judged]
     if folder is not None:

@@ -177,8 +177,8 @@ def fit(
     from studies.lawwords import reasons
 
     files.check_apart(files.inside(out, work.FILES), [data])
-    with files.results(out) as folder:
-        records = work.run(data, nu, folder, law)
+    with files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        records = work.run(data, nu, folder, law, progress)
     if as_json:
         console.report(records, as_json=True)
     else:

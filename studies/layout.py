@@ -81,6 +81,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     if job.claim:
         found["claim"] = uniqueness.run(design, progress)
     if folder is not None:
+        progress(1.0, "layout.csv, pictures and LAYOUT.md")
         layoutfiles.write(folder, coder, seen, found, command, basis.clearance)
     return found
 

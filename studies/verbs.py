@@ -344,6 +344,7 @@ def modes(
         How many, pairs of bending or ovalling modes counted once.
     """
     given = design_of(source, sets, magnet)
-    record = vibration.run(given, magnet, count, depth, accuracy)
+    with console.progress(as_json=as_json) as progress:
+        record = vibration.run(given, magnet, count, depth, accuracy, progress)
     console.report([record], as_json=as_json, title="Natural frequencies")
     return judged([record])

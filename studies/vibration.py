@@ -6,12 +6,15 @@ from typing import Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import Load, Magnet, check_load
+from studies.console import Progress
 
 BAND = 600.0
 """Up to where the paper used its sensor, Hz (section IV.C)."""
 
 
-def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str) -> dict[str, Any]:
+def run(
+    design: Design, magnet: Magnet, count: int, depth: float, accuracy: str, progress: Progress
+) -> dict[str, Any]:
     """One record: frequencies in rising order with their shapes, and the spring-mass formula.
 
     The status is failed where the press does not reach the depth, or is not stable there.
@@ -27,6 +30,7 @@ def run(design: Design, magnet: Magnet, count: int, depth: float, accuracy: str)
     if not 1 <= count <= MOST:
         raise BadInput(f"--count must be between 1 and {MOST}; got {count}")
     check_load(design, Load(depth=depth), magnet)
+    progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     frequencies: tuple[float, ...] = ()
     shapes: tuple[str, ...] = ()
     status = "ok"

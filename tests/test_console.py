@@ -183,3 +183,20 @@ def test_nothing_is_printed_of_nothing(capsys):
     stream = io.StringIO()
     assert console.stream(iter([]), as_json=False, title="T", keys=[], count=2) == []
     assert capsys.readouterr().out == stream.getvalue() == ""
+
+
+@pytest.mark.parametrize(
+    ("tokens", "said"),
+    [
+        (("fit", "t.csv"), "fits of all laws"),
+        (("modes", "paper", "--accuracy", "quick"), "modes of the free sensor"),
+        (("decode", "paper", "--file", "r.csv", "--out", "d.csv"), "poses of 600 rows"),
+    ],
+)
+def test_what_takes_seconds_is_said_before(run, tmp_path, tokens, said):
+    rows = [f"{1 + 0.1 * k},{0.1 * k}" for k in range(8)]
+    (tmp_path / "t.csv").write_text("\n".join(["stretch,nominal_stress_MPa", *rows]))
+    (tmp_path / "r.csv").write_text("S1_V,S2_V,S3_V\n" + "3.05,2.97,2.92\n" * 600)
+    status, _, err = run(*tokens)
+    assert status == 0
+    assert said in err

@@ -69,7 +69,9 @@ def test_stated_noise_is_used_and_named(run, strict, small):
 
 
 def test_the_map_is_a_table_with_units(run, small, tmp_path):
-    assert run("layout", "paper", *FOLDED, "--out", "map")[0] == 0
+    status, _, err = run("layout", "paper", *FOLDED, "--out", "map")
+    assert status == 0
+    assert "layout.csv, pictures and LAYOUT.md" in err
     assert sorted(p.name for p in (tmp_path / "map").iterdir()) == ["LAYOUT.md", "layout.csv", "layout.png"]
     with open(tmp_path / "map" / "layout.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
