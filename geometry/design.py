@@ -273,9 +273,19 @@ def nearest(word: str, words: Iterable[str]) -> str:
     'did you mean magnet_height?'
     """
     known = list(words)
+    close = closest(word, known)
+    return f"did you mean {close}?" if close else f"choose one of {', '.join(known)}"
+
+
+def closest(word: str, words: Iterable[str]) -> str | None:
+    """The known word that is the same but for its case, or else the nearest one; None if none is near.
+
+    >>> closest("d", ["D", "E"]), closest("magnet_hieght", ["D", "magnet_height"]), closest("colour", ["D"])
+    ('D', 'magnet_height', None)
+    """
+    known = list(words)
     same = [other for other in known if other.casefold() == word.casefold()]
-    close = same or difflib.get_close_matches(word, known, n=1)
-    return f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}"
+    return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
 
 
 def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.design import BadInput, nearest
+from geometry.design import BadInput, closest
 from studies import readers
 
 Array = NDArray[np.float64]
@@ -119,9 +119,9 @@ def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) ->
         units = [other for other in wanted if name and other.casefold().startswith(f"{name.casefold()}_")]
         if units:
             raise BadInput(f"{path!r}, line {line}: the column {name!r} lacks its unit: name it {' or '.join(units)}")
-        remedy = nearest(name, wanted)
-        if name and remedy.startswith("did"):
-            raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: {remedy}")
+        meant = closest(name, wanted) if name else None
+        if meant:
+            raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean {meant}?")
     raise BadInput(
         f"{path!r}, line {line}: the header needs a column {' or '.join(wanted)}; got {', '.join(header)!r:.80}"
     )
