@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,6 +34,19 @@ Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 
 HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
 """Three one-axis elements S1, S2 and S3, or one 3-axis chip at the depth of S1."""
+
+OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
+    "three": (
+        *("f", "c", "hall_gain", "hall_null", "hall_low", "hall_high"),
+        *("hall_noise", "hall_step", "hall_plate"),
+    ),
+    "tmag5273a1": ("chip_x",),
+    "tle493d-p2b6": ("chip_x",),
+}
+"""Fields that place or describe the elements of some layouts only: a chip has figures of its own."""
+
+OF_MAGNET = ("remanence", "magnet_density")
+"""Fields that mean nothing without a magnet; its edge radius may stay what it is."""
 
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law."""
@@ -223,9 +236,26 @@ class Design:
         """The numbers that shape the law, in the order of `LAWS`."""
         return tuple(getattr(self, name) for name in LAWS[self.law])
 
-    def idle(self) -> list[str]:
-        """Names of the fields that shape other laws than this design's."""
-        return [name for law, names in LAWS.items() if law != self.law for name in names]
+    def idle(self) -> dict[str, str]:
+        """The fields that have no effect in this design, and why.
+
+        >>> Design(law="yeoh", hall_layout="tmag5273a1").idle()["hall_noise"]
+        'hall_layout is tmag5273a1'
+        """
+        own = OF_ONE_LAYOUT[self.hall_layout]
+        found = {name: f"the law is {self.law}" for law, names in LAWS.items() if law != self.law for name in names}
+        for names in OF_ONE_LAYOUT.values():
+            found |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in own}
+        return found if self.shape.has_magnet else found | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
+
+    def in_vain(self) -> list[str]:
+        """Which fields differ from their defaults and have no effect, a sentence for each reason."""
+        standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
+        reasons: dict[str, list[str]] = {}
+        for name, reason in self.idle().items():
+            if getattr(self, name) != standard[name]:
+                reasons.setdefault(reason, []).append(name)
+        return [no_effect(names, reason) for reason, names in reasons.items()]
 
     def warnings(self) -> list[str]:
         """What is possible to compute but not to build, or likely not meant."""
@@ -251,19 +281,22 @@ class Design:
 
     def doubts(self) -> list[str]:
         """What is likely not meant, whatever the design is used for: fields without effect, and no silicone's E."""
-        found = []
-        standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
-        if self.chip_x and self.hall_layout == "three":
-            found.append("chip_x has no effect: hall_layout is three")
-        set_in_vain = [name for name in self.idle() if getattr(self, name) != standard[name]]
-        if set_in_vain:
-            found.append(f"{', '.join(set_in_vain)} has no effect: the law is {self.law}")
+        found = self.in_vain()
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             found.append(
                 f"E = {self.E:g} MPa is no silicone's, {SILICONE_E[0]:g} MPa (gels) to {SILICONE_E[1]:g} MPa "
                 "(Shore A 90): check that it is in MPa"
             )
         return found
+
+
+def no_effect(names: Sequence[str], reason: str) -> str:
+    """A warning about what is set in vain.
+
+    >>> no_effect(["f", "c"], "hall_layout is tmag5273a1")
+    'f, c have no effect: hall_layout is tmag5273a1'
+    """
+    return f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} no effect: {reason}"
 
 
 def nearest(word: str, words: Iterable[str]) -> str:

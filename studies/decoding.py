@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import tilts_of
-from studies import console, files, inputs, responses
+from studies import console, files, inputs, options, responses
 from studies.fields import read_rows
 
 if TYPE_CHECKING:
@@ -82,7 +82,9 @@ def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt
     """
     from analytic.decode import decoder
 
-    return decoder(design, mechanics_of(design, level, file), ignore_tilt=ignore_tilt)
+    law = mechanics_of(design, level, file)
+    say_if_upright(law, ignore_tilt=ignore_tilt)
+    return decoder(design, law, ignore_tilt=ignore_tilt)
 
 
 def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
@@ -90,6 +92,12 @@ def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechan
     if file is not None and level is not None:
         raise BadInput("--level and --responses both give the mechanics: leave one of them out")
     return of_level(design, level or "paper") if file is None else of_file(file, design)
+
+
+def say_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
+    """A warning where a tilt is to be ignored and there is none."""
+    if ignore_tilt and law is not None and not law.tau.any():
+        options.say_no_effect("--ignore-tilt", "the magnet does not tilt in these mechanics")
 
 
 def of_level(design: Design, level: str) -> Mechanics:

@@ -6,19 +6,20 @@ import csv
 import io
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.scene import tilts_of
-from studies import files, inputs, readers
+from studies import files, inputs, options, readers
 from studies.options import FieldLevel, Pose
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from analytic.hall import Readings
+    from analytic.hall import Mode, Readings
 
     Array = NDArray[np.float64]
 
@@ -48,40 +49,64 @@ def vector(name: str, text: str, count: int) -> list[float]:
     return numbers
 
 
-def readings(
-    design: Design, pose: Pose, level: FieldLevel, mode: str, ambient: str, seed: int | None
-) -> dict[str, Any]:
-    """What the elements read, beside what is wrong with the pose."""
+@dataclass(frozen=True, slots=True)
+class Sensing:
+    """How readings are taken.
+
+    Attributes
+    ----------
+    level : of the field.
+    mode : "component", B.n as an element reads it, or "magnitude", the paper's |B|.
+    ambient : uniform field that is added, T.
+    noise : draws a sample of the elements' noise for each pose; None draws none.
+    """
+
+    level: FieldLevel
+    mode: Mode
+    ambient: Vector
+    noise: np.random.Generator | None
+
+
+def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed: int | None) -> Sensing:
+    """What the options of `magtip readings` ask for; a seed for elements without noise is said to be in vain."""
     import numpy as np
 
+    from analytic.parts import of_design
+
+    bx, by, bz = vector("--ambient", ambient, 3)
+    noise = None if seed is None else np.random.default_rng(_seed(seed))
+    if noise is not None and not any(element.noise for element in of_design(design)):
+        options.say_no_effect("--seed", "hall_noise is 0")
+    return Sensing(level, mode, (bx, by, bz), noise)
+
+
+def at(design: Design, shift: Vector, tilt: tuple[float, float], sensing: Sensing) -> dict[str, Any]:
+    """What the elements read for a pose, beside what is wrong with it."""
     from analytic import clearance, hall
     from analytic.parts import of_design
 
-    shift, tilt = pose_of(pose)
-    bx, by, bz = vector("--ambient", ambient, 3)
-    noise = None if seed is None else np.random.default_rng(_seed(seed))
     chosen = of_design(design)
     seen = hall.readings(
         design,
         shift=shift,
         tilt=tilt,
-        mode="magnitude" if mode == "magnitude" else "component",
-        field=level,
-        ambient=(bx, by, bz),
-        noise=noise,
+        mode=sensing.mode,
+        field=sensing.level,
+        ambient=sensing.ambient,
+        noise=sensing.noise,
     )
     volts = all(unit == "V" for unit in seen.units)
     leaning = tilts_of(*tilt)
     return {
         "status": "ok",
-        "level": level,
-        "mode": mode,
+        "level": sensing.level,
+        "mode": sensing.mode,
         "layout": design.hall_layout,
         "shift_mm": list(shift),
         "tilt_rad": leaning[0],
         "tilt_y_rad": leaning[1],
         "rotation_rad": list(tilt),
-        "ambient_T": [bx, by, bz],
+        "ambient_T": list(sensing.ambient),
         "elements": [element.name for element in chosen],
         "readings_T": list(seen.B_T),
         "readings_V": list(seen.V) if volts else None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,17 +83,67 @@ def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str
 
 CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
 """Keys of what a row of a comparison or a sweep is of."""
+COLUMNS = {key.rpartition("_")[0]: key for key in CASE}
+"""The same by the axis."""
 
 
 def show(rows: Sequence[dict[str, Any]], title: str, *, wide: bool) -> None:
     """Print rows of a comparison or a sweep: both models' main answers; files and a wide table have the rest."""
     if not rows:
         return
-    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in rows[0] else ("force_N", "shift_z_mm")
-    errors = tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in judged)
-    answers = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
-    keys = (*CASE, *answers, *errors, "fem_tilt_rad", "status")
+    judged, errors = _judged(rows[0])
+    keys = _main(rows[0])
     varying = [key for key in CASE if len({row.get(key) for row in rows}) > 1]
     first = ("status", *varying, f"fem_{judged[0]}", f"analytic_{judged[0]}", errors[0])
     brief = [key for key in rows[0] if key not in keys]
     console.report(rows, as_json=False, title=title, brief=brief, first=first, wide=wide)
+
+
+def _judged(row: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[str, ...]]:
+    """The answers that are compared, and their errors."""
+    judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
+    return judged, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in judged)
+
+
+def _main(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Keys of the main figures."""
+    judged, errors = _judged(row)
+    answers = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
+    return (*CASE, *answers, *errors, "fem_tilt_rad", "status")
+
+
+def in_vain(
+    rows: Sequence[Mapping[str, Any]], axes: Mapping[str, Sequence[float]], *, whole: bool
+) -> list[tuple[str, str]]:
+    """Axes of a sweep that change none of the figures that are given, and why.
+
+    Parameters
+    ----------
+    whole : whether all figures are given, as in files, in JSON and in a wide table, or the main ones.
+    """
+    if not rows:
+        return []
+    none = _unmoved(rows, axes, rows[0])
+    found = [(name, "the figures are the same for all its values") for name in none]
+    hidden = [] if whole else [name for name in _unmoved(rows, axes, _main(rows[0])) if name not in none]
+    return found + [(name, "it changes only what --wide, --json and --out show") for name in hidden]
+
+
+def _unmoved(
+    rows: Sequence[Mapping[str, Any]], axes: Mapping[str, Sequence[float]], keys: Iterable[str]
+) -> list[str]:
+    """Axes along which no figure changes, of the cases that are solved and differ in nothing else."""
+    columns = {name: COLUMNS[name] for name in axes}
+    figures = [key for key in keys if key not in (*columns.values(), "solve", "seconds")]
+    found = []
+    for name in axes:
+        others = [column for axis, column in columns.items() if axis != name]
+        seen: dict[tuple[Any, ...], list[str]] = {}
+        for row in rows:
+            if row.get("status") == "ok":
+                # as texts, for a NaN differs from itself
+                figure = repr([row.get(key) for key in figures])
+                seen.setdefault(tuple(row.get(column) for column in others), []).append(figure)
+        if max(map(len, seen.values()), default=0) > 1 and all(len(set(texts)) == 1 for texts in seen.values()):
+            found.append(name)
+    return found

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies import console, decoding, files, tables
 from studies.commandline import command
-from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, Wide, design_of, judged
+from studies.options import FAILED, GOOD, AsJson, Basis, Sets, Source, Whole, Wide, design_of, judged, say_no_effect
 
 
 def decode(
@@ -119,7 +119,7 @@ def layout(
     basis: Basis = Basis(),
     search: bool = False,
     ranges: Annotated[list[str] | None, Parameter(name="--range")] = None,
-    count: Whole = 10,
+    count: Whole | None = None,
     claim: bool = False,
     out: Path | None = None,
     sets: Sets = None,
@@ -135,7 +135,7 @@ def layout(
     ranges
         Where to search: NAME=LOW,HIGH in mm, or NAME=VALUE to keep it; repeatable.
     count
-        How many layouts the search gives, 1 to 16.
+        How many layouts the search gives, 1 to 16; default: 10.
     claim
         Whether readings are unique, as the paper models them and as elements read them, over c; a minute.
     out
@@ -148,9 +148,11 @@ def layout(
     given = design_of(source, sets)
     if ranges and not search:
         raise BadInput("--range says where to search: add --search")
+    if count is not None and not search:
+        say_no_effect("--count", "it says how many layouts a search gives, and there is no --search")
     files.check_apart(files.inside(out, texts.FILES), [source, basis.responses])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        job = work.Job(given, basis, search, tuple(ranges or ()), count, claim)
+        job = work.Job(given, basis, search, tuple(ranges or ()), work.USUAL if count is None else count, claim)
         found = work.run(job, progress, folder, asked)
     if as_json:
         console.report([found], as_json=True)

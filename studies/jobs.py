@@ -22,6 +22,7 @@ from studies.options import (
     Wide,
     design_of,
     judged,
+    say_no_effect,
     say_what_is_idle,
 )
 
@@ -141,6 +142,8 @@ def sweep(
         if not as_json:
             grids.show(rows, "Sweep", wide=wide)
             _print_remarks([row for row in rows if row["status"] == "ok"])
+    for name, reason in grids.in_vain(rows, case.axes, whole=as_json or wide or out is not None):
+        say_no_effect(f"axis {name}", reason)
     failed = [row for row in rows if row["status"] != "ok"]
     for reason in console.remarks(failed, grids.CASE):
         console.say(f"magtip: {reason}")

@@ -35,8 +35,8 @@ COUNTS = (25, 25, 13)
 """Poses of the map along x, y and z."""
 MOST_CLEARANCE = 100.0
 """mm."""
-MOST_FOUND = 16
-"""Layouts that a search gives, at most."""
+MOST_FOUND, USUAL = 16, 10
+"""Layouts that a search gives, at most and by default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +64,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
 
     design, basis = job.design, job.basis
     law = mechanics_of(design, basis.level, basis.responses)
+    decoding.say_if_upright(law, ignore_tilt=basis.ignore_tilt)
     if not 0 <= basis.clearance <= MOST_CLEARANCE:
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
     if not 1 <= job.count <= MOST_FOUND:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
-from geometry.design import BadInput, Design
+from geometry.design import BadInput, Design, no_effect
 from geometry.scene import Magnet
 from studies import console, inputs
 from studies.inputs import AccuracyName
@@ -156,6 +156,11 @@ def say_what_is_idle(design: Design) -> None:
     """A warning for each field that is set in vain, and where E is no silicone's."""
     for doubt in design.doubts():
         console.say(f"magtip: warning: {doubt}")
+
+
+def say_no_effect(what: str, reason: str) -> None:
+    """A warning for an option or an axis that another one, or the design, makes useless."""
+    console.say(f"magtip: warning: {no_effect([what], reason)}")
 
 
 def judged(records: Sequence[dict[str, Any]]) -> int:

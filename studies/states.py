@@ -66,6 +66,16 @@ def loads_of(motion: Motion) -> list[Load]:
     return [replace(full, depth=share * full.depth) for share in shares]
 
 
+def in_vain(motion: Motion, method: Method) -> list[tuple[str, str]]:
+    """Options that another one makes useless, and why."""
+    found = []
+    if motion.friction == "stick" and not (motion.shear or motion.shear_y):
+        found.append(("--friction stick", "it glues the contact for a shear, and there is none"))
+    if method.mesh is not None and method.accuracy != "standard" and motion.grip is None:
+        found.append(("--accuracy", "--mesh gives the mesh"))
+    return found
+
+
 def _check_motion(motion: Motion) -> bool:
     """Refuse options that exclude each other; returns whether there is a shear."""
     slides = bool(motion.shear or motion.shear_y)

@@ -31,6 +31,12 @@ def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     return axes
 
 
+def idle(design: Design, axes: Mapping[str, Sequence[float]]) -> list[tuple[str, str]]:
+    """Axes that change no solid, and why."""
+    reasons = {"E": "the solids are the same, only the drawing names E"} | design.idle()
+    return [(name, reasons[name]) for name, values in axes.items() if name in reasons and len(values) > 1]
+
+
 def batch(
     design: Design,
     axes: Mapping[str, Sequence[float]],

@@ -14,6 +14,7 @@ from studies.inputs import AccuracyName
 from studies.options import (
     ACCURACY,
     DEPTH,
+    FAILED,
     GOOD,
     LEVEL,
     MAGNET,
@@ -30,6 +31,7 @@ from studies.options import (
     Wide,
     design_of,
     judged,
+    say_no_effect,
 )
 
 
@@ -78,6 +80,8 @@ def cad(
     files.check_apart(files.inside(out, workshop.names()), [source])
     making = workshop.making_of(process, mold or [], base or [], tolerance)
     axes = variants.axes_of(axis or [])
+    for name, reason in variants.idle(given, axes):
+        say_no_effect(f"axis {name}", reason)
     with console.progress(as_json=as_json) as progress:
         if axes:
             records = list(variants.batch(given, axes, out, progress, making))
@@ -142,6 +146,8 @@ def solve(
     given = design_of(source, sets, method.magnet)
     files.check_apart([out, picture], [source, method.mesh])
     loads = states.loads_of(motion)
+    for option, reason in states.in_vain(motion, method):
+        say_no_effect(option, reason)
     title, keys = "Finite elements", states.columns(loads)
     with console.progress(as_json=as_json) as progress:
         reached = states.solve(given, loads, method, out=out, picture=picture, progress=progress)
@@ -180,7 +186,10 @@ def analytic(
     level
         Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
     """
-    record = states.analytic(design_of(source, sets), depth, (shear, shear_y), level)
+    given = design_of(source, sets)
+    if level == "paper" and given.law != "neo-hookean":
+        say_no_effect("law", "the paper's formulas know E only")
+    record = states.analytic(given, depth, (shear, shear_y), level)
     _report(record, "Formulas", as_json=as_json)
     return GOOD
 
@@ -228,7 +237,9 @@ def readings(
     mode: Literal["component", "magnitude"] = "component",
     ambient: str = "0,0,0",
     seed: Whole | None = None,
+    responses: Path | None = None,
     sets: Sets = None,
+    wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
     """What the Hall elements read when the magnet has moved, with saturation and clearance.
@@ -241,10 +252,22 @@ def readings(
         Uniform field that is added, Bx,By,Bz in T.
     seed
         Draw one sample of the elements' noise with this seed; none by default.
+    responses
+        States printed by `magtip solve --json`, a line each: a row of readings for each, without --shift and --tilt.
     """
-    record = fields.readings(design_of(source, sets), pose, level, mode, ambient, seed)
-    _report(record, "Readings", as_json=as_json)
-    return GOOD
+    given = design_of(source, sets)
+    sensing = fields.sensing_of(given, level, mode, ambient, seed)
+    if responses is None:
+        shift, tilt = fields.pose_of(pose)
+        _report(fields.at(given, shift, tilt, sensing), "Readings", as_json=as_json)
+        return GOOD
+    if pose != Pose():
+        raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
+    from studies import sensed
+
+    rows = sensed.of_states(given, responses, sensing)
+    sensed.show(rows, as_json=as_json, wide=wide)
+    return GOOD if any(row["status"] == "ok" for row in rows) else FAILED
 
 
 def stability(
@@ -274,6 +297,8 @@ def stability(
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
+        if "L" in inputs.pairs("--set", sets or [], "D=10"):
+            say_no_effect("L", "--slenderness gives the lengths")
         return _stability_map(source, given, magnet, accuracy, slenderness, out, asked, as_json=as_json, wide=wide)
     if out is not None:
         raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")

@@ -2,10 +2,12 @@
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 
-from geometry.design import LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
+from analytic.parts import of_design
+from geometry.design import HALL_LAYOUTS, LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
 
 FIELDS = [spec for spec in dataclasses.fields(Design) if "choices" not in spec.metadata]
 NAMES = [spec.name for spec in FIELDS]
@@ -165,3 +167,26 @@ def test_numbers_of_a_law_and_those_set_in_vain():
     assert inside.startswith("the chip would lie inside the beam, 1 mm above the base")
     assert changed(hall_layout="tmag5273a1", chip_x=5.0, l0=4.0).warnings() == []
     assert not changed(law="yeoh", yeoh_2=1.0).warnings()
+
+
+@pytest.mark.parametrize("layout", HALL_LAYOUTS)
+def test_what_a_layout_does_not_use_is_said(layout):
+    """Every field of the elements: those that leave the elements as they are have no effect."""
+    design = Design(hall_layout=layout)
+    changes = {"f": 6.0, "c": 1.0, "chip_x": 1.0, "hall_gain": 30.0, "hall_null": 2.4, "hall_low": 0.3}
+    changes |= {"hall_high": 4.7, "hall_noise": 0.01, "hall_step": 0.01, "hall_plate": 0.5, "l0": 8.0}
+    read = {name: of_design(replace(design, **{name: value})) for name, value in changes.items()}
+    unread = {name for name, elements in read.items() if elements == of_design(design)}
+    assert unread == {name for name in changes if name in design.idle()}
+    assert ("c" in unread) is (layout != "three")
+    other = replace(design, **changes)
+    (sentence,) = other.in_vain()
+    assert set(sentence.partition(" ha")[0].split(", ")) == unread
+    assert sentence.endswith(f" no effect: hall_layout is {layout}")
+    assert sentence in other.warnings()
+
+
+def test_without_a_magnet_its_remanence_is_in_vain():
+    bare = {"magnet_diameter": 0.0, "magnet_height": 0.0}
+    assert Design(**bare).in_vain() == []
+    assert Design(**bare, remanence=1.0).in_vain() == ["remanence has no effect: magnet_diameter is 0"]

@@ -194,3 +194,15 @@ def test_bad_input_is_a_sentence(run, tokens, word):
     status, out, err = run("layout", "paper", *tokens)
     assert (status, out, err.count("\n")) == (2, "", 1), err
     assert word in err
+
+
+def test_options_in_vain_are_said(run, small):
+    err = run("layout", "paper", "--count", 3, "--json")[2]
+    assert err == (
+        "magtip: warning: --count has no effect: it says how many layouts a search gives, and there is no --search\n"
+    )
+    err = run("layout", "paper", "--ignore-tilt", "--json")[2]
+    assert err == "magtip: warning: --ignore-tilt has no effect: the magnet does not tilt in these mechanics\n"
+    assert run("layout", "paper", "--ignore-tilt", "--level", "finite", "--json")[2] == ""
+    err = run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--set", "c=1", "--json")[2]
+    assert err == "magtip: warning: c has no effect: hall_layout is tmag5273a1\n"

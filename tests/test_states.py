@@ -4,6 +4,7 @@ import math
 import re
 import sys
 import types
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -13,7 +14,7 @@ from analytic import beam
 from geometry.design import paper
 from geometry.scene import Load
 from studies import options, states
-from studies.options import Motion
+from studies.options import Method, Motion
 
 SOLVE_KEYS = {
     "status",
@@ -319,3 +320,27 @@ def test_formulas_give_what_a_chip_sends(run, strict):
     (record,) = strict(run("analytic", "paper", "--depth", 1, "--set", "hall_layout=tmag5273a1", "--json")[1])
     assert record["readings_V"] is None
     assert record["output_T"][0] == pytest.approx(record["readings_T"][0], abs=0.08 / 2048)
+
+
+@pytest.mark.parametrize(
+    ("motion", "method", "options"),
+    [
+        ({"depth": 1.0, "friction": "stick"}, {}, ["--friction stick"]),
+        ({"depth": 1.0, "friction": "stick", "shear_y": 1.0}, {}, []),
+        ({"depth": 1.0, "friction": "0.5"}, {}, []),
+        ({"depth": 1.0}, {"mesh": Path("m.vtu"), "accuracy": "fine"}, ["--accuracy"]),
+        ({"depth": 1.0}, {"mesh": Path("m.vtu")}, []),
+        ({"depth": 1.0}, {"accuracy": "fine"}, []),
+    ],
+)
+def test_options_of_a_solve_that_another_makes_useless(motion, method, options):
+    assert [option for option, _ in states.in_vain(Motion(**motion), Method(**method))] == options
+
+
+def test_options_in_vain_are_said(run):
+    err = run("solve", "paper", "--depth", 0.5, "--friction", "stick", "--json", *QUICK)[2]
+    assert err == (
+        "magtip: warning: --friction stick has no effect: it glues the contact for a shear, and there is none\n"
+    )
+    err = run("analytic", "paper", "--depth", 1, "--set", "law=yeoh", "--json")[2]
+    assert err == "magtip: warning: law has no effect: the paper's formulas know E only\n"

@@ -12,7 +12,7 @@ from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.scene import Load, Response
-from studies import kept, sweep
+from studies import grids, kept, sweep
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -243,3 +243,33 @@ def test_a_scaled_state_keeps_both_tilts():
     problem = sweep.Problem(1, paper(), [case], {0.125: 1.0}, "")
     found = sweep._scaled({"D": 8.0, "E": 1.0, "states": [state]}, problem, case).response
     assert found == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)
+
+
+def cases(axes, **figures):
+    """Rows of a sweep whose figures are functions of the case."""
+    names = {"D": "D_mm", "f": "f_mm", "E": "E_MPa", "depth": "depth_mm"}
+    for point in itertools.product(*axes.values()):
+        case = dict(zip(axes, point, strict=True))
+        row = {"status": "ok", "solve": len(case), "seconds": sum(point), "fem_force_N": 1.0, "fem_S2_mT": math.nan}
+        yield row | {names[name]: value for name, value in case.items()} | {k: v(case) for k, v in figures.items()}
+
+
+def test_an_axis_that_changes_nothing_is_named():
+    axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
+    assert grids.in_vain(rows, axes, whole=True) == [("f", "the figures are the same for all its values")]
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
+    assert grids.in_vain(rows, axes, whole=True) == []
+    assert grids.in_vain(rows, axes, whole=False) == [("f", "it changes only what --wide, --json and --out show")]
+    # a single case tells nothing, nor do cases that failed
+    assert grids.in_vain(rows[:1], axes, whole=True) == grids.in_vain([], axes, whole=True) == []
+    failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
+    assert grids.in_vain(failed, axes, whole=True) == []
+
+
+def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
+    sweep_f = ("sweep", "paper", "--axis", "f=5,6", "--depth", 0.3, "--accuracy", "quick")
+    lines = run(*sweep_f, "--set", "hall_layout=tmag5273a1", "--json")[2].splitlines()
+    assert lines == ["magtip: warning: axis f has no effect: the figures are the same for all its values"]
+    assert run(*sweep_f, "--json")[2] == ""
+    assert "axis f has no effect: it changes only what --wide, --json and --out show" in run(*sweep_f)[2]

@@ -18,7 +18,7 @@ from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from geometry.mold import Mold
 from geometry.printing import Check
-from studies import console, portrait, recipe, workshop
+from studies import console, portrait, recipe, variants, workshop
 from studies.sweep import varied
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -331,3 +331,11 @@ def test_a_full_disk_is_a_sentence_and_leaves_nothing(run, tmp_path, limit):
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert "choose another folder" in err
     assert os.listdir(tmp_path) == ["mine.txt"]
+
+
+def test_axes_that_change_no_solid_are_named():
+    axes = {"D": [8.0, 9.0], "E": [1.0, 2.0], "f": [5.0, 6.0]}
+    assert [name for name, _ in variants.idle(paper(), axes)] == ["E"]
+    chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
+    assert variants.idle(chip, axes)[1] == ("f", "hall_layout is tmag5273a1")
+    assert variants.idle(chip, {"E": [1.0]}) == []

@@ -1,0 +1,104 @@
+"""Readings in each state of a file: poses, the sense of rotations, states that are not ok, and bad input."""
+
+import json
+
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic import hall
+from geometry import labels
+from geometry.design import Design, paper
+from geometry.scene import Response
+
+LABEL = labels.label(labels.of_mechanics(paper()))
+POSE = {"shift_mm": [0.4, -0.2, -0.8], "tilt_rad": 0.12, "tilt_y_rad": -0.07}
+STATE = {"status": "ok", "depth_mm": 1.0, "shear_mm": 0.5, "shear_y_mm": -0.3, "force_N": [0.4, -0.2, 3.0], **POSE}
+BROKEN = {"status": "not_converged", "message": "stopped", "depth_mm": 2.0, "shear_mm": 0.0, "shift_mm": None}
+
+
+def write(folder, *states, label=LABEL):
+    (folder / "states.jsonl").write_text("".join(json.dumps(state | label) + "\n" for state in states))
+    return ("readings", "paper", "--responses", "states.jsonl")
+
+
+def test_each_state_is_read_at_its_own_pose(run, strict, tmp_path):
+    status, out, err = run(*write(tmp_path, STATE, STATE | {"shift_mm": [0.1, 0.0, -0.5]}), "--json")
+    assert (status, err) == (0, "")
+    rows = strict(out)
+    for row, shift in zip(rows, ((0.4, -0.2, -0.8), (0.1, 0.0, -0.5)), strict=True):
+        expected = hall.readings(paper(), Response((0.0,) * 3, shift, 0.12, 0.0, -0.07))
+        assert row["readings_T"] == list(expected.B_T)
+        assert row["readings_V"] == list(expected.V)
+        assert (row["tilt_rad"], row["tilt_y_rad"], row["rotation_rad"]) == (0.12, -0.07, [0.07, 0.12])
+        assert (row["status"], row["depth_mm"], row["shear_mm"], row["shear_y_mm"]) == ("ok", 1.0, 0.5, -0.3)
+    pose = ("--shift", "0.4,-0.2,-0.8", "--tilt", ",".join(map(repr, rows[0]["rotation_rad"])))
+    (record,) = strict(run("readings", "paper", *pose, "--json")[1])
+    assert record["readings_T"] == rows[0]["readings_T"]
+
+
+def test_a_solve_leans_the_magnet_to_where_it_is_moved(run, strict, tmp_path):
+    """Moved along y instead of x, S3 reads what S2 did: the sensor is the same in a mirror that swaps x and y."""
+    found = []
+    for shear in ("--shear", "--shear-y"):
+        out = run("solve", "paper", "--grip", 2, shear, 0.5, "--accuracy", "quick", "--json")[1]
+        (tmp_path / "states.jsonl").write_text(out)
+        (state,) = strict(out)
+        (row,) = strict(run("readings", "paper", "--responses", "states.jsonl", "--json")[1])
+        assert row["rotation_rad"] == state["rotation_rad"] == [-state["tilt_y_rad"], state["tilt_rad"]]
+        found.append((state, row))
+    (x, along_x), (y, along_y) = found
+    assert x["tilt_rad"] > 0.01
+    assert x["shift_mm"][0] > 0
+    assert y["tilt_y_rad"] == pytest.approx(x["tilt_rad"], rel=1e-9)
+    s1, s2, s3 = along_x["readings_T"]
+    assert_allclose(along_y["readings_T"], [s1, s3, s2], rtol=1e-9)
+    assert abs(s2 - s3) > 1e-4
+
+
+def test_a_state_without_a_pose_keeps_its_row(run, strict, tmp_path):
+    status, out, err = run(*write(tmp_path, STATE, BROKEN), "--json")
+    rows = strict(out)
+    assert (status, [row["status"] for row in rows]) == (0, ["ok", "not_converged"])
+    assert (rows[1]["readings_T"], rows[1]["message"]) == (None, "stopped")
+    assert err == "magtip: 1 of 2 states are not ok; the last is not_converged\n"
+    assert run(*write(tmp_path, BROKEN), "--json")[0] == 3
+    out = run(*write(tmp_path, STATE, BROKEN))[1]
+    assert "rotation" in out
+    assert "not_converged" in out
+
+
+def test_warnings_name_their_states(run, tmp_path):
+    _, _, err = run(*write(tmp_path, STATE, STATE | {"depth_mm": 2.0}), "--set", "hall_high=2.6")
+    assert "magtip: warning: depth 1, 2 mm: S1 is saturated" in err
+
+
+@pytest.mark.parametrize(
+    ("tokens", "words"),
+    [
+        (("--tilt", "0,0.1"), "leave --shift and --tilt out"),
+        (("--shift", "0,0,-1"), "leave --shift and --tilt out"),
+        (("--set", "E=2"), "line 1 was made for another sensor, with E 1 MPa where this design has E 2 MPa"),
+        (("--level", "best"), "level"),
+    ],
+)
+def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
+    status, out, err = run(*write(tmp_path, STATE), *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert words in err
+
+
+def test_a_file_without_states_and_a_pose_without_a_field_are_sentences(run, tmp_path):
+    status, out, err = run(*write(tmp_path))
+    assert (status, out, "holds no states" in err) == (2, "", True)
+    # the magnet's rim at S1, where the field is infinite
+    rim = STATE | {"shift_mm": [2.0, 0.0, -6.2], "tilt_rad": 0.0, "tilt_y_rad": 0.0}
+    status, out, err = run(*write(tmp_path, rim))
+    assert (status, out, "states.jsonl, line 1: " in err) == (2, "", True)
+
+
+def test_a_seed_for_elements_without_noise_is_in_vain(run):
+    assert run("readings", "paper", "--seed", 1, "--json")[2] == (
+        "magtip: warning: --seed has no effect: hall_noise is 0\n"
+    )
+    assert run("readings", "paper", "--seed", 1, "--set", "hall_noise=0.01", "--json")[2] == ""
+    assert Design(hall_layout="tmag5273a1").in_vain() == []
