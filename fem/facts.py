@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import drucker, elements, integrals
-from fem.lateral import lateral
+from fem.lateral import Margin, lateral, margin
 from fem.material import strain
 from fem.models import Discretisation
 from fem.newton import STOPPED, Stop
@@ -31,6 +31,7 @@ Remark = Literal[
     "given_way",
     "slides_over",
     "guided_only",
+    "nearly_guided_only",
     "full_slip",
     "part_slips",
     "idle_stick",
@@ -39,6 +40,8 @@ Remark = Literal[
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;
 mesh noise alone stays below a third of it."""
+NEAR = 0.9
+"""Depth over the expected critical one from which a press is said to be near it."""
 FLAT = 0.5
 """Least volume ratio J at the points of integration below which it is looked for silicone that is inside out."""
 FOLDED = 1e-6
@@ -64,7 +67,11 @@ class Facts:
         above FLAT.
     remark : what a user should know of the answer, None if nothing. "given_way" is a tip that left the symmetric
         press to a side that the mesh chose, "leaning" one that an imperfection led there, "guided_only" a section
-        whose tip would give way if it were free to slide, "pulled" a glued plate that pulls at the tip.
+        whose tip would give way if it were free to slide, "nearly_guided_only" one that is close to that, "pulled" a
+        glued plate that pulls at the tip.
+    sideways_stiffness_ratio : stiffness of a frictionless press's tip, free to slide, against a force sideways, over
+        that of the unpressed beam; 0 where it gives way sideways. None where nobody looked (see `fem.lateral`).
+    critical_depth : where that is to be expected, mm; None far from it (before or past it). `fem.stability` finds it.
     """
 
     stop: Stop = ""
@@ -74,6 +81,8 @@ class Facts:
     weak_at: tuple[float, float, float] | None = None
     inside_out_share: float = 0.0
     remark: Remark | None = None
+    sideways_stiffness_ratio: float | None = None
+    critical_depth: float | None = None
 
 
 def gather(
@@ -89,7 +98,11 @@ def gather(
     watch : look whether an axisymmetric press is stable sideways.
     """
     onset, between = _onset(path, D)
-    remark = None if stop else _remark(path, D, load, response, slip_share, watch=watch)
+    upright = not stop and not path.unstable and onset is None and load.depth > 0 and response.force[2] > 0
+    watched = watch and upright and path.d.model == "axisymmetric" and not path.sheared
+    near = margin(path) if watched and path.friction is None else None
+    gives_way = bool(near.unstable if near else watched and lateral(path).unstable)
+    remark = None if stop else _remark(path, D, load, response, slip_share, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
     reach = drucker.REACH if stop or path.unstable or onset else 1.0
     stretches = drucker.lost(path.d.system, path.u, reach)
@@ -101,6 +114,8 @@ def gather(
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
         inside_out_share=inside_out(path.d, path.u) if path.flattest < FLAT else 0.0,
         remark=remark,
+        sideways_stiffness_ratio=None if near is None else near.ratio,
+        critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
     )
 
 
@@ -133,7 +148,7 @@ def sentence(
     if weak and not facts.stop:
         parts.append(weak)
     if facts.remark:
-        parts.append(_remark_text(facts.remark, load, response, slip_share, model))
+        parts.append(_remark_text(facts.remark, load, response, slip_share, model, facts.critical_depth))
     if facts.inside_out_share >= FOLDED:
         parts.append(
             f"{facts.inside_out_share:.1g} of the silicone is inside out between points of integration, at edges "
@@ -172,7 +187,14 @@ def _onset(path: Path, D: float) -> tuple[Literal["depth", "shear"] | None, tupl
 
 
 def _remark(
-    path: Path, D: float, load: Load, response: Response, slip_share: float | None, *, watch: bool
+    path: Path,
+    D: float,
+    load: Load,
+    response: Response,
+    slip_share: float | None,
+    near: Margin | None,
+    *,
+    gives_way: bool,
 ) -> Remark | None:
     """What a user should know of an answer: first of all what it is not."""
     normal, sheared = response.force[2], path.sheared
@@ -189,8 +211,10 @@ def _remark(
         return "leaning" if load.imperfection else "given_way"
     if (load.shear_x or load.shear_y) and not sheared:
         return "slides_over"
-    if watch and pressed and path.d.model == "axisymmetric" and lateral(path).unstable:
+    if gives_way:
         return "guided_only"
+    if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
+        return "nearly_guided_only"
     if path.friction is not None:
         return "full_slip" if slip_share == 1 and sheared else "part_slips" if slip_share else None
     return "idle_stick" if load.friction == "stick" and not sheared else None
@@ -234,10 +258,13 @@ def _weak(facts: Facts, design: Design) -> str:
     )
 
 
-def _remark_text(remark: Remark, load: Load, response: Response, slip_share: float | None, model: str) -> str:
+def _remark_text(
+    remark: Remark, load: Load, response: Response, slip_share: float | None, model: str, critical: float | None
+) -> str:
     """A remark in words."""
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
+    at = f", at about {critical:.3g} mm (now {load.depth:.3g} mm)" if critical else ""
     leads = f"the branch to which an imperfection of {load.imperfection:g} N leads"
     remedy = (
         "the plate has not reached it to within rounding: take a larger depth"
@@ -252,8 +279,10 @@ def _remark_text(remark: Remark, load: Load, response: Response, slip_share: flo
         "given_way": f"the tip has given way sideways under the frictionless plate ({aside}; the mesh decides to "
         "which side): the symmetric press is unstable",
         "slides_over": "the frictionless plate slides over the tip: the shear has no effect",
-        "guided_only": "a tip that is free to slide on a frictionless plate gives way sideways before this depth: "
-        "the answer is that of a guided one (magtip stability says at which depth)",
+        "guided_only": "a tip that is free to slide on a frictionless plate gives way sideways before this depth"
+        f"{at}: the answer is that of a guided one (magtip stability says at which depth)",
+        "nearly_guided_only": f"a tip that is free to slide on a frictionless plate gives way sideways soon{at}: "
+        "magtip stability says at which depth",
         "full_slip": "full slip: all that touches the plate slides",
         "part_slips": f"{slip_share or 0:.2g} of the area in contact slips",
         "idle_stick": "stick acts once the plate shears: the press itself is frictionless",

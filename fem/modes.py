@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from fem import contact, elements, models, rigid
 from fem.contact import Plate
 from fem.equilibrium import contact_end
-from fem.levels import STANDARD, Accuracy
+from fem.levels import STANDARD, Accuracy, coarser, of_number
 from fem.linear import Solver
 from fem.material import lame, law
 from fem.newton import STOPPED
@@ -43,10 +43,14 @@ MOST = 40
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """Natural frequencies, Hz, in rising order, and the names of their shapes."""
+    """Natural frequencies, Hz, in rising order, and the names of their shapes.
+
+    `frequency_error_estimate` holds their relative errors from the mesh, None where they were not estimated.
+    """
 
     frequency: tuple[float, ...]
     shape: tuple[str, ...]
+    frequency_error_estimate: tuple[float | None, ...] = ()
 
 
 def modes(
@@ -56,8 +60,13 @@ def modes(
     *,
     depth: float = 0.0,
     accuracy: Accuracy = STANDARD,
+    estimate: bool = True,
 ) -> Modes:
     """The lowest modes about a press to a depth in mm, 0 for the free sensor.
+
+    Parameters
+    ----------
+    estimate : estimate the errors, by a companion on a mesh coarser by COARSER.
 
     Raises
     ------
@@ -67,6 +76,33 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     check_load(design, Load(depth=depth), magnet)
+    found = _modes(design, magnet, count, depth, accuracy)
+    if not estimate:
+        return found
+    try:
+        companion = _modes(design, magnet, count, depth, coarser(accuracy))
+    except BadInput:  # a coarse mesh may stop before, or turn unstable
+        return found
+    return beside(found, companion, magnet, accuracy, design, depth)
+
+
+def beside(one: Modes, other: Modes, magnet: Magnet, accuracy: Accuracy, design: Design, depth: float) -> Modes:
+    """The modes with their errors, estimated from those of a mesh coarser by COARSER.
+
+    The first, second, ... mode of a shape belong together.
+    """
+    left = {
+        name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
+    }
+    rule, unit = "pressed frequency" if depth else "frequency", _unit(design)
+    errors = []
+    for frequency, name in zip(one.frequency, one.shape, strict=True):
+        companion = left[name].pop(0) if left[name] else None
+        errors.append(of_number(rule, magnet, frequency, companion, accuracy, unit / frequency))
+    return replace(one, frequency_error_estimate=tuple(errors))
+
+
+def _modes(design: Design, magnet: Magnet, count: int, depth: float, accuracy: Accuracy) -> Modes:
     path = _pressed(design, magnet, depth, accuracy)
     try:
         found = [*_symmetric(path, design, magnet, count), *_torsion(path, design, magnet, max(count // 3, 2))]
@@ -76,9 +112,15 @@ def modes(
         raise BadInput(
             f"the press is not stable at depth {depth:g} mm, so it has no vibrations: take a smaller depth"
         )
-    scale = math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
+    scale = _unit(design)
     found = sorted(found)[:count]
-    return Modes(tuple(math.sqrt(value) * scale for value, _ in found), tuple(name for _, name in found))
+    frequencies = tuple(math.sqrt(value) * scale for value, _ in found)
+    return Modes(frequencies, tuple(name for _, name in found), (None,) * len(found))
+
+
+def _unit(design: Design) -> float:
+    """Frequency whose omega D (rho / E)^(1/2) is 1, Hz; mm, MPa and kg/m^3 in."""
+    return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
 
 
 def spring_mass(design: Design) -> tuple[float, float]:

@@ -75,6 +75,7 @@ class Path:
     dissipated : energy that slipping has cost in the modelled part.
     flattest : least volume ratio J at the points of integration.
     sheared : whether plate or grip have ever moved sideways.
+    stiffness_at_rest : what `fem.lateral.at_rest` found, None before it was asked.
     """
 
     def __init__(
@@ -100,6 +101,7 @@ class Path:
         self.flattest = 1.0
         self.onset: tuple[Array, Array] | None = None
         self._high: System | None = None
+        self.stiffness_at_rest: float | None = None
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
         self.gap: Array | None = None

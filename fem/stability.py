@@ -20,8 +20,8 @@ from scipy.optimize import brentq
 from fem import contact, models
 from fem.contact import Plate
 from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
-from fem.lateral import at_rest, lateral
-from fem.levels import QUICK, STANDARD, Accuracy
+from fem.lateral import at_rest, lateral, normal_force
+from fem.levels import LEAST_DEPTH, LEAST_RADIUS, QUICK, STANDARD, Accuracy, coarser, of_number
 from fem.linear import Solver
 from fem.material import law
 from fem.models import Discretisation
@@ -60,12 +60,15 @@ class Critical:
     depth, force : mm and N, None where no sideways instability was found.
     stable_to : depth up to which there is none, mm.
     message : what to know; empty if nothing.
+    depth_error_estimate, force_error_estimate : relative errors from the mesh, None where they were not estimated.
     """
 
     depth: float | None
     force: float | None
     stable_to: float
     message: str
+    depth_error_estimate: float | None = None
+    force_error_estimate: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,8 @@ class SmallShear:
     stiffness : tangential force over the plate's motion, N/mm.
     shift, tilt : motion of the magnet's centre over the plate's, and its rotation, rad/mm.
     force, contact_radius : of the press, N and mm.
+    stiffness_error_estimate, shift_error_estimate, tilt_error_estimate : relative errors from the mesh, None where
+        they were not estimated.
     """
 
     stiffness: float
@@ -84,6 +89,9 @@ class SmallShear:
     tilt: float
     force: float
     contact_radius: float
+    stiffness_error_estimate: float | None = None
+    shift_error_estimate: float | None = None
+    tilt_error_estimate: float | None = None
 
 
 def critical(
@@ -93,6 +101,7 @@ def critical(
     guided: bool = False,
     accuracy: Accuracy = STANDARD,
     deepest: float | None = None,
+    estimate: bool = True,
 ) -> Critical:
     """The depth at which a press turns unstable sideways.
 
@@ -112,6 +121,25 @@ def critical(
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     deepest = DEEPEST * room if deepest is None else deepest
     check_load(design, Load(depth=deepest), magnet)
+    found = _critical(design, magnet, guided, accuracy, deepest)
+    if not estimate or found.depth is None:
+        return found
+    return with_companion(
+        found, _critical(design, magnet, guided, coarser(accuracy), deepest), magnet, accuracy, design.D
+    )
+
+
+def with_companion(one: Critical, other: Critical, magnet: Magnet, accuracy: Accuracy, D: float) -> Critical:
+    """A critical state with its errors, estimated from what a mesh coarser by COARSER says of it."""
+    if one.depth is None or one.force is None:
+        return one
+    base = max(one.depth / D, LEAST_DEPTH)
+    depth = of_number("critical depth", magnet, one.depth, other.depth, accuracy, base)
+    force = of_number("critical force", magnet, one.force, other.force, accuracy, base)
+    return replace(one, depth_error_estimate=depth, force_error_estimate=force)
+
+
+def _critical(design: Design, magnet: Magnet, guided: bool, accuracy: Accuracy, deepest: float) -> Critical:
     end, D = deepest / design.D, design.D
     rough = _build(design, magnet, QUICK)
     path = _path(rough)
@@ -131,9 +159,18 @@ def critical(
 
 
 def small_shear(
-    design: Design, depth: float, magnet: Magnet = "rigid", *, accuracy: Accuracy = STANDARD
+    design: Design,
+    depth: float,
+    magnet: Magnet = "rigid",
+    *,
+    accuracy: Accuracy = STANDARD,
+    estimate: bool = True,
 ) -> SmallShear:
     """Stiffness, shift and tilt per mm of shear at a depth in mm, with the patch in contact glued.
+
+    Parameters
+    ----------
+    estimate : estimate the errors, by a companion on a mesh coarser by COARSER.
 
     Raises
     ------
@@ -142,6 +179,26 @@ def small_shear(
         reach the depth.
     """
     check_depth(design, depth, magnet)
+    found = _small_shear(design, depth, magnet, accuracy)
+    if not estimate:
+        return found
+    try:
+        companion = _small_shear(design, depth, magnet, coarser(accuracy))
+    except BadInput:  # a coarse mesh may stop before
+        return found
+    return beside(found, companion, magnet, accuracy, design.D)
+
+
+def beside(one: SmallShear, other: SmallShear, magnet: Magnet, accuracy: Accuracy, D: float) -> SmallShear:
+    """A small shear with its errors, estimated from what a mesh coarser by COARSER says of it."""
+    radius = max(one.contact_radius / D, LEAST_RADIUS)
+    stiffness = of_number("stiffness", magnet, one.stiffness, other.stiffness, accuracy, radius)
+    shift = of_number("shift", magnet, one.shift, other.shift, accuracy, radius)
+    tilt = of_number("tilt", magnet, one.tilt, other.tilt, accuracy, radius)
+    return replace(one, stiffness_error_estimate=stiffness, shift_error_estimate=shift, tilt_error_estimate=tilt)
+
+
+def _small_shear(design: Design, depth: float, magnet: Magnet, accuracy: Accuracy) -> SmallShear:
     d, D = depth / design.D, design.D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
     edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_patch, d)
@@ -211,12 +268,16 @@ class _StoppedError(ArithmeticError):
 
 
 def _near(build: functools.partial[Discretisation], guided: bool, depth: float, end: float) -> _Found | float:
-    """What `_located` finds around a depth."""
-    path = _path(build)
-    try:
-        return _located(path, guided, (1 - AROUND) * depth, AROUND * depth, end)
-    finally:
-        path.close()
+    """What `_located` finds around a depth; from rest on if this mesh does not let the press come so far at once."""
+    for start in ((1 - AROUND) * depth, 0.0):
+        path = _path(build)
+        try:
+            found = _located(path, guided, start, AROUND * depth if start else depth / 4, end)
+        finally:
+            path.close()
+        if found:
+            break
+    return found
 
 
 def _located(path: Path, guided: bool, start: float, step: float, end: float) -> _Found | float:
@@ -245,13 +306,7 @@ def _located(path: Path, guided: bool, start: float, step: float, end: float) ->
     except _StoppedError:
         return stable
     stable = max(depth for depth, value in known.items() if value > 0)
-    return _Found(depth, _normal(path), end_of_contact(path), stable)
-
-
-def _normal(path: Path) -> float:
-    """Normal force over E D^2."""
-    residual, _, _ = contact.traction(path.skin, path.u, path.plate())
-    return float(np.sum(path.skin.weights * residual[..., 2]))
+    return _Found(depth, normal_force(path), end_of_contact(path), stable)
 
 
 def _none(reached: float, end: float, D: float) -> Critical:
@@ -283,6 +338,6 @@ def _small(design: Design, path: Path, high: Discretisation, plate: Plate, q: Ar
         stiffness=stiffness * design.E * D,
         shift=float(shift2[0] - shift1[0]) / (2 * way),
         tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
-        force=_normal(path) * design.E * D**2,
+        force=normal_force(path) * design.E * D**2,
         contact_radius=contact.contact_radius(path.skin, path.u, path.plate()) * D,
     )

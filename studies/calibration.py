@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from studies import accuracy, trials
-from studies.accuracy import COVERAGE, GOALS, QUANTITIES, SHARP, SHARPNESS, Row
+from studies.accuracy import CLEAR, COVERAGE, GOALS, QUANTITIES, RESPONSES, SHARP, SHARPNESS, WIDER, Row
 from studies.compare import write_table
 from studies.files import atomic, write_text
 from studies.provenance import made
@@ -24,8 +24,11 @@ LOOKS = {
     "grip": "#009E73",
     "friction": "#E69F00",
     "half": "#CC79A7",
+    "critical": "#999999",
+    "small shear": "#F0E442",
+    "modes": "#6A3D9A",
 }
-TITLES = {"sideways": "sideways force"}
+TITLES = {"sideways": "sideways force", "depth": "critical depth", "stiffness": "small-shear stiffness"}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
 COMPONENTS = {
     "force": ("force_x_N", "force_z_N"),
@@ -49,7 +52,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             pairs = pairs_of(members, name)
             if pairs:
                 head = {"level": level, "model": model, "scene": scene, "quantity": name}
-                found.append(head | _statistics(pairs) | _goal(level, [true for true, _ in pairs]))
+                found.append(head | _statistics(pairs) | _goal(level, scene, [true for true, _ in pairs]))
     return found
 
 
@@ -72,7 +75,7 @@ def references(rows: Sequence[Row]) -> list[Row]:
     good = [row for row in rows if row["level"] == "reference" and row["status"] == "ok"]
     return [
         {key: row[key] for key in ("design", "scene", "depth_mm", "shear_mm")}
-        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in QUANTITIES}
+        | {f"{name}_percent": 100 * row[f"{name}_error"] for name in RESPONSES}
         for row in good
     ]
 
@@ -84,7 +87,7 @@ def _judged(rows: Iterable[Row]) -> list[Row]:
 
 def pairs_of(rows: Iterable[Row], name: str) -> list[tuple[float, float]]:
     """True error and estimate of a quantity in the rows that have both."""
-    pairs = [(row[f"{name}_error"], row[f"{name}_estimate"]) for row in rows]
+    pairs = [(row[f"{name}_error"], row[f"{name}_estimate"]) for row in rows if f"{name}_error" in row]
     return [(true, estimate) for true, estimate in pairs if math.isfinite(true) and math.isfinite(estimate)]
 
 
@@ -115,7 +118,7 @@ def noise(rows: Sequence[Row]) -> list[Row]:
     for (level, scene, *_), repeats in states.items():
         if len(repeats) < 2:
             continue
-        for name in QUANTITIES:
+        for name in RESPONSES:
             if scene in ("press", "pressed") and name in ("tilt", "sideways"):
                 continue
             values = [[row[key] for row in repeats] for key in COMPONENTS[name]]
@@ -148,12 +151,13 @@ def _statistics(pairs: Sequence[tuple[float, float]]) -> Row:
         "p95_percent": 100 * true[min(len(true) - 1, math.ceil(0.95 * len(true)) - 1)],
         "max_percent": 100 * true[-1],
         "coverage": sum(t <= e for t, e in pairs) / len(pairs),
-        "sharpness": sum(e <= SHARP * t for t, e in pairs) / len(pairs),
+        "sharpness": sum(e <= max(SHARP * t, CLEAR) for t, e in pairs) / len(pairs),
     }
 
 
-def _goal(level: str, true: Sequence[float]) -> Row:
-    return {"goal_percent": 100 * GOALS[level], "met": max(true) <= GOALS[level]}
+def _goal(level: str, scene: str, true: Sequence[float]) -> Row:
+    goal = WIDER.get(scene, GOALS)[level]
+    return {"goal_percent": 100 * goal, "met": max(true) <= goal}
 
 
 def write(folder: Path, rows: Sequence[Row], origin: str, command: str, *, quick: bool) -> None:
@@ -183,7 +187,7 @@ def write(folder: Path, rows: Sequence[Row], origin: str, command: str, *, quick
 
 
 def _references(fineness: int) -> list[str]:
-    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"))
+    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
     return [f"- {name}: `{trials.reference(scene, fineness)}`" for name, scene in scenes]
 
 

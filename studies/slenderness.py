@@ -28,7 +28,9 @@ Row = dict[str, Any]
 
 FIGURES = (
     *("critical_depth_mm", "critical_force_N", "stable_to_mm"),
+    *("critical_depth_error_estimate", "critical_force_error_estimate"),
     *("guided_critical_depth_mm", "guided_critical_force_N", "guided_stable_to_mm"),
+    *("guided_critical_depth_error_estimate", "guided_critical_force_error_estimate"),
     *("euler_N", "euler_depth_mm", "engesser_N", "engesser_depth_mm", "haringx_N", "haringx_depth_mm"),
 )
 
@@ -66,6 +68,8 @@ def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
             f"{name}critical_depth_mm": critical.depth,
             f"{name}critical_force_N": critical.force,
             f"{name}stable_to_mm": critical.stable_to,
+            f"{name}critical_depth_error_estimate": critical.depth_error_estimate,
+            f"{name}critical_force_error_estimate": critical.force_error_estimate,
         }
         said.append(critical.message)
     formulas: dict[str, Callable[[Design], float]] = {
@@ -97,9 +101,17 @@ def _table(rows: Sequence[Row]) -> list[str]:
     )
     lines = [f"| L/D | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
     for row in rows:
-        cells = [f"{row[name]:.4g}" if row.get(name) is not None else "" for name in names]
+        cells = [_cell(row, name) for name in names]
         lines.append(f"| {row['L_over_D']:g} | {' | '.join(cells)} |")
     return lines
+
+
+def _cell(row: Row, name: str) -> str:
+    """A number with its estimated error, if it has one."""
+    if row.get(name) is None:
+        return ""
+    error = row.get(f"{name.rpartition('_')[0]}_error_estimate")
+    return f"{row[name]:.4g}" + ("" if error is None else f" ± {abs(row[name]) * error:.2g}")
 
 
 def _sentences(rows: Sequence[Row]) -> list[str]:

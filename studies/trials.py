@@ -41,7 +41,7 @@ class Trial:
     Attributes
     ----------
     number : of the design; 0 is the paper's.
-    scene : press, deep, stick, far, friction or grip.
+    scene : press, deep, stick, far, friction or grip; critical, small shear or modes (`studies.tangents`).
     """
 
     number: int
@@ -65,19 +65,19 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     design = designs()[number]
     D = design.D
     first, most = deepest(magnet, design)
-    depth = _rounded(min(STICK[0] * D, first))
+    depth = rounded(min(STICK[0] * D, first))
     loads: tuple[Load, ...]
     if scene == "press":
-        loads = tuple(Load(depth=_rounded(d / DEPTHS[-1] * first)) for d in DEPTHS)
+        loads = tuple(Load(depth=rounded(d / DEPTHS[-1] * first)) for d in DEPTHS)
     elif scene == "deep":
-        loads = tuple(Load(depth=_rounded(first + part * (most - first))) for part in DEEP)
+        loads = tuple(Load(depth=rounded(first + part * (most - first))) for part in DEEP)
     elif scene in ("stick", "far"):
         shears = STICK[1] if scene == "stick" else FAR
-        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction="stick") for x in shears)
+        loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in shears)
     elif scene == "friction":
-        loads = tuple(Load(depth=depth, shear_x=_rounded(x * D), friction=RUB[1]) for x in RUB[0])
+        loads = tuple(Load(depth=depth, shear_x=rounded(x * D), friction=RUB[1]) for x in RUB[0])
     else:
-        loads = (Load(grip=_rounded(GRIP[0] * D), shear_x=_rounded(GRIP[1] * D)),)
+        loads = (Load(grip=rounded(GRIP[0] * D), shear_x=rounded(GRIP[1] * D)),)
     return Trial(number, design, magnet, scene, model, loads)
 
 
@@ -117,7 +117,8 @@ def _sample(x: list[float]) -> Design | None:
     return design if design.shape.wall >= THINNEST * D else None
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
+    """A load to four digits."""
     return float(f"{value:.4g}")
 
 
@@ -126,6 +127,9 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
     name = ("rough", "reference", "finer")[fineness]
     if scene in ("press", "deep"):
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)
+    if scene in ("critical", "small shear", "modes"):
+        size, patch = ((0.045, 0.002), (0.028, 0.001), (0.02, 0.0007))[fineness]
+        return Accuracy(name, size, 0.05, patch, 0.02, 1)
     if scene == "friction":
         size, harmonics, rub = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]
         return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, rub)

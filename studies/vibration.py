@@ -32,11 +32,12 @@ def run(
     check_load(design, Load(depth=depth), magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     frequencies: tuple[float, ...] = ()
+    errors: tuple[float | None, ...] = ()
     shapes: tuple[str, ...] = ()
     status = "ok"
     try:
         found = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
-        frequencies, shapes = found.frequency, found.shape
+        frequencies, shapes, errors = found.frequency, found.shape, found.frequency_error_estimate
         message = _verdict(frequencies, shapes)
     except BadInput as error:
         status, message = "failed", str(error)
@@ -46,6 +47,7 @@ def run(
         "message": message,
         "depth_mm": depth,
         "frequency_Hz": list(frequencies),
+        "frequency_error_estimate": list(errors),
         "shape": list(shapes),
         "spring_mass_Hz": alone,
         "spring_mass_with_magnet_Hz": loaded,

@@ -76,9 +76,9 @@ def linearised(spec: Answer) -> Answer:
     linear.have_pardiso()
     before, wall, base = _cpu()[0], time.perf_counter(), _peak(resource.RUSAGE_SELF)
     if spec["task"] == "modes":
-        modes.modes(paper(), spec["count"])
+        modes.modes(paper(), count=spec["count"], estimate=False)
     else:
-        stability.small_shear(paper(), spec["depth"])
+        stability.small_shear(paper(), spec["depth"], estimate=False)
     return {
         "status": "ok",
         "message": "",

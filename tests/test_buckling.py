@@ -40,13 +40,15 @@ def row(ratio, found, guided=None):
     head = {"L_over_D": ratio, "L_mm": 8 * ratio, "magnet": "ignored", "status": "ok", "message": ""}
     free = {"critical_depth_mm": found, "critical_force_N": found, "stable_to_mm": found or 4.0}
     held = {"guided_critical_depth_mm": guided, "guided_critical_force_N": guided, "guided_stable_to_mm": 4.0}
-    return head | free | held | loads | depths
+    errors = {f"critical_{what}_error_estimate": found and 0.01 for what in ("depth", "force")}
+    return head | free | held | loads | depths | errors
 
 
 def test_report_says_where_a_formula_holds(tmp_path):
     slenderness.write(tmp_path, paper(), [row(0.6, None), row(1, 2.0), row(3, 1.05, 1.9)], "here", "a command")
     text = (tmp_path / "STABILITY.md").read_text()
     assert "- Haringx's load of a free tip is within 10% at L/D = 3." in text
+    assert "| 2 ± 0.02 |" in text
     assert "- No instability of a free tip down to `stable_to_mm` at L/D = 0.6." in text
     assert {path.name for path in tmp_path.iterdir()} == {"STABILITY.md", "stability.csv", "stability.png"}
 

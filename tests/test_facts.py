@@ -85,3 +85,20 @@ def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch
     (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert (state.status, state.load.shear_x) == ("not_converged", 0.0)
     assert "shear" not in state.message.partition(":")[0]
+
+
+@pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])
+def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
+    """The paper's sensor does so at 2.87 mm."""
+    from fem.equilibrium import solve
+
+    state = solve(paper(), Load(depth=depth))
+    assert state.facts.remark == remark
+    assert (state.facts.sideways_stiffness_ratio > 0) is (depth < 2.87)
+    record = states.solution_record(state)
+    assert record["critical_depth_mm_estimate"] == state.facts.critical_depth
+    if remark is None:
+        assert state.facts.sideways_stiffness_ratio > 0.4
+    else:
+        assert state.facts.critical_depth == pytest.approx(2.87, rel=0.07)
+        assert f"at about {state.facts.critical_depth:.3g} mm (now {depth:.3g} mm)" in state.message

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from analytic import buckling
-from fem import models
-from fem.lateral import at_rest, lateral
+from fem import models, stability
+from fem.lateral import at_rest, lateral, margin
+from fem.levels import QUICK
 from fem.path import Path
 from geometry.design import Design
 
@@ -59,3 +60,19 @@ def test_it_changes_sign_where_an_unstable_direction_appears(path):
 def test_a_guided_tip_is_stiffer(path):
     path.go(0.05, np.zeros(2))
     assert lateral(path, guided=True).stiffness > 10 * lateral(path).stiffness
+
+
+@pytest.mark.parametrize("share", [0.75, 0.95, 1.05])
+def test_one_state_tells_the_critical_depth(path, share):
+    critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
+    path.go(share * critical / BEAM.D, np.zeros(2))
+    near = margin(path)
+    assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
+    assert (near.ratio < 0) is (share > 1) is bool(near.unstable)
+
+
+def test_far_from_giving_way_nothing_is_said_of_a_critical_depth(path):
+    path.go(0.01, np.zeros(2))
+    near = margin(path)
+    assert near.critical_depth is None
+    assert 0.5 < near.ratio < 1

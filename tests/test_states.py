@@ -51,6 +51,8 @@ SOLVE_KEYS = {
     "onset_shear_to_mm",
     "unstable_stretches",
     "inside_out_share",
+    "sideways_stiffness_ratio",
+    "critical_depth_mm_estimate",
 }
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 

@@ -61,11 +61,13 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     from geometry.design import paper
     from studies import sideways
 
-    found = {False: stability.Critical(0.9, 1.0, 0.9, ""), True: stability.Critical(None, None, 3.5, "")}
+    found = {False: stability.Critical(0.9, 1.0, 0.9, "", 0.01, 0.02), True: stability.Critical(None, None, 3.5, "")}
     monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
     monkeypatch.setattr(stability, "small_shear", lambda *_, **__: stability.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
     said = [sideways.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]
     assert said[0]["message"] == ""
+    assert (said[0]["critical_depth_error_estimate"], said[0]["critical_force_error_estimate"]) == (0.01, 0.02)
+    assert said[0]["guided_critical_depth_error_estimate"] is None
     assert "unstable" in said[1]["message"]
     assert sideways.shown(said[0])["guided_critical_depth_mm"] == "none up to 3.5"
 
