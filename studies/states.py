@@ -26,6 +26,7 @@ MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 """Keys that tell the states of a path apart."""
 FACTS = (
     *("stop", "remark", "unstable_directions", "unstable_stretches", "inside_out_share"),
+    *("sideways_stiffness_ratio", "critical_depth_mm_estimate"),
     *(f"onset_{what}_{end}_mm" for what in ("depth", "shear") for end in ("from", "to")),
 )
 """Keys whose values the message tells in words."""
