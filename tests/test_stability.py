@@ -26,8 +26,8 @@ def test_critical_depths_do_not_depend_on_the_mesh(slenderness):
     beam = Design(L=8.0 * slenderness)
     finer = replace(STANDARD, section_size=0.07, section_patch=0.003)
     one, other = (stability.critical(beam, "ignored", accuracy=level) for level in (STANDARD, finer))
-    assert one.depth == pytest.approx(other.depth, rel=0.002)
-    assert one.force == pytest.approx(other.force, rel=0.003)
+    assert one.depth == pytest.approx(other.depth, rel=0.004)
+    assert one.force == pytest.approx(other.force, rel=0.006)
 
 
 def test_the_depth_found_stable_is_that_of_the_instability():
