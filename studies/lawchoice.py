@@ -16,7 +16,7 @@ import numpy as np
 
 from geometry.design import BadInput, Design
 from studies.lawfit import MISFIT, Fit, nominal_stress
-from studies.lawstability import SOLVE, tested, within
+from studies.lawstability import SOLVE, ranges_of_test, within
 from studies.specimen import Specimen
 
 Reason = Literal[
@@ -82,7 +82,7 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
         )
     low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
     possible = [low <= found.E <= high for found in fits]
-    in_test = [within(tested(data.stretch), found.stable) for found in fits]
+    in_test = [within(ranges_of_test(data.stretch), found.stable) for found in fits]
     able = [found for found, *good in zip(fits, possible, in_test, strict=True) if all(good)]
     share = min((found.share for found in able), default=0.0) + MISFIT
     small = min((abs(found.small) for found in able), default=0.0) + SMALL_MISFIT

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import LAWS, LEAST_ALPHA, BadInput, Design
-from studies.lawstability import Ranges, ranges, tested
+from studies.lawstability import Ranges, ranges, ranges_of_test
 from studies.specimen import Specimen
 
 Array = NDArray[np.float64]
@@ -250,7 +250,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
             int(data.telling.sum()), form.constants + 1, max(float(np.sqrt(np.mean(left[data.telling] ** 2))), EXACT)
         ),
         criterion=criterion,
-        stable=ranges(form.law, values, tested(data.stretch)),
+        stable=ranges(form.law, values, ranges_of_test(data.stretch)),
         bounded=tuple(name for name, is_bounded in zip(form.free, bounded[1:], strict=True) if is_bounded),
     )
 

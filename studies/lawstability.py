@@ -37,15 +37,15 @@ STEPS = 400
 """Stretches at which stability is looked for between 1 and an end."""
 
 
-def tested(stretch: Array) -> Ranges:
+def ranges_of_test(stretch: Array) -> Ranges:
     """Stretches of each mode whose principal stretches the specimen of a test had.
 
     Parameters
     ----------
     stretch : of a uniaxial test, shape (n,).
 
-    >>> {mode: tuple(round(end, 3) for end in ends) for mode, ends in tested(np.array([1.0, 2.0])).items()}
-    {'uniaxial': (0.707, 2.0), 'equibiaxial': (0.841, 1.189), 'planar': (0.707, 1.414)}
+    >>> {mode: tuple(round(end, 3) for end in ends) for mode, ends in ranges_of_test(np.array([1.0, 2.0])).items()}
+    {'uniaxial': (0.707, 2.0), 'equibiaxial': (0.707, 1.189), 'planar': (0.707, 1.414)}
     """
     h = np.log(stretch)[:, None] * np.array(MODES["uniaxial"])
     low, high = min(float(h.min()), 0.0), max(float(h.max()), 0.0)

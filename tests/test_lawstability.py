@@ -35,7 +35,7 @@ def test_a_compression_along_one_axis_is_a_tension_along_two():
 def test_in_every_mode_principal_stretches_stay_within_those_of_the_test(stretch):
     test = np.array(stretch)
     had = np.concatenate([test, test**-0.5, [1.0]])
-    found = work.tested(test)
+    found = work.ranges_of_test(test)
     for mode, strains in work.MODES.items():
         for end in found[mode]:
             principal = end ** np.array(strains)

@@ -81,7 +81,7 @@ def test_the_map_is_a_table_with_units(run, small, tmp_path):
     assert {row["det_sign"] for row in rows} == {"-1", "1"}
     assert {row["multiplicity"] for row in rows if row["saturated"] == "1"} == {""}
     text = (tmp_path / "map" / "LAYOUT.md").read_text("utf-8")
-    assert "magtip layout paper --set magnet_height=4 --set l0=6 --set c=4" in text
+    assert "magtip layout paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
     assert "infinite" in text or "worst" in text
 
 
