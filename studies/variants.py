@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import multiprocessing
 import os
+import pickle
+import queue
 import shutil
-import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,11 @@ from studies import files, inputs
 from studies.console import Progress
 from studies.workshop import Making, build
 
-ENDING_S = 10.0
-"""Time that a process which is ended gets to be gone, so that its locks are."""
+Job = tuple[Design, dict[str, float], Path, Making]
+"""A design, the fields that differ in a variant, its folder, and a maker's choices."""
+
+COMMAND = (sys.executable, "-P", "-m", "studies.variants")
+"""What does jobs: they come in, records go out. -P keeps modules in the user's folder out of what it imports."""
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
@@ -55,66 +60,79 @@ def batch(
     workers : processes that share the work; as many as there are processors by default.
     """
     points = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
-    jobs = [
+    jobs: list[Job] = [
         (design, point, out / "_".join(f"{key}{value:g}" for key, value in point.items()), making) for point in points
     ]
     count = min(workers or os.cpu_count() or 1, len(jobs))
     with files.filled(out), _swept([folder for _, _, folder, _ in jobs]), contextlib.ExitStack() as stack:
         work: Iterator[dict[str, Any]] = map(made, jobs)
         if count > 1:
-            work = stack.enter_context(_pool(count)).map(made, jobs)
+            work = stack.enter_context(_makers(count))(jobs)
         for k, (point, record) in enumerate(zip(points, work, strict=True)):
             progress((k + 1) / len(jobs), record["folder"].name)
             yield {**point, **record}
 
 
 @contextlib.contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that import the CAD kernel once, in the server that they are forked from."""
-    known = multiprocessing.get_all_start_methods()
-    context = multiprocessing.get_context("forkserver" if "forkserver" in known else "spawn")
-    if "forkserver" in known:
-        context.set_forkserver_preload(["build123d", "trimesh"])
-        from multiprocessing import forkserver
+def _makers(count: int) -> Iterator[Callable[[Sequence[Job]], Iterator[dict[str, Any]]]]:
+    """So many processes, and a function that has them do jobs; whatever ends this block ends them at once."""
+    processes: list[subprocess.Popen[bytes]] = []
+    idle: queue.SimpleQueue[subprocess.Popen[bytes]] = queue.SimpleQueue()
+    threads = ThreadPoolExecutor(count)
 
-        with _uninterrupted():
-            forkserver.ensure_running()
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
+    def done(job: Job) -> dict[str, Any]:
+        process = idle.get()
         try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            children = multiprocessing.active_children()
-            for process in children:
-                process.terminate()
-            for process in children:
-                process.join(ENDING_S)
-            raise
+            if process.poll() is not None:
+                # the last job took it down
+                processes.append(process := _started())
+            return _sent(process, job)
+        finally:
+            idle.put(process)
 
-
-def _end_with_parent() -> None:
-    """Let this process end when the one that shares out the work is gone, be it killed: its locks would bind."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Processes that are started meanwhile are not interrupted together with this one, but ended by it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        yield
+        for _ in range(count):
+            processes.append(_started())
+            idle.put(processes[-1])
+        yield lambda jobs: threads.map(done, jobs)
     finally:
-        signal.signal(signal.SIGINT, before)
+        # before the threads, which wait for what the processes answer
+        threads.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.kill()
+        threads.shutdown()
+        for process in processes:
+            with contextlib.suppress(BrokenPipeError), process:
+                pass
+
+
+def _started() -> subprocess.Popen[bytes]:
+    """A process that does jobs; in a session of its own, so that Ctrl-C reaches only the one that ends it."""
+    paths = [str(Path(__file__).parent.parent), os.environ.get("PYTHONPATH", "")]
+    return subprocess.Popen(
+        COMMAND,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+
+def _sent(process: subprocess.Popen[bytes], job: Job) -> dict[str, Any]:
+    """The record that a process gives of a job; an error there is one here."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        pickle.dump(job, process.stdin)
+        process.stdin.flush()
+        record: dict[str, Any] | Exception = pickle.load(process.stdout)
+    except (EOFError, BrokenPipeError):
+        # what is at work in it can take a process down, as the system does where memory is short
+        message = f"the process that made it ended with exit code {process.wait()}: make this variant alone"
+        return _not_made("failed", message, job[2])
+    if isinstance(record, Exception):
+        raise record
+    return record
 
 
 @contextlib.contextmanager
@@ -133,7 +151,7 @@ def _swept(folders: Sequence[Path]) -> Iterator[None]:
         raise
 
 
-def made(job: tuple[Design, dict[str, float], Path, Making]) -> dict[str, Any]:
+def made(job: Job) -> dict[str, Any]:
     """One design of a batch."""
     from studies.sweep import varied
 
@@ -141,9 +159,45 @@ def made(job: tuple[Design, dict[str, float], Path, Making]) -> dict[str, Any]:
     try:
         return build(varied(design, fields), folder, silent, making, picture=False)
     except BadInput as error:
-        failed = {"status": "bad_input", "message": str(error), "folder": folder}
-        return {**failed, "parts": [], "checks": [], "assembled_size_mm": None, "warnings": []}
+        return _not_made("bad_input", str(error), folder)
+
+
+def _not_made(status: str, message: str, folder: Path) -> dict[str, Any]:
+    """The record of a variant of which there is nothing."""
+    empty: dict[str, Any] = {"parts": [], "checks": [], "assembled_size_mm": None, "warnings": []}
+    return {"status": status, "message": message, "folder": folder, **empty}
 
 
 def silent(fraction: float, text: str) -> None:
     """No progress."""
+
+
+def main() -> None:
+    """Do the jobs that come in, one after the other, until no more can come.
+
+    That is seen at once, whatever is at work: the process that sends them is gone, and locks held here would bind.
+    """
+    # what a library prints must not come between the records
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+
+    def read() -> None:
+        try:
+            while True:
+                jobs.put(pickle.load(sys.stdin.buffer))
+        finally:
+            os._exit(1)
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        try:
+            record: dict[str, Any] | Exception = made(jobs.get())
+        except Exception as error:
+            record = error
+        pickle.dump(record, answers)
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

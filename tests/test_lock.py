@@ -57,25 +57,23 @@ def test_a_killed_process_does_not_bind(tmp_path):
 
 def test_the_workers_of_a_batch_that_is_killed_do_not_bind(tmp_path):
     """One of them is at work in a folder of its own when the process that shares out the work is killed."""
-    script = tmp_path / "batch.py"
-    script.write_text(
-        "import sys, time; from studies import files, variants\n"
-        "def work(folder):\n"
-        "    with files.filled(folder):\n"
-        "        print('held', flush=True); time.sleep(60)\n"
-        "if __name__ == '__main__':\n"
-        # the CAD kernel takes long to load, and is not needed here
-        "    from multiprocessing import forkserver; forkserver.set_forkserver_preload = lambda names: None\n"
-        "    with variants._pool(1) as pool: pool.submit(work, sys.argv[1]).result()\n"
-    )
-    code = [sys.executable, str(script), str(tmp_path / "o")]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(code, env=environment, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == "held\n"
+    slow = tmp_path / "slow"
+    slow.mkdir()
+    (slow / "build123d.py").write_text("import time\nprint('held', flush=True)\ntime.sleep(60)\n")
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    tokens = ["cad", "paper", "--out", "o", "--axis", "L=9,10"]
+    options = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": os.pathsep.join([str(slow), str(ROOT)])}}
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *tokens], stderr=subprocess.PIPE, text=True, **options
+    ) as process:
+        # what a process prints while it makes a variant goes to standard error
+        while process.stderr.readline() != "held\n":
+            pass
+        assert list((tmp_path / "o").glob(f"L*/{files.LOCK}"))
         process.kill()
         # the pipe ends when the last process that may write into it is gone
-        assert process.stdout.read() == ""
-    with files.filled(tmp_path / "o"):
+        process.stderr.read()
+    with files.filled(tmp_path / "o" / "L9"), files.filled(tmp_path / "o" / "L10"):
         pass
 
 

@@ -232,7 +232,10 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
         while process.poll() is None and not (tmp_path / "parts" / "L9" / "README.md").exists():
             time.sleep(0.05)
         os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read().decode()
         assert process.wait() == 130
+    assert said.splitlines()[-1] == "magtip: interrupted; files that are complete stay"
+    assert "Traceback" not in said
     folders = [path for path in (tmp_path / "parts").iterdir() if path.name != "L9"]
     assert len(folders) < 7
     assert all((folder / "README.md").exists() for folder in folders)
@@ -259,6 +262,54 @@ def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing
     assert list(work.iterdir()) == []
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
+
+
+def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_at_once(tmp_path):
+    """Here something of the kernel's name takes a minute to load. Workers write to the same standard error."""
+    slow, work = tmp_path / "slow", tmp_path / "work"
+    slow.mkdir()
+    work.mkdir()
+    (slow / "build123d.py").write_text("import sys, time\nprint('loading', file=sys.stderr)\ntime.sleep(60)\n")
+    paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
+    options = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
+    command = [sys.executable, "-c", "from studies.cli import main; main()", "cad", "paper", "--out", "parts"]
+    command += ["--axis", "L=9,10,11"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options) as process:
+        assert process.stderr.readline() == "loading\n"
+        begin = time.perf_counter()
+        os.killpg(process.pid, signal.SIGINT)
+        # the pipe ends when the last process that may write into it is gone
+        said = [line for line in process.stderr.read().splitlines() if line != "loading"]
+        assert time.perf_counter() - begin < 10
+        assert said == ["magtip: interrupted; files that are complete stay"]
+    assert list(work.iterdir()) == []
+
+
+def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
+    code = (
+        "import os; from studies import variants\n"
+        "def made(job):\n"
+        "    if job[1]['L'] == 9: os._exit(7)\n"
+        "    return {'status': 'ok', 'folder': job[2]}\n"
+        "variants.made = made; variants.main()\n"
+    )
+    monkeypatch.setattr(variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    axes = {"L": [9.0, 10.0, 11.0, 12.0]}
+    records = list(variants.batch(paper(), axes, tmp_path / "parts", variants.silent, workers=2))
+    assert [record["status"] for record in records] == ["failed", "ok", "ok", "ok"]
+    assert "exit code 7" in records[0]["message"]
+
+
+def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
+    code = (
+        "from studies import variants\n"
+        "def made(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
+        "variants.made = made; variants.main()\n"
+    )
+    monkeypatch.setattr(variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        list(variants.batch(paper(), {"L": [9.0, 10.0]}, tmp_path / "parts", variants.silent, workers=2))
+    assert caught.value.filename == "x.stl"
 
 
 def test_a_module_that_cannot_be_loaded_says_so():
