@@ -19,7 +19,7 @@ def command(verb: Callable[..., int], given: Mapping[str, Any]) -> str:
     ----------
     given : all arguments of the verb by their names, as `locals()` gives them in its first line.
     """
-    from studies.cli import app
+    from studies.application import app
 
     (name,) = (name for name in app if app[name].default_command is verb)
     options = {each.field_info.name: each.name for each in app[name].assemble_argument_collection()}

@@ -94,7 +94,7 @@ def first(spec: Answer) -> Answer:
     """Imports and one command line, as a user waits for them: by the clock on the wall."""
     begin = time.perf_counter()
     import fem.equilibrium  # noqa: F401
-    from studies import cli, states  # noqa: F401
+    from studies import application, cli, states  # noqa: F401
     from studies.options import GOOD
 
     imported = time.perf_counter()

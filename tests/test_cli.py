@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies import cli, console, files, states
+from studies import cli, console, files, options, states
 
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 
@@ -187,11 +187,35 @@ def test_interrupt_keeps_what_was_reached(tmp_path, strict):
         first = run.stdout.readline()
         run.send_signal(signal.SIGINT)
         rest, err = run.communicate()
-    assert (run.returncode, err) == (cli.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
+    assert (run.returncode, err) == (options.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
     reached = strict(first + rest)
     assert 1 <= len(reached) < 39
     assert {state["status"] for state in reached} == {"ok"}
     assert [path.name for path in tmp_path.iterdir()] == ["last.vtu"]
+
+
+@pytest.mark.parametrize("loses", ["pass", "raise ImportError('half loaded')"])
+def test_an_interrupt_while_the_command_is_loaded_is_a_sentence(tmp_path, loses):
+    """Here something of a library's name takes a minute to load, and does not let an interruption through."""
+    (tmp_path / "cyclopts.py").write_text(
+        f"import sys, time\nprint('loading', file=sys.stderr)\ntry: time.sleep(60)\nexcept BaseException: {loses}\n"
+    )
+    paths = os.pathsep.join([str(tmp_path), str(Path(cli.__file__).parent.parent)])
+    options = {"env": {**os.environ, "PYTHONPATH": paths}, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-m", "studies.cli", "design", "paper"], **options) as process:
+        assert process.stderr.readline() == "loading\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "magtip: interrupted before anything was begun\n"
+    assert process.returncode == 130
+
+
+@pytest.mark.parametrize(("field", "status"), [("E=0.6", 0), ("E=-1", 2)])
+def test_the_module_of_the_command_runs_it(tmp_path, strict, field, status):
+    tokens = [sys.executable, "-m", "studies.cli", "design", "paper", "--set", field, "--json"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(cli.__file__).parent.parent)}
+    ended = subprocess.run(tokens, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == status
+    assert len(strict(ended.stdout)) == (status == 0)
 
 
 @pytest.mark.parametrize(("end", "status"), [(KeyboardInterrupt, 130), (BadInput, 2), (ZeroDivisionError, None)])
@@ -242,7 +266,7 @@ def test_a_reader_that_goes_away():
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
-    assert process.returncode == cli.BROKEN_PIPE
+    assert process.returncode == options.BROKEN_PIPE
 
 
 def test_json_line_has_no_nan(strict):

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import studies
-from studies.cli import _joined, app, main
+from studies.application import _joined, app
+from studies.cli import main
 from studies.commandline import LEFT_OUT, command
 
 LINES = [
