@@ -12,6 +12,8 @@ from pathlib import Path
 OWN = "magtip"
 PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild")
 """That results of finite elements depend on."""
+SOURCE = ("geometry", "fem", "analytic", "studies", "pyproject.toml", "constraints.txt")
+"""What results follow from: changes elsewhere, as in the results that were written before, do not count."""
 
 
 def versions(more: Sequence[str] = ()) -> str:
@@ -57,7 +59,9 @@ def commit() -> str | None:
         return None
     if _git(root, "ls-files", "--error-unmatch", str(here)) is None:
         return None
-    return _git(root, "describe", "--always", "--dirty", "--exclude=*")
+    head = _git(root, "rev-parse", "--short", "HEAD")
+    changed = _git(root, "status", "--porcelain", "--untracked-files=no", "--", *SOURCE)
+    return f"{head}-dirty" if head and changed else head
 
 
 def _project(root: Path) -> str | None:

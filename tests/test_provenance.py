@@ -75,6 +75,9 @@ def test_a_checkout_of_the_project_names_its_commit_and_whether_it_was_changed(r
     git(repository, *NAME, "commit", "-qm", "two")
     head = git(repository, "rev-parse", "--short", "HEAD")
     assert commit_of(package) == head
+    (repository / "README.md").write_text("not a source of results")
+    git(repository, "add", "README.md")
+    assert commit_of(package) == head
     (package / "__init__.py").write_text("changed = True\n")
     assert commit_of(package) == f"{head}-dirty"
 
