@@ -71,7 +71,7 @@ def run(
     "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
     """
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
-    cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"))
+    cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
     mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
     found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
     show(0.93, "tables and plots")

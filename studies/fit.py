@@ -27,13 +27,19 @@ MARK = "# fitted to "
 
 
 def run(
-    path: str, nu: float, folder: Path | None, asked: str | None = None, progress: Progress | None = None
+    path: str,
+    nu: float,
+    folder: Path | None,
+    asked: str | None = None,
+    progress: Progress | None = None,
+    command: str = "magtip fit",
 ) -> list[dict[str, Any]]:
     """Fit the test in a file; writes fit.csv, fit.png and design.toml into an existing folder.
 
     Parameters
     ----------
     asked : the law that the user chooses.
+    command : that this is run by, for design.toml.
 
     Returns
     -------
@@ -59,7 +65,7 @@ def run(
         plots.fit(folder / "fit.png", data.stretch.tolist(), data.stress.tolist(), smooth.tolist(), curves)
         for found in judged:
             if found.chosen:
-                write_text(folder / "design.toml", design_text(path, found.fit, nu))
+                write_text(folder / "design.toml", design_text(path, found.fit, nu, command))
     return records
 
 
@@ -114,11 +120,16 @@ def flat(row: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in {**row, **texts}.items() if key != "warnings"}
 
 
-def design_text(path: str, found: Fit, nu: float) -> str:
-    """The fit as a design file."""
+def design_text(path: str, found: Fit, nu: float, command: str) -> str:
+    """The fit as a design file, which such a command makes."""
     values: dict[str, Any] = {"E": found.E, "nu": nu, "law": found.law, **found.numbers}
     lines = [
         f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
     ]
-    origin = "".join(letter if letter.isprintable() else "?" for letter in Path(path).name)
-    return "\n".join([f"{MARK}{origin}: rms residual {100 * found.share:.3g} % of the largest stress", *lines, ""])
+    head = f"{MARK}{_printable(Path(path).name)}: rms residual {100 * found.share:.3g} % of the largest stress"
+    return "\n".join([head, f"# by {_printable(command)}", *lines, ""])
+
+
+def _printable(text: str) -> str:
+    """The text as a comment can hold it."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -42,7 +42,8 @@ def decode(
     level
         Formulas that give tilt and load from the shift: paper (which has no tilt) by default.
     responses
-        States printed by `magtip solve --json`, a line each, that give tilt and load instead of formulas.
+        States printed by `magtip solve --json` (or `analytic --json`), a line each, that give tilt and load
+        instead of formulas.
     ignore_tilt
         Decode as if the magnet did not tilt.
     out

@@ -176,12 +176,13 @@ def fit(
     nu
         Poisson's ratio that E is for.
     """
+    asked = command(fit, locals())
     from studies import fit as work
     from studies.lawwords import reasons
 
     files.check_apart(files.inside(out, work.FILES), [data])
     with files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        records = work.run(data, nu, folder, law, progress)
+        records = work.run(data, nu, folder, law, progress, asked)
     if as_json:
         console.report(records, as_json=True)
     else:

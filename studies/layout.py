@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ABOUT = """\
 Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
 or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
-Ambiguous is what the decoder calls so, which does not look at what is in the way of the other poses.
+It is ambiguous where the decoder finds other poses with the same readings, be those blocked or not.
 Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
 deviation along the worst direction.
 """
@@ -198,15 +198,19 @@ def sentence(found: Row) -> str:
     parts = []
     if not found["ambiguous_percent"] > 0:
         parts.append(
-            "no two poses read alike" + ("" if clear > 100 - 1e-6 else f" in the {_percent(clear)} that can be read")
+            "no two poses of the workspace read alike"
+            if clear > 100 - 1e-6
+            else f"no two poses read alike in the {_percent(clear)} of the workspace that can be read"
         )
     else:
         parts.append(
-            f"{_percent(found['ambiguous_percent'])} of the workspace is ambiguous, with poses up to"
-            f" {found['alike_apart_mm']:.2g} mm apart that read alike"
+            f"{_percent(found['ambiguous_percent'])} of the workspace is ambiguous: poses up to"
+            f" {found['alike_apart_mm']:.2g} mm apart read alike"
         )
     if found["folded"]:
-        parts.append("det J changes its sign on a surface through it, where condition number and noise are infinite")
+        parts.append(
+            "det J changes its sign on a surface through the workspace, where condition number and noise are infinite"
+        )
     return "; ".join(parts)
 
 

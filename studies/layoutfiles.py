@@ -38,11 +38,12 @@ def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, 
 def text(found: Row, command: str, origin: str) -> str:
     """LAYOUT.md."""
     lines = ["# The layout of the Hall elements", ""]
-    lines += [f"In this workspace, {found['message']}.", "", *_figures(found), ""]
+    verdict = found["message"]
+    lines += [f"{verdict[0].upper()}{verdict[1:]}.", "", *_figures(found), ""]
     remarks = [f"- {sentence}" for sentence in (*found["hits"], *found["warnings"])]
     lines += [*remarks, ""] if remarks else []
     lines += ["![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
-    lines += ["Left the plane y = 0, right the worst over all y. The table behind it is layout.csv.", ""]
+    lines += ["Left: the plane y = 0. Right: the worst over all y. The table behind it is layout.csv.", ""]
     if "claim" in found:
         lines += _claim(found["claim"])
     if "search" in found:

@@ -129,7 +129,7 @@ class Basis:
     level
         Formulas that give tilt and force from the shift, and the reach of the workspace: paper (no tilt) by default.
     responses
-        States printed by `magtip solve --json`, a line each, instead of formulas.
+        States printed by `magtip solve --json` (or `analytic --json`), a line each, instead of formulas.
     ignore_tilt
         As if the magnet did not tilt.
     mode

@@ -96,13 +96,15 @@ def _sides(size: Sequence[float]) -> str:
     return " x ".join(f"{side:.4g}" for side in size)
 
 
-def text(design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str) -> str:
-    """The recipe for one design."""
+def text(
+    design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str, command: str
+) -> str:
+    """The recipe for one design, which such a command makes."""
     d = design
     lines = [
         f"{MARK}{d.D:g} mm, L = {d.L:g} mm",
         "",
-        "Written by `magtip cad`. Lengths are mm.",
+        f"Written by `{command}`. Lengths are mm.",
         "",
         size(record),
         "",

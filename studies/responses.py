@@ -1,4 +1,4 @@
-"""States of the sensor in a file, a line each as `magtip solve --json` prints them: what `--responses` takes."""
+"""States of the sensor in a file, which `--responses` takes: a line each, of `solve --json` or `analytic --json`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class State:
 
 
 def read(path: Path, design: Design) -> list[State]:
-    """The states in a file, which were solved for this design with a rigid magnet.
+    """The states in a file, which were found for this design with a rigid magnet.
 
     A file that does not say for which sensor it was made is taken, with a warning.
 

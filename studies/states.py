@@ -323,7 +323,7 @@ def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
 
 
 def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> dict[str, Any]:
-    """The formulas' answer under the same names, with the readings and what is in the magnet's way.
+    """The formulas' answer under the same names, with the readings, what is in the magnet's way, and the same label.
 
     Without a magnet there are no readings; of a chip there are fields and outputs in T, of three elements volts.
     """
@@ -333,6 +333,7 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
     load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
     response = beam.solve(design, load, level)
     seen = hall.readings(design, response) if design.shape.has_magnet else None
+    label = labels.label(labels.of_mechanics(design, "ignored" if seen is None else "rigid"))
     volts = seen is not None and set(seen.units) == {"V"}
     return {
         "status": "ok",
@@ -345,4 +346,5 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
         "output_T": list(seen.output) if seen and not volts else None,
         "saturated": None if seen is None else list(seen.saturated),
         "warnings": [] if seen is None else fields.warnings(design, seen, response.shift, response.rotation),
+        **label,
     }

@@ -21,8 +21,8 @@ from studies import files, inputs
 from studies.console import Progress
 from studies.workshop import Making, build
 
-Job = tuple[Design, dict[str, float], Path, Making]
-"""A design, the fields that differ in a variant, its folder, and a maker's choices."""
+Job = tuple[Design, dict[str, float], Path, Making, str]
+"""A design, the fields that differ in a variant, its folder, a maker's choices, and the command that asks for it."""
 
 COMMAND = (sys.executable, "-P", "-m", "studies.variants")
 """What does jobs: they come in, records go out. -P keeps modules in the user's folder out of what it imports."""
@@ -49,6 +49,7 @@ def batch(
     progress: Progress,
     making: Making = Making(),
     workers: int | None = None,
+    command: str = "magtip cad",
 ) -> Iterator[dict[str, Any]]:
     """`build` for every combination of values, each in a folder of its own named after them; records in order.
 
@@ -58,13 +59,15 @@ def batch(
     Parameters
     ----------
     workers : processes that share the work; as many as there are processors by default.
+    command : that this is run by, for the recipes.
     """
     points = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
+    names = ["_".join(f"{key}{value:g}" for key, value in point.items()) for point in points]
     jobs: list[Job] = [
-        (design, point, out / "_".join(f"{key}{value:g}" for key, value in point.items()), making) for point in points
+        (design, point, out / name, making, command) for point, name in zip(points, names, strict=True)
     ]
     count = min(workers or os.cpu_count() or 1, len(jobs))
-    with files.filled(out), _swept([folder for _, _, folder, _ in jobs]), contextlib.ExitStack() as stack:
+    with files.filled(out), _swept([out / name for name in names]), contextlib.ExitStack() as stack:
         work: Iterator[dict[str, Any]] = map(made, jobs)
         if count > 1:
             work = stack.enter_context(_makers(count))(jobs)
@@ -155,9 +158,9 @@ def made(job: Job) -> dict[str, Any]:
     """One design of a batch."""
     from studies.sweep import varied
 
-    design, fields, folder, making = job
+    design, fields, folder, making, command = job
     try:
-        return build(varied(design, fields), folder, silent, making, picture=False)
+        return build(varied(design, fields), folder, silent, making, picture=False, command=command)
     except BadInput as error:
         return _not_made("bad_input", str(error), folder)
 

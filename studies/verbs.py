@@ -74,6 +74,7 @@ def cad(
     tolerance
         Largest distance of the STL's facets from the surface, mm; D/2000 by default.
     """
+    asked = command(cad, locals())
     from studies import variants, workshop
 
     given = design_of(source, sets)
@@ -84,9 +85,9 @@ def cad(
         say_no_effect(f"axis {name}", reason)
     with console.progress(as_json=as_json) as progress:
         if axes:
-            records = list(variants.batch(given, axes, out, progress, making))
+            records = list(variants.batch(given, axes, out, progress, making, command=asked))
         else:
-            records = [workshop.build(given, out, progress, making)]
+            records = [workshop.build(given, out, progress, making, command=asked)]
     workshop.show(records, as_json=as_json, wide=wide)
     return judged(records)
 
@@ -196,7 +197,7 @@ def analytic(
 
 def _report(record: dict[str, Any], title: str, *, as_json: bool) -> None:
     """Print a record, its warnings on standard error."""
-    brief = {key: value for key, value in record.items() if key != "warnings"}
+    brief = {key: value for key, value in record.items() if key not in ("warnings", *states.UNSHOWN)}
     console.report([record if as_json else brief], as_json=as_json, title=title)
     for warning in record["warnings"]:
         console.say(f"magtip: warning: {warning}")
@@ -253,7 +254,8 @@ def readings(
     seed
         Draw one sample of the elements' noise with this seed; none by default.
     responses
-        States printed by `magtip solve --json`, a line each: a row of readings for each, without --shift and --tilt.
+        States printed by `magtip solve --json` (or `analytic --json`), a line each: a row of readings for each,
+        without --shift and --tilt.
     """
     given = design_of(source, sets)
     sensing = fields.sensing_of(given, level, mode, ambient, seed)

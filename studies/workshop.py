@@ -119,13 +119,20 @@ def things(design: Design, making: Making) -> Things:
 
 
 def build(
-    design: Design, out: Path, progress: Progress, making: Making = Making(), *, picture: bool = True
+    design: Design,
+    out: Path,
+    progress: Progress,
+    making: Making = Making(),
+    *,
+    picture: bool = True,
+    command: str = "magtip cad",
 ) -> dict[str, Any]:
     """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
 
     Parameters
     ----------
     picture : whether to draw one; it takes as long as all the rest of a design, beside it.
+    command : that this is run by, for the recipe.
 
     Raises
     ------
@@ -170,8 +177,8 @@ def build(
             except RuntimeError as error:
                 record["warnings"].append(f"no picture: {error}")
         record["warnings"] += left_over(folder, stage)
-        text = recipe.text(design, making, record, made.plan, PICTURE if (stage / PICTURE).exists() else "")
-        files.write_text(stage / ALONE, text)
+        drawn = PICTURE if (stage / PICTURE).exists() else ""
+        files.write_text(stage / ALONE, recipe.text(design, making, record, made.plan, drawn, command))
     return record
 
 

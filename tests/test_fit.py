@@ -298,6 +298,15 @@ def test_what_cannot_be_fitted():
             lawfit.fit(data, nu)
 
 
+def test_a_design_names_the_command_that_makes_it(run, tmp_path):
+    """In a comment, which a line's end in the name of the test's file must not end."""
+    file = table(tmp_path, synthetic("neo-hookean")).rename(tmp_path / "two\nlines = 1.csv")
+    assert run("fit", file.name, "--law", "neo-hookean", "--nu", 0.4999, "--out", "made")[0] == 0
+    lines = (tmp_path / "made" / "design.toml").read_text("utf-8").splitlines()
+    assert lines[1] == "# by magtip fit 'two?lines = 1.csv' --law neo-hookean --out made --nu 0.4999"
+    assert read_design(str(tmp_path / "made" / "design.toml")).law == "neo-hookean"
+
+
 def test_command_writes_a_design_that_reads_back(run, strict, tmp_path):
     file = table(tmp_path, synthetic("ogden", noise=0.002))
     status, out, err = run("fit", file, "--out", "made", "--nu", 0.4999, "--json")

@@ -1,6 +1,7 @@
 """The verb layout: its record, its files, the search and what it finds, the claim of uniqueness, bad input."""
 
 import csv
+import re
 import shlex
 
 import numpy as np
@@ -33,7 +34,7 @@ def test_the_paper_is_unique_and_its_shares_add_up(run, strict, small):
     status, out, err = run("layout", "paper", "--json")
     assert (status, err) == (0, "")
     (record,) = strict(out)
-    assert record["message"] == "no two poses read alike"
+    assert record["message"] == "no two poses of the workspace read alike"
     shares = [record[f"{name}_percent"] for name in ("unique", "ambiguous", "saturated", "blocked")]
     assert sum(shares) == pytest.approx(100)
     assert record["det_positive_percent"] + record["det_negative_percent"] == pytest.approx(100)
@@ -83,6 +84,8 @@ def test_the_map_is_a_table_with_units(run, small, tmp_path):
     text = (tmp_path / "map" / "LAYOUT.md").read_text("utf-8")
     assert "magtip layout paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
     assert "infinite" in text or "worst" in text
+    verdict = text.splitlines()[2]
+    assert re.match(r"[\d.]+ % of the workspace is ambiguous: poses up to [\d.]+ mm apart read alike[;.]", verdict)
 
 
 def test_search_ranks_and_its_options_give_what_it_says(run, strict, small):

@@ -11,6 +11,7 @@ import pytest
 
 import studies
 from analytic import beam
+from geometry import labels
 from geometry.design import paper
 from geometry.scene import Load
 from studies import options, states
@@ -200,6 +201,27 @@ def test_analytic_json(run, shear, strict):
     assert tuple(record["shift_mm"]) == expected.shift
     assert len(record["readings_T"]) == len(record["readings_V"]) == 3
     assert (record["status"], record["level"], record["shear_mm"]) == ("ok", "paper", shear)
+
+
+def test_analytic_states_say_for_which_sensor_they_are(run, strict, tmp_path):
+    """As those of a solve do: they are read without a warning for their design, and refused for another one."""
+    lines = [run("analytic", "paper", "--depth", depth, "--level", "finite", "--json")[1] for depth in (1, 2)]
+    (tmp_path / "states.jsonl").write_text("".join(lines))
+    (record,) = strict(lines[0])
+    assert record["made_for"] == labels.of_mechanics(paper())
+    status, out, err = run("readings", "paper", "--responses", "states.jsonl", "--json")
+    assert (status, err) == (0, "")
+    assert strict(out)[0]["readings_T"] == record["readings_T"]
+    status, out, err = run("readings", "paper", "--set", "E=0.6", "--responses", "states.jsonl", "--json")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "made for another sensor" in err
+    assert "made_for" not in run("analytic", "paper", "--depth", 1)[1].replace(" ", "_")
+
+
+def test_an_analytic_state_without_a_magnet_says_so(run, strict):
+    bare = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
+    (record,) = strict(run("analytic", "paper", "--depth", 1, *bare, "--json")[1])
+    assert record["made_for"]["magnet"] == "ignored"
 
 
 @pytest.mark.parametrize(

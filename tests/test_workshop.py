@@ -51,6 +51,7 @@ def test_every_file_is_there_and_others_stay(made):
 def test_the_recipe_names_files_volumes_and_checks(made):
     text = (made / "README.md").read_text(encoding="utf-8")
     assert text.startswith(recipe.MARK)
+    assert text.splitlines()[2].startswith("Written by `magtip cad paper --out ")
     for name in (*PARTS, "assembly.png", "assembly.step", "mold.step", "sensor.svg", "base.svg", "mold.svg"):
         assert name in text
     # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet
@@ -220,7 +221,9 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
     assert files_of(tmp_path / "parts") == {"D8_L10"}
     written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
     assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
-    assert "assembly.png" not in (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
+    text = (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
+    assert "assembly.png" not in text
+    assert "Written by `magtip cad paper --out parts --axis D=3,8 --axis L=10`." in text
 
 
 def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
