@@ -104,6 +104,7 @@ def record(judged: Judged, data: Specimen) -> dict[str, Any]:
         "stable_in_solve": judged.in_solve,
         "E_of_a_silicone": SILICONE_E[0] <= found.E <= SILICONE_E[1],
         "not_chosen_because": list(judged.against),
+        "stable_farther": judged.farther.law if judged.farther else None,
         "warnings": warnings(judged, data),
         "warning": "; ".join(warnings(judged, data)),
     }

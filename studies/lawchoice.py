@@ -49,6 +49,7 @@ class Judged:
     misses : whether it leaves more of the test than another law that may be chosen, by `MISFIT` or `SMALL_MISFIT`.
     spread : how far, relative to this law's stress at `PRESSED`, those of other laws that hit the test are off it.
     against : why it is not chosen; empty for the one that is.
+    farther : the best other law that hits the test and is stable wherever this one is and farther; None without.
     """
 
     fit: Fit
@@ -60,6 +61,7 @@ class Judged:
     spread: float
     chosen: bool
     against: tuple[Reason, ...]
+    farther: Fit | None
 
 
 def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> list[Judged]:
@@ -108,10 +110,18 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
         against = () if k == first else tuple(reason for reason, holds in facts if holds)
         hit = [other for other, missed in zip(fits, misses, strict=True) if other in able and not missed]
         spread = max((abs(_pressed(other) / _pressed(found) - 1) for other in hit), default=0.0)
+        farther = next((other for other in hit if not other.bounded and _farther(other, found)), None)
         judged.append(
-            Judged(found, k + 1, possible[k], in_test[k], in_solve[k], misses[k], spread, k == first, against)
+            Judged(
+                found, k + 1, possible[k], in_test[k], in_solve[k], misses[k], spread, k == first, against, farther
+            )
         )
     return judged
+
+
+def _farther(other: Fit, found: Fit) -> bool:
+    """Whether one law is stable wherever another one is, and beyond."""
+    return within(found.stable, other.stable) and not within(other.stable, found.stable)
 
 
 def _pressed(found: Fit) -> float:

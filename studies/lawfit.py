@@ -9,12 +9,13 @@ points and k parameters, the noise's size among them,
     AICc = n ln(SSE / n) + 2 k + 2 k (k + 1) / (n - k - 1),
 
 which takes errors as independent: a slow drift of the machine makes the larger laws look better than they are.
-Residuals of less than 1e-9 of the largest stress count as none. Points at stretch 1, where no law has a stress, do
-not count. Of laws within 2 of the least AICc, which are as good, those with fewer constants come first. Where the
-criterion is not defined for all forms (n <= k + 1), as for the two or three values of a data sheet, none is ranked by
-it: first come forms that leave 2 % of the largest stress or less, the fewest constants first, then the others, by
-what they leave; the best form stands for the law. Numbers at a bound of the search are no optimum: their law ranks
-last.
+Residuals and their differences of less than 1e-9 of the largest stress are rounding, and count as none. Of fits
+that tie, first comes the one that is stable in the wider ranges, then the one that `geometry.design.LAWS` names
+first. Points at stretch 1, where no law has a stress, do not count. Of laws within 2 of the least AICc, which are as
+good, those with fewer constants come first. Where the criterion is not defined for all forms (n <= k + 1), as for the
+two or three values of a data sheet, none is ranked by it: first come forms that leave 2 % of the largest stress or
+less, the fewest constants first, then the others, by what they leave; the best form stands for the law. Numbers at a
+bound of the search are no optimum: their law ranks last.
 """
 
 from __future__ import annotations
@@ -187,15 +188,21 @@ def _same(larger: Fit, smaller: Fit) -> bool:
     return bool(larger.bounded) and smaller.rms <= larger.rms * (1 + 1e-6)
 
 
+def _width(stable: Ranges) -> float:
+    """Logarithmic width of the ranges of all modes together, without its rounding."""
+    return round(sum(math.log(high / low) for low, high in stable.values()), 9)
+
+
 def _order(found: Fit, least: float | None) -> tuple[float, ...]:
     """Sorts fits, the best first; `least` is the least AICc, None where they are not sorted by it."""
-    last = float(bool(found.bounded))
+    last, ties = float(bool(found.bounded)), (-_width(found.stable), list(LAWS).index(found.law))
     if least is not None and found.aicc is not None:
         alike = found.aicc <= least + ALIKE
-        return (last, 0, found.constants, found.aicc) if alike else (last, 1, found.aicc)
+        return (last, 0, found.constants, found.aicc, *ties) if alike else (last, 1, found.aicc, *ties)
+    share = round(found.share / EXACT)
     if found.share <= MISFIT:
-        return (last, 0, found.constants, found.share)
-    return (last, 1, found.share, found.constants)
+        return (last, 0, found.constants, share, *ties)
+    return (last, 1, share, found.constants, *ties)
 
 
 def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criterion: Criterion) -> Fit:
@@ -234,7 +241,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
     )
     x = np.where(bounded, moved, x)
     values, left = _whole(form, x[1:].tolist()), residual(x)
-    rms = float(np.sqrt(np.mean(left**2)))
+    rms = _told(float(np.sqrt(np.mean(left**2))))
     near = data.near(SMALL_STRAIN)
     numbers = dict(zip(LAWS[form.law], values, strict=True))
     return Fit(
@@ -245,7 +252,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
         exact=form.constants >= most,
         rms=largest * rms,
         share=rms,
-        small=excess(largest * left[near], data.stress[near]),
+        small=_told(excess(largest * left[near], data.stress[near])),
         aicc=aicc(
             int(data.telling.sum()), form.constants + 1, max(float(np.sqrt(np.mean(left[data.telling] ** 2))), EXACT)
         ),
@@ -253,6 +260,11 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
         stable=ranges(form.law, values, ranges_of_test(data.stretch)),
         bounded=tuple(name for name, is_bounded in zip(form.free, bounded[1:], strict=True) if is_bounded),
     )
+
+
+def _told(value: float) -> float:
+    """0 in place of rounding."""
+    return value if abs(value) > EXACT else 0.0
 
 
 def excess(left: Array, stress: Array) -> float:

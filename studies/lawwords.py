@@ -6,7 +6,7 @@ from typing import Any
 
 from geometry.design import SILICONE_E, Design
 from studies.lawchoice import PRESSED, SMALL_MISFIT, SPREAD, Judged, Reason
-from studies.lawfit import MISFIT, SMALL_STRAIN
+from studies.lawfit import MISFIT, SMALL_STRAIN, Fit
 from studies.lawstability import MODES, RANGE, SOLVE, Ranges, within
 from studies.specimen import STRESS, Specimen
 
@@ -35,18 +35,31 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
             f"laws that hit the test differ by {100 * judged.spread:.3g} % from {found.law} in a compression to a "
             f"stretch of {PRESSED:g}, which the test does not have: forces of a press may differ as much"
         )
+    ends_early = not judged.in_test or not within({"planar": RANGE}, found.stable)
     if not judged.in_test:
         low, high = found.stable["uniaxial"]
         said.append(f"the data leave the stable range of {found.law}, stretch {low:.3g} to {high:.3g}")
-    elif not within({"planar": RANGE}, found.stable):
+    elif ends_early:
         said.append(
             f"{found.law} is stable {_ends(found.stable)}: single points at the magnet's edge reach planar stretches "
             "of 2.7 in a press to D/4 and 4.3 to 3/8 D, and a solve that ends there says so"
         )
+    if ends_early and judged.farther is not None:
+        said.append(_farther(found, judged.farther))
     if found.bounded:
         where = " and ".join(f"{name} = {found.numbers[name]:.4g}" for name in found.bounded)
         said.append(f"{where} at a bound of the search: no optimum, ranked last")
     return said
+
+
+def _farther(found: Fit, other: Fit) -> str:
+    """Which law is stable beyond where this one is, and what it costs."""
+    whole = within(dict.fromkeys(MODES, RANGE), other.stable)
+    where = f"in all stretches from {RANGE[0]:g} to {RANGE[1]:g}" if whole else _ends(other.stable)
+    return (
+        f"{other.law} misses the test by {100 * other.share:.2g} % ({found.law} by {100 * found.share:.2g} %) and is "
+        f"stable {where}: --law {other.law} may press farther"
+    )
 
 
 def _impossible(judged: Judged, data: Specimen) -> str:
