@@ -32,6 +32,8 @@ TERMS = {
 }
 LEVELS = ("paper", *TERMS)
 """The models that `solve` knows, from the paper's up."""
+DEEPEST, FARTHEST = 0.25, 0.3
+"""Depth and shear, over D, to which level finite was set beside finite elements."""
 
 
 def solve(design: Design, load: Load, level: str = "paper") -> Response:
@@ -73,7 +75,7 @@ def outside(design: Design, load: Load, level: str) -> str:
     """In what a load leaves the range that a level was set beside finite elements in; "" if in nothing."""
     if level == "paper":
         return ""
-    deepest = 0.25 if level == "finite" else 0.06
+    deepest = DEEPEST if level == "finite" else 0.06
     found = []
     if not design.L >= 1.1 * design.D:
         found.append(f"L/D = {design.L / design.D:.3g} is below 1.1")
@@ -93,7 +95,7 @@ def outside(design: Design, load: Load, level: str) -> str:
     if not load.depth <= deepest * design.D:
         found.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
     size = math.hypot(load.shear_x, load.shear_y) if load.friction == "stick" or load.grip is not None else 0.0
-    farthest = 0.3 if level == "finite" else 0.05
+    farthest = FARTHEST if level == "finite" else 0.05
     if not size <= farthest * design.D:
         found.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
     if load.grip is not None and not load.grip <= design.D / 16:

@@ -79,7 +79,7 @@ class Decoded:
     shift : shape (n, 3), mm.
     tilt : rotation vector (rx, ry), shape (n, 2), rad.
     force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics
-        and where the plate would have to pull.
+        and where the plate would have to pull, 0 where it does not touch.
     condition : of dB/ds, shape (n,).
     multiplicity : how many poses in the workspace give the readings, shape (n,).
     noise_mm, noise_N : standard deviations of shift and force, shape (n, 3); NaN if no element has any noise.
@@ -279,12 +279,8 @@ def _result(
     noisy = sensitivity.spread(coder.sigma, A)
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
-        force, slope = mechanics.forces(coder.mechanics, s)
-        force[2] = mechanics.pressing(coder.mechanics, s[2], force[2])
-        pulled = np.isnan(force[2])
-        force[:, pulled] = np.nan
-        load = np.where(pulled, np.nan, mechanics.load(coder.mechanics, s))
-        for k in np.flatnonzero(some)[pulled].tolist():
+        force, load, slope = mechanics.carried(coder.mechanics, s)
+        for k in np.flatnonzero(some)[np.isnan(force[2])].tolist():
             status[k] = "tension" if status[k] == "ok" else status[k]
         noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))
     return Decoded(

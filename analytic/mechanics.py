@@ -43,6 +43,8 @@ MOST_ENDS = 60
 
 NOTHING = 1e-9
 """Force that counts as rounding, N."""
+NO_DEPTH = 1e-9
+"""Depth that counts as rounding, mm: the plate does not touch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,6 +166,29 @@ def load(mechanics: Mechanics, shift: Array) -> Array:
     U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
     ratio = polynomial(mechanics.shear, U, r)[0]
     return np.stack([np.maximum(polynomial(mechanics.depth, U, r)[0], 0.0), x * ratio, y * ratio])
+
+
+def carried(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
+    """Force on the tip, N, and load (depth, shear_x, shear_y), mm, at shifts (3, n), mm; and the force's slopes.
+
+    A plate that does not touch carries nothing: where the depth is 0 and no press sinks the magnet, force and load
+    are 0, whatever the polynomials of the sideways force say. Where the plate would have to pull, both are NaN.
+
+    Returns
+    -------
+    force, load : shape (3, n).
+    slopes : as in `forces`.
+    """
+    force, slopes = forces(mechanics, shift)
+    moved = load(mechanics, shift)
+    pressed = (shift[2] < 0) & (force[2] > mechanics.errors[2] + NOTHING)
+    force[2] = pressing(mechanics, shift[2], force[2])
+    pulled = np.isnan(force[2])
+    free = ~pulled & ~pressed & (moved[0] <= NO_DEPTH)
+    for values in (force, moved):
+        values[:, pulled] = np.nan
+        values[:, free] = 0.0
+    return force, moved, slopes
 
 
 def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:

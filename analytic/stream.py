@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from analytic.decode import EDGE, Decoder, Status, decode
 from analytic.magnet import meridian_field
-from analytic.mechanics import NOTHING
+from analytic.mechanics import NO_DEPTH, NOTHING
 from analytic.refine import GOAL
 from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
 from geometry.scene import rotation_of
@@ -215,9 +215,12 @@ class Stream:
         x, y, w = shift
         u = x * x + y * y
         k, n = _polynomial(law.lateral.tolist(), u, w)[0], _polynomial(law.normal.tolist(), u, w)[0]
-        # as `analytic.mechanics.pressing`
-        if w < 0 and n < -(law.errors[2] + NOTHING):
+        # as `analytic.mechanics.carried`
+        least = law.errors[2] + NOTHING
+        if w < 0 and n < -least:
             return NAN3
+        if (w >= 0 or n <= least) and _polynomial(law.depth.tolist(), u, math.cbrt(max(-w, 0.0)))[0] <= NO_DEPTH:
+            return 0.0, 0.0, 0.0
         return x * k, y * k, max(n, 0.0)
 
 

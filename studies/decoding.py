@@ -8,6 +8,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,14 +25,17 @@ if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
     from analytic.mechanics import Mechanics
     from analytic.parts import Element
+    from studies.loadlevel import Gap
 
     Array = NDArray[np.float64]
 
 FOUND = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad", "force_x_N", "force_y_N"]
-FOUND += ["force_z_N", "depth_mm", "shear_mm", "shear_y_mm", "condition", "multiplicity"]
+FOUND += ["force_z_N", "depth_mm", "shear_mm", "shear_y_mm", "condition", "multiplicity", "level"]
 """Columns that a table of readings gets."""
 MOST_LOOKED_AT = 2000
 """Rows out of the workspace that are looked for outside it."""
+RESPONSES, NO_LEVEL = "responses", "none"
+"""Named in place of a level where states give the mechanics, and where nothing does."""
 MANY = 500
 """Rows from which it pays to load the compiled field first."""
 
@@ -45,6 +49,10 @@ WHY = {
     " give states over more depths and shears",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
+NO_CONTACT = (
+    "the plate does not touch at this pose (depth 0), so it carries no load: that the magnet is {:.2g} mm aside comes"
+    " from the readings' rounding or noise, an ambient field, or something else than the plate"
+)
 
 
 def beyond_sentence(coder: Decoder, end: End | None, *, solved: bool) -> str:
@@ -94,6 +102,24 @@ def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechan
     return of_level(design, level or "paper") if file is None else of_file(file, design)
 
 
+def level_name(level: str | None, file: Path | None, default: str = "paper") -> str:
+    """The level that gives tilt and load, or "responses" where a file of states does; as `mechanics_of` chooses."""
+    return RESPONSES if file is not None else level or default
+
+
+def gap_of(coder: Decoder, level: str, found: Decoded) -> Gap | None:
+    """The forces that were decoded beside those of level finite; None where there is nothing to compare."""
+    from studies import loadlevel
+
+    if coder.mechanics is None or level in (loadlevel.BEST, RESPONSES):
+        return None
+    design, law = coder.forward.design, None
+    # level finite may not carry this design at all
+    with contextlib.suppress(BadInput):
+        law = of_level(design, loadlevel.BEST)
+    return loadlevel.gap(design, law, found.shift, found.force)
+
+
 def say_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
     """A warning where a tilt is to be ignored and there is none."""
     if ignore_tilt and law is not None and not law.tau.any():
@@ -127,10 +153,11 @@ def of_file(path: Path, design: Design) -> Mechanics:
         raise BadInput(f"{path}: {error}") from None
 
 
-def one(coder: Decoder, text: str, units: str | None, *, solved: bool = False) -> dict[str, Any]:
-    """The record of one set of readings a,b,c; `solved` as in `beyond_sentence`."""
+def one(coder: Decoder, text: str, units: str | None, level: str) -> dict[str, Any]:
+    """The record of one set of readings a,b,c; `level` as `level_name` names it."""
     from analytic import beyond
     from analytic.decode import decode
+    from studies import loadlevel
 
     chosen = coder.forward.elements
     values = inputs.parse_numbers("--readings", text)
@@ -144,16 +171,25 @@ def one(coder: Decoder, text: str, units: str | None, *, solved: bool = False) -
     out = status == "out_of_workspace"
     outside = beyond.poses(coder, field)[0] if out else None
     end = None if outside is None else beyond.end(coder, outside)
+    message = beyond_sentence(coder, end, solved=level == RESPONSES) if out else WHY[status]
+    depth = float(found.load[0, 0])
+    contact = None if math.isnan(depth) else depth > 0
+    if contact is False:
+        message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*found.shift[0, :2]))]))
+    gap = gap_of(coder, level, found)
     return {
         "status": status,
-        "message": beyond_sentence(coder, end, solved=solved) if out else WHY[status],
+        "message": message,
+        "level": level,
         "readings_T": field[0].tolist(),
         "shift_mm": found.shift[0].tolist(),
         "tilt_rad": tilt,
         "tilt_y_rad": tilt_y,
         "rotation_rad": found.tilt[0].tolist(),
         "force_N": found.force[0].tolist(),
-        "depth_mm": float(found.load[0, 0]),
+        "finite_force_N": None if gap is None else gap.finite[0].tolist(),
+        "contact": contact,
+        "depth_mm": depth,
         "shear_mm": float(found.load[0, 1]),
         "shear_y_mm": float(found.load[0, 2]),
         "condition": float(found.condition[0]),
@@ -166,15 +202,30 @@ def one(coder: Decoder, text: str, units: str | None, *, solved: bool = False) -
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
+        "warnings": [] if gap is None else loadlevel.warnings(level, gap),
     }
 
 
-def table(
-    coder: Decoder, path: Path, units: str | None, out: Path | None, *, as_json: bool = False
-) -> tuple[dict[str, int], dict[End | None, int]]:
-    """Decode a table of readings as a stream, write it with the columns `FOUND` added, and count the statuses.
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What is to be said of a table that was decoded.
 
-    Returns the counts, and of the first `MOST_LOOKED_AT` rows out of the workspace what keeps how many of them out.
+    Attributes
+    ----------
+    counts : rows of each status.
+    ends : of the first `MOST_LOOKED_AT` rows out of the workspace, what keeps how many of them out.
+    warnings : about the level's forces.
+    """
+
+    counts: dict[str, int]
+    ends: dict[End | None, int]
+    warnings: list[str]
+
+
+def table(
+    coder: Decoder, path: Path, units: str | None, out: Path | None, level: str, *, as_json: bool = False
+) -> Summary:
+    """Decode a table of readings as a stream, write it with the columns `FOUND` added, and say what is in it.
 
     Without `out` it is printed; as JSON an object for each row, with its number and what the elements read.
 
@@ -217,26 +268,30 @@ def table(
         lines = zip(field.tolist(), found.status, numbers.tolist(), found.multiplicity.tolist(), strict=True)
         console.report(
             [
-                {"row": k, "readings_T": b} | dict(zip(FOUND, (status, *line, many), strict=True))
+                {"row": k, "readings_T": b} | dict(zip(FOUND, (status, *line, many, level), strict=True))
                 for k, (b, status, line, many) in enumerate(lines, 1)
             ],
             as_json=True,
         )
-        return _counts(found), _ends(coder, found, field)
+        return _summary(coder, found, field, level)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*head, *FOUND])
     for row, status, line, many in zip(rows, found.status, numbers.tolist(), found.multiplicity, strict=True):
-        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many])
+        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
     if target is None:
         print(text.getvalue(), end="", flush=True)
     else:
         files.write_text(target, text.getvalue())
-    return _counts(found), _ends(coder, found, field)
+    return _summary(coder, found, field, level)
 
 
-def _counts(found: Decoded) -> dict[str, int]:
-    return {name: found.status.count(name) for name in WHY if name in found.status}
+def _summary(coder: Decoder, found: Decoded, field: Array, level: str) -> Summary:
+    from studies import loadlevel
+
+    gap = gap_of(coder, level, found)
+    counts: dict[str, int] = {name: found.status.count(name) for name in WHY if name in found.status}
+    return Summary(counts, _ends(coder, found, field), [] if gap is None else loadlevel.warnings(level, gap))
 
 
 def _ends(coder: Decoder, found: Decoded, field: Array) -> dict[End | None, int]:

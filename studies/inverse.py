@@ -40,7 +40,7 @@ def decode(
     units
         Of the readings: outputs in V or flux densities B.n in T; by default what the elements send.
     level
-        Formulas that give tilt and load from the shift: paper (which has no tilt) by default.
+        Formulas that give tilt and load from the shift; default: paper, which has no tilt and too small a force.
     responses
         States printed by `magtip solve --json` (or `analytic --json`), a line each, that give tilt and load
         instead of formulas.
@@ -55,16 +55,22 @@ def decode(
         raise BadInput("--out is for --file FILE.csv: leave it out")
     files.check_apart([out], [source, file, responses])
     coder = decoding.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
+    name = decoding.level_name(level, responses)
     if readings is not None:
-        record = decoding.one(coder, readings, units, solved=responses is not None)
-        console.report([record], as_json=as_json, title="Decoded")
+        record = decoding.one(coder, readings, units, name)
+        console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
+        for warning in record["warnings"]:
+            console.say(f"magtip: warning: {warning}")
         if record["status"] == "ambiguous":
             console.say(f"magtip: warning: {record['message']}")
             return GOOD
         return judged([record])
     assert file is not None
     with files.sole_writer(out):
-        counts, ends = decoding.table(coder, file, units, out, as_json=as_json)
+        found = decoding.table(coder, file, units, out, name, as_json=as_json)
+    counts = found.counts
+    for warning in found.warnings:
+        console.say(f"magtip: warning: {warning}")
     if as_json and out is not None:
         console.report([counts], as_json=True)
     for status, count in counts.items():
@@ -72,7 +78,7 @@ def decode(
             why = [decoding.WHY[status]]
             if status == "out_of_workspace":
                 solved = responses is not None
-                why = [f"{n}: {decoding.beyond_sentence(coder, end, solved=solved)}" for end, n in ends.items()]
+                why = [f"{n}: {decoding.beyond_sentence(coder, end, solved=solved)}" for end, n in found.ends.items()]
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
     return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
 
@@ -109,6 +115,7 @@ def table(
     model, grid = tables.plan(given, step, level, responses)
     with files.sole_writer(target), console.progress(as_json=as_json) as progress:
         record = tables.write_plane(model, grid, target) if plane else tables.write(model, grid, target, progress)
+        record["level"] = decoding.level_name(level, responses, decoding.NO_LEVEL)
     console.report([record], as_json=as_json, title="Table")
     return GOOD
 

@@ -76,7 +76,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     progress(0.0, "map of the workspace")
     magnet.compiled()
     seen = survey.survey(coder, COUNTS, clearance=basis.clearance)
-    found = record(coder, seen, noise, "responses" if basis.responses else basis.level or "paper")
+    found = record(coder, seen, noise, decoding.level_name(basis.level, basis.responses))
     if job.search:
         found["search"] = layoutsearch.run(design, law, basis, bounds, job.count, progress)
     if job.claim:

@@ -37,6 +37,12 @@ TURNS = {
 }
 """Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
 
+MISFITS = {
+    "fit_error_rad": ("misfit of the decoder's polynomials, tilt", UNITS["rad"][0]),
+    "fit_error_N": ("misfit of the decoder's polynomials, force", UNITS["N"][0]),
+}
+"""Names of what is no error of a result: how far polynomials are from the states or formulas they stand for."""
+
 GAP = "  "
 """Between columns."""
 
@@ -214,6 +220,8 @@ def heading(key: str) -> tuple[str, str]:
     """
     if key in TURNS:
         return TURNS[key], UNITS["rad"][0]
+    if key in MISFITS:
+        return MISFITS[key]
     name, _, last = key.rpartition("_")
     if name.endswith("_per"):
         above, unit = heading(name.removesuffix("_per"))

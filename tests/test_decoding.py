@@ -20,7 +20,8 @@ def volts(run, strict, *tokens):
 def test_readings_come_back_as_their_pose(run, strict):
     text = volts(run, strict)
     status, out, err = run("decode", "paper", "--readings", text, "--json")
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert "level finite" in err
     (record,) = strict(out)
     assert_allclose(record["shift_mm"], [0.5, 0.2, -1.0], atol=1e-9)
     assert record["status"] == "ok"
