@@ -14,7 +14,7 @@ import os
 import re
 import sys
 
-from cyclopts import App, CycloptsError, Parameter, UnknownOptionError
+from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, UnusedCliTokensError
 
 from geometry.design import BadInput
 from studies import console, evidence, inverse, jobs, meshing, streams, verbs
@@ -92,6 +92,15 @@ def _unknown(error: UnknownOptionError) -> str:
     return f"there is no option {given}{f': {remedy}' if known else ''}"
 
 
+def _unused(error: UnusedCliTokensError) -> str:
+    """What to do about values that are neither an option's nor the one that a verb takes."""
+    (verb,) = error.command_chain or ("magtip",)
+    named = [each.name for each in app[verb].assemble_argument_collection() if each.index is not None]
+    taken = f"one {' and one '.join(named)} and options" if named else "options only"
+    surplus = ", ".join(map(repr, error.unused_tokens or []))
+    return f"{verb} takes {taken}: leave out {surplus}, or quote a value that has spaces"
+
+
 def run(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
     streams.complete()
@@ -108,6 +117,9 @@ def run(tokens: list[str] | None = None) -> int:
             sys.stdout.flush()
     except UnknownOptionError as error:
         console.say(f"magtip: {_unknown(error)}")
+        return BAD
+    except UnusedCliTokensError as error:
+        console.say(f"magtip: {_unused(error)}")
         return BAD
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")

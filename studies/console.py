@@ -34,7 +34,7 @@ NUMBER, LIST = 8, 20
 def room() -> int | None:
     """Characters of a line: as the environment's COLUMNS says, else those of the terminal.
 
-    None where standard output is no terminal: lines in a file or a pipe may be as long as they need to be.
+    None where standard output is no terminal: no column of a table is left out there for want of room.
     """
     given = os.environ.get("COLUMNS", "")
     if given.isdecimal() and int(given) > 0:
@@ -188,14 +188,21 @@ def stream(
     return printed
 
 
-def remarks(records: Sequence[Mapping[str, Any]], keys: Iterable[str]) -> list[str]:
+def remarks(
+    records: Sequence[Mapping[str, Any]], keys: Iterable[str], among: Sequence[Mapping[str, Any]] = ()
+) -> list[str]:
     """Each message of the records once, with the records that it belongs to, told apart by those keys that vary.
+
+    Parameters
+    ----------
+    among : the whole table that the records are of; by default they are all of it.
 
     >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "gives way"}], ["depth_mm"])
     ['depth 2 mm: gives way']
     """
-    there = [key for key in keys if any(key in record for record in records)]
-    varying = [key for key in there if len({record.get(key) for record in records}) > 1] or there[:1]
+    whole = among or records
+    there = [key for key in keys if any(key in record for record in whole)]
+    varying = [key for key in there if len({record.get(key) for record in whole}) > 1] or there[:1]
     places: dict[str, list[Mapping[str, Any]]] = {}
     for record in records:
         if record.get("message"):
@@ -210,7 +217,7 @@ def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
     more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
     if len(keys) == 1:
         ((name, unit),) = heads
-        return f"{name} {', '.join(cell for (cell,) in cells)} {unit}{more}"
+        return f"{name} {', '.join(cell for (cell,) in cells)} {unit}".strip() + more
     each = [[f"{n} {text} {unit}".strip() for (n, unit), text in zip(heads, row, strict=True)] for row in cells]
     return "; ".join(", ".join(parts) for parts in each) + more
 

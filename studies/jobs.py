@@ -88,7 +88,7 @@ def compare(
     else:
         for name in ("press", "shear"):
             grids.show(summary[name], name.capitalize(), wide=wide)
-            _print_remarks(summary[name])
+            _print_remarks(summary[name], summary[name])
     return judged([*summary["press"], *summary["shear"]])
 
 
@@ -141,11 +141,11 @@ def sweep(
     finally:
         if not as_json:
             grids.show(rows, "Sweep", wide=wide)
-            _print_remarks([row for row in rows if row["status"] == "ok"])
+            _print_remarks([row for row in rows if row["status"] == "ok"], rows)
     for name, reason in grids.in_vain(rows, case.axes, whole=as_json or wide or out is not None):
         say_no_effect(f"axis {name}", reason)
     failed = [row for row in rows if row["status"] != "ok"]
-    for reason in console.remarks(failed, grids.CASE):
+    for reason in console.remarks(failed, grids.CASE, rows):
         console.say(f"magtip: {reason}")
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")
@@ -212,8 +212,8 @@ def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
         console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
 
 
-def _print_remarks(rows: list[dict[str, Any]]) -> None:
-    for remark in console.remarks(rows, grids.CASE):
+def _print_remarks(rows: list[dict[str, Any]], among: list[dict[str, Any]]) -> None:
+    for remark in console.remarks(rows, grids.CASE, among):
         console.note(remark)
 
 

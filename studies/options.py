@@ -31,7 +31,10 @@ def _whole(type_: object, tokens: Sequence[Token]) -> int:
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
 Wide = Annotated[
-    bool, Parameter(name="--wide", help="All columns of a table, however long its lines; default: what fits.")
+    bool,
+    Parameter(
+        name="--wide", help="All columns of a table, however long its lines; default: the main ones, as many as fit."
+    ),
 ]
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
 LawName = Literal["neo-hookean", "mooney-rivlin", "yeoh", "ogden"]

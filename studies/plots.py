@@ -191,11 +191,26 @@ def _errors(axis: Any, x: Sequence[float], rows: Sequence[Row], names: Mapping[s
     bands(axis)
 
 
+BANDS = {10: 0.06, 5: 0.09}
+"""Errors that are shaded, percent, and the opacity of their greys, each upon those before it."""
+
+
 def bands(axis: Any) -> None:
     """Shade errors of up to 5 % and 10 %."""
-    axis.axhspan(-10, 10, color="#000000", alpha=0.06, linewidth=0)
-    axis.axhspan(-5, 5, color="#000000", alpha=0.09, linewidth=0)
+    for error, opacity in BANDS.items():
+        axis.axhspan(-error, error, color="#000000", alpha=opacity, linewidth=0)
     axis.axhline(0, color="#777777", linewidth=0.8)
+
+
+def band_handles() -> list[Any]:
+    """Entries of a legend for the shades, as dark as they are in the panels."""
+    from matplotlib.patches import Patch
+
+    through, handles = 1.0, []
+    for error, opacity in BANDS.items():
+        through *= 1 - opacity
+        handles.append(Patch(label=f"error within {error} %", color="#000000", alpha=1 - through, linewidth=0))
+    return handles
 
 
 def _label(axis: Any, letter: str, text: str) -> None:
@@ -219,5 +234,5 @@ def _legend(figure: Any, axes: Sequence[Any], models: Sequence[str]) -> None:
         found, labels = axis.get_legend_handles_labels()
         handles |= dict(zip(labels, found, strict=True))
     names = [MODELS[model][0] for model in models if MODELS[model][0] in handles]
-    columns = 2 if len(names) == 4 else len(names)
-    figure.legend([handles[name] for name in names], names, loc="outside upper center", ncols=columns, frameon=False)
+    shown = [handles[name] for name in names] + band_handles()
+    figure.legend(handles=shown, loc="outside upper center", ncols=2 if len(names) == 4 else 3, frameon=False)

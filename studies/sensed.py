@@ -52,7 +52,7 @@ def show(rows: Sequence[Row], *, as_json: bool, wide: bool) -> None:
     printed = [row if as_json else {key: row.get(key) for key in keys} for row in rows]
     console.report(printed, as_json=as_json, title="Readings", first=SHOWN[:4], wide=wide)
     told = [{key: row[key] for key in MOVED} | {"message": text} for row in rows for text in row["warnings"]]
-    for remark in console.remarks(told, MOVED):
+    for remark in console.remarks(told, MOVED, rows):
         console.say(f"magtip: warning: {remark}")
     failed = [row for row in rows if row["status"] != "ok"]
     if failed:

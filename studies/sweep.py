@@ -273,6 +273,8 @@ def _left(cases: Sequence[Case], problems: Sequence[Problem], store: Kept) -> st
     if store.file is None:
         return "add --out DIR, and what is solved is kept there"
     done = sum(len(problem.members) for problem in problems if problem.key in store.known)
+    if not done:
+        return "no case is solved yet, and nothing is kept: the same command begins anew"
     return f"{done} of {len(cases)} cases are kept in {store.file}; the same command goes on from there"
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,21 +58,34 @@ def view(rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> View:
     x = moving[0] if moving else next(iter(axes))
     others = sorted((name for name in moving if name != x), key=lambda name: -len(set(axes[name])))
     colour, across, down, *_ = [*others, "", "", ""]
-    idle = tuple(name for name in axes if name not in (x, *others) and len(set(axes[name])) > 1)
+    idle = tuple(name for name in axes if name not in (x, *others) and _is_idle(rows, axes, name))
     return View(x, colour, across, down, tuple(others[3:]), idle)
 
 
 def has_effect(rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str, keys: Sequence[str]) -> bool:
     """Whether any of the keys changes along an axis, the others fixed; to seven digits, NaN left aside."""
+    return any(len({text for _, text in figures}) > 1 for figures in _along(rows, axes, name, keys))
+
+
+def _is_idle(rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str) -> bool:
+    """Whether answers at several values of an axis are all the same; where there is but one, nothing is known."""
+    places = _along(rows, axes, name, FORCE + ERROR)
+    compared = any(len({value for value, _ in figures}) > 1 for figures in places)
+    return compared and not has_effect(rows, axes, name, FORCE + ERROR)
+
+
+def _along(
+    rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str, keys: Sequence[str]
+) -> Iterable[set[tuple[float, str]]]:
+    """Values of an axis with the figures there, for each key and each place on the other axes."""
     others = [_column(other) for other in axes if other != name]
-    seen: dict[tuple[Any, ...], str] = {}
+    places: dict[tuple[Any, ...], set[tuple[float, str]]] = {}
     for row in rows:
         for key in keys:
             if not math.isnan(row[key]):
                 place = (key, *(row[other] for other in others))
-                if seen.setdefault(place, f"{row[key]:.6e}") != f"{row[key]:.6e}":
-                    return True
-    return False
+                places.setdefault(place, set()).add((row[_column(name)], f"{row[key]:.6e}"))
+    return places.values()
 
 
 def drawn(axes: Mapping[str, Sequence[float]], name: str, most: int) -> list[float]:
@@ -178,7 +191,7 @@ def _handles(colours: Sequence[float], look: View) -> list[Any]:
     ]
     for value, colour, marker in zip(colours, COLOURS, MARKERS, strict=False):
         handles.append(Line2D([], [], color=colour, marker=marker, label=_text(look.colour, value)))
-    return handles
+    return handles + plots.band_handles()
 
 
 def _notes(

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
-from studies import files, inputs
+from studies import console, files, inputs
 from studies.console import Progress
 from studies.workshop import Making, build
 
@@ -74,6 +74,20 @@ def batch(
         for k, (point, record) in enumerate(zip(points, work, strict=True)):
             progress((k + 1) / len(jobs), record["folder"].name)
             yield {**point, **record}
+
+
+def said(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Warnings, and why variants failed, each once with the variants that it is of, by their folders' names."""
+    warned = [(record, text) for record in records for text in dict.fromkeys(record["warnings"])]
+    failed = [(record, record["message"]) for record in records if record["status"] != "ok"]
+    sentences = [f"warning: {text}" for text in _named(warned)] + _named(failed)
+    return [*sentences, f"{len(failed)} of {len(records)} variants failed"] if failed else sentences
+
+
+def _named(texts: Sequence[tuple[Mapping[str, Any], str]]) -> list[str]:
+    """Texts with the variants that they are of."""
+    rows = [{"variant": record["folder"].name, "message": text} for record, text in texts]
+    return console.remarks(rows, ("variant",))
 
 
 @contextlib.contextmanager

@@ -89,6 +89,12 @@ def cad(
         else:
             records = [workshop.build(given, out, progress, making, command=asked)]
     workshop.show(records, as_json=as_json, wide=wide)
+    if axes:
+        for sentence in variants.said(records):
+            console.say(f"magtip: {sentence}")
+        return FAILED if any(record["status"] != "ok" for record in records) else GOOD
+    for warning in records[0]["warnings"]:
+        console.say(f"magtip: warning: {warning}")
     return judged(records)
 
 

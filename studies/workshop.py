@@ -302,7 +302,7 @@ def warnings(design: Design, making: Making, made: Things) -> list[str]:
 
 
 def show(records: Sequence[Mapping[str, Any]], *, as_json: bool, wide: bool = False) -> None:
-    """Print what was made: the parts and checks of one sensor, or a line for each of several."""
+    """Print what was made: the parts and checks of one sensor, or a line for each of several; no warnings."""
     if as_json:
         console.report(records, as_json=True)
     elif len(records) == 1:
@@ -310,8 +310,6 @@ def show(records: Sequence[Mapping[str, Any]], *, as_json: bool, wide: bool = Fa
     else:
         rows = [{**_brief(record), **{name: len(record[name]) for name in ("parts", "checks")}} for record in records]
         console.report(rows, as_json=False, title="Folders", wide=wide)
-    for warning in dict.fromkeys(warning for record in records for warning in record["warnings"]):
-        console.say(f"magtip: warning: {warning}")
 
 
 def _brief(record: Mapping[str, Any]) -> dict[str, Any]:

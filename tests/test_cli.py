@@ -288,6 +288,33 @@ def test_a_negative_number_may_come_first(run, strict):
     assert "--shift" in err
 
 
+def test_a_value_too_many_is_a_sentence(run, tmp_path):
+    from studies.application import app
+
+    needed = {
+        "cad": ("--out", "a"),
+        "mesh": ("--out", "a"),
+        "analytic": ("--depth", 1),
+        "field": ("--points", "a"),
+        "table": ("--out", "a"),
+    }
+    for verb in (name for name in app if not name.startswith("-")):
+        status, out, err = run(verb, "first", "t2.csv", "my", *needed.get(verb, ()))
+        assert (status, out) == (2, "")
+        taken, _, surplus = err.partition(": leave out ")
+        first = "" if "takes one" in taken else "'first', "
+        assert surplus == f"{first}'t2.csv', 'my', or quote a value that has spaces\n"
+        takes = ("options only", *(f"one {name} and options" for name in ("DESIGN", "FILE", "STUDY")))
+        assert taken in {f"magtip: {verb} takes {what}" for what in takes}
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_says_which_columns_a_table_has(run):
+    for verb in ("solve", "sweep"):
+        text = " ".join(run(verb, "--help")[1].replace("│", "").split())
+        assert "default: the main ones, as many as fit" in text
+
+
 @pytest.mark.parametrize("count", ["2.5", "1e1", "two"])
 def test_a_count_is_not_rounded(run, count):
     status, out, err = run("range", "--count", count)

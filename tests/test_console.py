@@ -154,6 +154,14 @@ def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     assert "contact" in capsys.readouterr().out.split("─")[0]
 
 
+def test_remarks_name_what_varies_in_the_whole_table():
+    rows = [{"D_mm": d, "E_MPa": e, "depth_mm": 1.0} for d in (8.0, 100.0) for e in (0.5, 1.0)]
+    for row in rows[2:]:
+        row["message"] = "too wide"
+    keys = ("D_mm", "E_MPa", "depth_mm")
+    assert console.remarks(rows[2:], keys, rows) == ["D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: too wide"]
+
+
 def test_a_long_table_is_quick(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     rows = [{f"value_{k}_mm": 0.1 * k * n for k in range(12)} for n in range(4000)]

@@ -199,6 +199,18 @@ def test_a_sweep_that_was_interrupted_goes_on(traced, tmp_path, monkeypatch):
     assert other[1]["fem_force_N"] == again[3]["fem_force_N"]
 
 
+def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_no_file(tmp_path, monkeypatch):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(equilibrium, "trace", interrupted)
+    with pytest.raises(
+        KeyboardInterrupt, match=r"^no case is solved yet, and nothing is kept: the same command begins"
+    ):
+        run(BARE, AXES, tmp_path, **GIVEN)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     "damage",
     [
@@ -273,3 +285,9 @@ def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
     assert lines == ["magtip: warning: axis f has no effect: the figures are the same for all its values"]
     assert run(*sweep_f, "--json")[2] == ""
     assert "axis f has no effect: it changes only what --wide, --json and --out show" in run(*sweep_f)[2]
+
+
+def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
+    axes = ("--axis", "D=8,100", "--axis", "E=0.5,1", "--axis", "depth=1")
+    err = run("sweep", "paper", *axes, "--magnet", "ignored", "--accuracy", "quick", "--json")[2]
+    assert "magtip: D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: L must exceed the tip radius D/2 = 50 mm" in err

@@ -126,6 +126,20 @@ def test_nothing_but_failures(drawn):
     assert "2 of 2 cases" in texts(drawn(axes, lost={(6.0,), (8.0,)}))
 
 
+def test_the_grey_bands_are_in_the_legend(drawn):
+    figure = drawn({"D": [6.0, 8.0]})
+    assert "error within 10 % error within 5 %" in texts(figure)
+    shades = {patch.get_label(): patch for patch in figure.legends[0].get_patches()}
+    # as dark as the bands that lie upon each other
+    through = math.prod(1 - patch.get_alpha() for patch in figure.axes[1].patches)
+    assert 1 - shades["error within 5 %"].get_alpha() == pytest.approx(through)
+
+
+def test_an_axis_of_which_one_value_has_answers_is_not_called_idle(drawn):
+    axes = {"D": [8.0, 100.0], "E": [0.5, 1.0]}
+    assert "changes neither" not in texts(drawn(axes, lost=[(100.0, 0.5), (100.0, 1.0)]))
+
+
 def test_many_values(drawn):
     axes = {"depth": [0.1 * k for k in range(1, 41)], "E": [0.1 * k for k in range(1, 31)]}
     figure = drawn(axes)

@@ -210,7 +210,7 @@ def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
 
 
 def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
-    status, out, _ = run("cad", "paper", "--out", "parts", "--axis", "D=3,8", "--axis", "L=10", "--json")
+    status, out, err = run("cad", "paper", "--out", "parts", "--axis", "D=3,8", "--axis", "L=10", "--json")
     records = strict(out)
     assert status == 3
     assert [(record["D"], record["L"], record["status"]) for record in records] == [
@@ -218,12 +218,24 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
         (8, 10, "ok"),
     ]
     assert "leaves a wall of" in records[0]["message"]
+    assert f"magtip: variant D3_L10: {records[0]['message']}\nmagtip: 1 of 2 variants failed\n" in err
     assert files_of(tmp_path / "parts") == {"D8_L10"}
     written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
     assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
     text = (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
     assert "assembly.png" not in text
     assert "Written by `magtip cad paper --out parts --axis D=3,8 --axis L=10`." in text
+
+
+def test_sentences_of_a_batch_name_the_variants():
+    good = {"status": "ok", "message": "", "warnings": ["a small vent"]}
+    bad = {"status": "bad_input", "message": "no wall", "warnings": []}
+    records = [{**record, "folder": Path("out", name)} for name, record in (("D7", good), ("D8", good), ("D3", bad))]
+    assert variants.said(records) == [
+        "warning: variant D7, D8: a small vent",
+        "variant D3: no wall",
+        "1 of 3 variants failed",
+    ]
 
 
 def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
