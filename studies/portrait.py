@@ -1,5 +1,9 @@
 """A picture of the assembled sensor, cut open along y = 0 so that all parts but the magnet show their section.
 
+The Hall elements bear their names, and small axes show the sensor's frame. It is seen from the left and above, so
+that an element behind the section is seen beside the beam; of such an element no leads below the base are drawn, for
+they would seem to belong to one in the section.
+
 VTK and pyvista take as long to import as the CAD kernel does to make and check everything, and a graphics driver may
 take a process down with it. So the picture is drawn by a process of its own, `python -m studies.portrait`: it is
 started early, imports meanwhile, and draws what then comes in.
@@ -26,6 +30,9 @@ SIZE = (1200, 900)
 RIM = 20
 """White that is left around the sensor, pixels."""
 
+VIEW = (-1.25, -1.35, 1.35)
+"""From where the sensor is seen, in its frame; only the direction counts."""
+
 WHOLE = ("magnet",)
 """Parts that are shown whole; of all others only y > 0, so that what lies in a seat is seen in it."""
 
@@ -36,28 +43,42 @@ COMMAND = (sys.executable, "-m", "studies.portrait")
 """What draws: parts come in, a PNG file goes out."""
 
 
+Vector = tuple[float, float, float]
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What is drawn of a part: vertices, shape (n, 3), mm; faces, shape (m, 3); colour; only y > 0, or all."""
+    """What is drawn of a part.
+
+    Attributes
+    ----------
+    vertices, faces : shape (n, 3), mm, and (m, 3).
+    opened : only y > 0 is drawn, or all.
+    floor : z below which nothing is drawn, mm; None for no limit.
+    label : name and point, mm, that a leader line goes to; None for no name.
+    """
 
     vertices: Any
     faces: Any
     colour: str
     opened: bool
+    floor: float | None = None
+    label: tuple[str, Vector] | None = None
 
 
 @contextlib.contextmanager
-def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]]], bytes]]:
+def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]], Mapping[str, Vector]], bytes]]:
     """A process that gets ready to draw one picture, and a function that has it drawn.
 
-    The function takes solids in the sensor's frame by name, each with its colour, and gives the bytes of a PNG file;
-    all but the magnet are cut open along y = 0. It raises a RuntimeError if the process fails.
+    The function takes solids in the sensor's frame by name, each with its colour, and points in those that are to be
+    named, mm, and gives the bytes of a PNG file; all but the magnet are cut open along y = 0. It raises a
+    RuntimeError if the process fails.
     """
     here, pipe = Path(__file__).parent.parent, subprocess.PIPE
     with subprocess.Popen(COMMAND, cwd=here, stdin=pipe, stdout=pipe, stderr=pipe) as process:
 
-        def drawn(parts: Mapping[str, tuple[Solid, str]]) -> bytes:
-            found, said = process.communicate(pickle.dumps(faceted(parts)))
+        def drawn(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> bytes:
+            found, said = process.communicate(pickle.dumps(faceted(parts, names)))
             if process.returncode:
                 last = (said.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
                 raise RuntimeError(f"drawing ended with exit code {process.returncode} ({last})")
@@ -69,16 +90,26 @@ def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]]], bytes]]:
             process.kill()
 
 
-def faceted(parts: Mapping[str, tuple[Solid, str]]) -> list[Part]:
-    """The parts as triangles."""
+def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> list[Part]:
+    """The parts as triangles, those in `names` with their names at these points, mm."""
     import numpy as np
 
     from geometry.cadfiles import triangulated
 
-    size, found = max(parts["base"][0].bounding_box(optimal=False).size), []
+    box, found = parts["base"][0].bounding_box(optimal=False), []
+    size, underside = max(box.size), box.min.Z
     for name, (solid, colour) in parts.items():
         mesh = triangulated(solid, size / CLOSE, 0.2)
-        found.append(Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), colour, name not in WHOLE))
+        vertices = np.asarray(mesh.vertices)
+        behind, label = name in names and vertices[:, 1].min() > 0, None
+        if name in names:
+            x, y, z = names[name]
+            if behind:
+                # on top, near the side that the beam does not hide
+                x, z = 0.8 * float(vertices[:, 0].min()) + 0.2 * x, float(vertices[:, 2].max())
+            label = name, (x, y, z)
+        floor = float(underside) if behind else None
+        found.append(Part(vertices, np.asarray(mesh.faces), colour, name not in WHOLE, floor, label))
     return found
 
 
@@ -86,6 +117,8 @@ def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     """The picture as a PNG file's bytes; the size of what is shown is that of the widest part."""
     import numpy as np
     from PIL import Image
+
+    from studies import callouts
 
     size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if part.opened)
     for part in parts:
@@ -98,13 +131,35 @@ def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     middle = (max(heights) + min(heights)) / 2
     camera = plotter.camera
     camera.focal_point = (0.0, 0.0, middle)
-    camera.position = (0.45 * size, -1.6 * size, middle + 1.1 * size)
+    camera.position = (VIEW[0] * size, VIEW[1] * size, middle + VIEW[2] * size)
     camera.up = (0.0, 0.0, 1.0)
     plotter.reset_camera(render=False)
     camera.zoom(1.15)
     text = BytesIO()
-    _trimmed(Image.fromarray(plotter.screenshot(return_img=True))).save(text, "png", compress_level=3)
+    image = Image.fromarray(plotter.screenshot(return_img=True))
+    names = {part.label[0]: _seen(plotter, part.label[1]) for part in parts if part.label}
+    callouts.annotate(image, names, _axes(plotter))
+    _trimmed(image).save(text, "png", compress_level=3)
     return text.getvalue()
+
+
+def _seen(plotter: Any, point: Vector) -> tuple[float, float]:
+    """Where a point, mm, is in the picture: pixels from its left and upper border."""
+    renderer = plotter.renderer
+    renderer.SetWorldPoint(*point, 1.0)
+    renderer.WorldToDisplay()
+    x, y, _ = renderer.GetDisplayPoint()
+    return x, SIZE[1] - y
+
+
+def _axes(plotter: Any) -> dict[str, tuple[float, float]]:
+    """Directions of the sensor's axes in the picture; one that lies in its plane is 1 long."""
+    # of a parallel projection: pixels for a mm in the picture's plane
+    scale = SIZE[1] / (2 * plotter.camera.parallel_scale)
+    x0, y0 = _seen(plotter, (0.0, 0.0, 0.0))
+    ends = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    places = {name: _seen(plotter, end) for name, end in ends.items()}
+    return {name: ((x - x0) / scale, (y - y0) / scale) for name, (x, y) in places.items()}
 
 
 def shown(part: Part) -> Any:
@@ -112,6 +167,8 @@ def shown(part: Part) -> Any:
     import pyvista as pv
 
     surface = pv.PolyData.from_regular_faces(part.vertices, part.faces)
+    if part.floor is not None:
+        surface = surface.clip_closed_surface(normal="z", origin=(0.0, 0.0, part.floor))
     return surface.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0)) if part.opened else surface
 
 

@@ -139,7 +139,7 @@ def build(
     BadInput
         A choice is impossible, or the folder cannot be used.
     """
-    from geometry import mold
+    from geometry import hallbody, mold
     from studies import portrait
 
     mold.sizes(design, making.mold)
@@ -173,7 +173,7 @@ def build(
         if draw and made.plan:
             progress(0.8, "picture")
             try:
-                (stage / PICTURE).write_bytes(draw(coloured(made)))
+                (stage / PICTURE).write_bytes(draw(coloured(made), hallbody.places(design)))
             except RuntimeError as error:
                 record["warnings"].append(f"no picture: {error}")
         record["warnings"] += left_over(folder, stage)

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geometry import base, mold
@@ -127,16 +128,13 @@ def test_the_picture_shows_the_sensor_in_colour(made):
     assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
 
 
-@pytest.mark.parametrize("fields", [{}, {"hall_layout": "tmag5273a1", "chip_x": 3.0}])
-def test_all_but_the_magnet_is_cut_by_the_plane_of_the_section(fields):
-    things = workshop.things(dataclasses.replace(paper(), **fields), workshop.Making())
-    parts = workshop.coloured(things)
-    cut = {name: portrait.shown(part) for name, part in zip(parts, portrait.faceted(parts), strict=True)}
-    for name, (solid, _) in parts.items():
-        y = cut[name].bounds[2:4]
-        low = solid.bounding_box().min.Y
-        assert y[0] == pytest.approx(low if name == "magnet" else max(0.0, low), abs=1e-3)
-        assert cut[name].n_open_edges == 0
+def test_the_picture_names_each_element(made):
+    """Each name's leader line ends at a dot, the only black area into which a square of 7 pixels fits."""
+    from matplotlib.image import imread
+    from scipy.ndimage import binary_opening, label
+
+    ink = np.abs(imread(made / "assembly.png")[..., :3] - 0x11 / 255).max(axis=2) < 1e-3
+    assert label(binary_opening(ink, np.ones((7, 7))))[1] == 3
 
 
 def test_a_picture_that_cannot_be_drawn_costs_the_picture_only(run, tmp_path, monkeypatch, strict):
