@@ -62,6 +62,7 @@ class Path:
     mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
     rub : steps with friction are at most so many times PRESS_RUB and SHEAR_RUB long.
     scout : builds the model with one harmonic, and the same points on the skin, that goes ahead of one with more.
+    kappa : stiffness of the plate on a section without Coulomb friction, see `fem.contact`.
 
     Attributes
     ----------
@@ -88,6 +89,7 @@ class Path:
         mu: float | None = None,
         rub: float = 1.0,
         scout: Callable[[], Discretisation] | None = None,
+        kappa: float = SECTION_KAPPA,
     ) -> None:
         self.d, self.tilt, self._raised, self.rim = d, tilt, raised, rim
         self.grip = grip is not None
@@ -107,7 +109,7 @@ class Path:
         self.gap: Array | None = None
         self.friction = friction.at_rest(mu, self.skin.weights.shape) if mu is not None else None
         self.dissipated, self.sheared = 0.0, False
-        self._rub = rub
+        self._rub, self._kappa = rub, kappa
         self._heading = np.zeros(3)
         self._build_scout = scout
         self._scout: Path | None = None
@@ -132,7 +134,7 @@ class Path:
         depth, *shear = self.position if position is None else position
         shape = self.d.shape
         radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
-        kappa = SECTION_KAPPA if self.d.revolved and self.friction is None else KAPPA
+        kappa = self._kappa if self.d.revolved and self.friction is None else KAPPA
         # a tilted plate touches the dome beside its top
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         return Plate(

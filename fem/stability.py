@@ -46,6 +46,9 @@ MOVED = 0.02
 """Relative change of the radius at which the contact ends that asks for another mesh."""
 ROUGH = 0.3
 """Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
+KAPPA = 3e5
+"""Stiffness of the plate: ten times that of other sections, for elements this small where a deep contact ends (see
+`fem.contact`). With less a wide magnet's press seemed unstable at level fine from 0.33 D on."""
 RIM = 0.25
 """Edge length where the contact ends, over that of a glued patch, at most SHARE of the contact's radius. In
 larger elements the lateral stiffness scatters with the place where the contact ends: a critical depth by 2 %."""
@@ -147,8 +150,8 @@ def _critical(design: Design, magnet: Magnet, guided: bool, accuracy: Accuracy, 
         first = _located(path, guided, 0.0, min(STEP, end / 8), end)
     finally:
         path.close()
-    if isinstance(first, float):
-        return _none(first, end, D)
+    if first is None or isinstance(first, float):
+        return _none(first or 0.0, end, D)
     edge = contact_end(rough, RIM * accuracy.section_patch, first.depth)
     found = _near(_build(design, magnet, accuracy, _rim(edge, accuracy)), guided, first.depth, end)
     if not isinstance(found, float) and abs(found.edge / edge - 1) > MOVED:
@@ -247,7 +250,7 @@ def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
 
 
 def _path(build: functools.partial[Discretisation]) -> Path:
-    return Path(build(), raised=functools.partial(build, harmonics=1))
+    return Path(build(), raised=functools.partial(build, harmonics=1), kappa=KAPPA)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,20 +271,26 @@ class _StoppedError(ArithmeticError):
 
 
 def _near(build: functools.partial[Discretisation], guided: bool, depth: float, end: float) -> _Found | float:
-    """What `_located` finds around a depth; from rest on if this mesh does not let the press come so far at once."""
+    """What `_located` finds around a depth; from rest on if a stable press does not come so far on this mesh at once.
+
+    A state that is unstable already may lie on another branch, which no way back leaves.
+    """
     for start in ((1 - AROUND) * depth, 0.0):
         path = _path(build)
         try:
             found = _located(path, guided, start, AROUND * depth if start else depth / 4, end)
         finally:
             path.close()
-        if found:
-            break
-    return found
+        if found is not None:
+            return found
+    return 0.0
 
 
-def _located(path: Path, guided: bool, start: float, step: float, end: float) -> _Found | float:
-    """The first instability, looked for from a depth on in steps; the depth reached if there is none."""
+def _located(path: Path, guided: bool, start: float, step: float, end: float) -> _Found | float | None:
+    """The first instability, looked for from a depth on in steps; the depth reached if there is none.
+
+    None where the press does not come to the start, or is unstable there.
+    """
     known: dict[float, float] = {}
 
     def stiffness(depth: float) -> float:
@@ -299,12 +308,14 @@ def _located(path: Path, guided: bool, start: float, step: float, end: float) ->
             if depth >= end:
                 return depth
             stable, depth = depth, min(depth + step, end)
+        if start and not stable:
+            return None
         if not stable:
             known[stable] = at_rest(path)
         depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
         path.go(depth, np.zeros(2))
     except _StoppedError:
-        return stable
+        return stable or (None if start else 0.0)
     stable = max(depth for depth, value in known.items() if value > 0)
     return _Found(depth, normal_force(path), end_of_contact(path), stable)
 

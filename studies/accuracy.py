@@ -6,6 +6,7 @@ ABOUT, which the report prints, says how.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 import time
@@ -160,13 +161,22 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
         unused |= {"harmonics": 0}
     loads = [dataclasses.astuple(load) for load in trial.loads]
     used = dataclasses.astuple(replace(accuracy, **unused))
-    kind = trial.scene if trial.scene in tangents.SCENES else trial.model
+    kind = [trial.scene, _digest(tangents.MODULES)] if trial.scene in tangents.SCENES else trial.model
     return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, used])
 
 
 def code() -> str:
-    """A digest of the modules that solve; the numbers of `fem.levels` are in the keys of the solves."""
-    return kept.digest(file for file in kept.modules("geometry", "fem") if file.name != "levels.py")
+    """A digest of the modules that solve a path of loads.
+
+    Others are in the keys of the solves: those of what a tangent tells by a digest, and the numbers of `fem.levels`.
+    """
+    apart = {"levels.py", *tangents.MODULES}
+    return kept.digest(file for file in kept.modules("geometry", "fem") if file.name not in apart)
+
+
+@functools.cache
+def _digest(names: tuple[str, ...]) -> str:
+    return kept.digest(file for file in kept.modules("fem") if file.name in names)
 
 
 def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:

@@ -28,6 +28,8 @@ SCENES: dict[str, tuple[str, ...]] = {
     "modes": ("frequency",),
 }
 """What is judged in each scene."""
+MODULES = ("stability.py", "modes.py")
+"""Modules of `fem` that only these scenes use."""
 KINDS: dict[str, Callable[..., Found]] = {"critical": Critical, "small shear": SmallShear, "modes": Modes}
 SHALLOW = 0.1 / DEEPEST
 """Lesser depth of a small shear, over the deepest of the other presses, at which the modes are looked at too."""

@@ -120,3 +120,13 @@ def test_a_companion_without_an_instability_estimates_nothing():
     one, other = stability.Critical(1.0, 2.0, 1.0, ""), stability.Critical(None, None, 3.0, "")
     assert stability.with_companion(one, other, "rigid", STANDARD, 8.0) == one
     assert stability.with_companion(one, replace(one, depth=1.01), "rigid", STANDARD, 8.0).depth_error_estimate > 0
+
+
+def test_a_wide_magnets_press_stays_stable_on_the_finest_elements():
+    """Softer springs of the plate let the skin wrinkle, and the search then ran back on another branch for ever."""
+    wide = Design(
+        D=4.67, L=4.72, nu=0.49991, magnet_diameter=3.12, magnet_height=1.48, magnet_edge_radius=0.0794, l0=4.72
+    )
+    finest = replace(STANDARD, section_size=0.0675, section_patch=0.003)
+    found = stability.critical(wide, accuracy=finest, deepest=1.62, estimate=False)
+    assert (found.depth, found.stable_to, found.message) == (None, 1.62, "")
