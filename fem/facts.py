@@ -71,7 +71,8 @@ class Facts:
         glued plate that pulls at the tip.
     sideways_stiffness_ratio : stiffness of a frictionless press's tip, free to slide, against a force sideways, over
         that of the unpressed beam; 0 where it gives way sideways. None where nobody looked (see `fem.lateral`).
-    critical_depth : where that is to be expected, mm; None far from it (before or past it). `fem.stability` finds it.
+    critical_depth : where that is to be expected, mm, to some 10 % (see `fem.lateral`); None far from it, before or
+        past it. `fem.stability` finds it, with an error estimate.
     """
 
     stop: Stop = ""
@@ -264,7 +265,7 @@ def _remark_text(
     """A remark in words."""
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
-    at = f", at about {critical:.3g} mm (now {load.depth:.3g} mm)" if critical else ""
+    at = f", at about {critical:.3g} mm, give or take a tenth (now {load.depth:.4g} mm)" if critical else ""
     leads = f"the branch to which an imperfection of {load.imperfection:g} N leads"
     remedy = (
         "the plate has not reached it to within rounding: take a larger depth"
