@@ -44,7 +44,7 @@ QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")
 """What is judged in the states of a path, and after them what a tangent tells."""
 GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
 WIDER = {
-    "critical": {"quick": 0.1, "standard": 0.04, "fine": 0.01},
+    "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
     "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
 }
 COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
