@@ -234,17 +234,27 @@ def picture(path: Path, rows: Sequence[Row]) -> None:
     from studies.plots import STYLE
 
     with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(13.5, 4.4), layout="constrained")
+        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(1, len(QUANTITIES), sharex=True, sharey=True).ravel().tolist()
-        for axis, name in zip(axes, QUANTITIES, strict=True):
+        grid = figure.subplots(2, -(-len(QUANTITIES) // 2), sharex=True, sharey=True)
+        axes = grid.ravel().tolist()
+        for axis, name in zip(axes, QUANTITIES, strict=False):
             _scatter(axis, rows, name)
-        axes[0].set_ylabel("estimate (%)")
+            axis.tick_params(labelbottom=True)
+        for unused in axes[len(QUANTITIES) :]:
+            unused.set_axis_off()
+        for first in grid[:, 0]:
+            first.set_ylabel("estimate (%)")
+        figure.supxlabel("true error (%)")
         grey: dict[str, Any] = {"color": "#555555", "linestyle": ""}
         handles = [Line2D([], [], marker=mark, label=level, **grey) for level, mark in MARKERS.items()]
+        lines = {"estimate = error": "-", f"estimate = {SHARP:g} errors": "--"}
+        handles += [Line2D([], [], color="black", linewidth=1, linestyle=a, label=text) for text, a in lines.items()]
         seen = {_colour(row) for row in rows}
         handles += [Line2D([], [], marker="o", linestyle="", color=LOOKS[n], label=n) for n in LOOKS if n in seen]
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+        # in the panel that is left over
+        small = {"fontsize": 9.5, "columnspacing": 1.0, "handlelength": 1.6}
+        axes[-1].legend(handles=handles, loc="center", ncols=2, frameon=False, **small)
         figure.savefig(temporary, dpi=200)
 
 
@@ -261,8 +271,5 @@ def _scatter(axis: Any, rows: Sequence[Row], name: str) -> None:
     ends = [LEAST, 20]
     axis.plot(ends, ends, color="black", linewidth=1)
     axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
-    for factor, text in ((1.0, "estimate = error"), (SHARP, f"{SHARP:g} errors")):
-        axis.annotate(text, (1.6, 1.25 * factor * 1.6), rotation=51, rotation_mode="anchor", fontsize=8)
-    title = f"true error of the {TITLES.get(name, name)} (%)"
-    axis.set(xscale="log", yscale="log", xlabel=title, xlim=ends, ylim=(5e-3, 20))
+    axis.set(xscale="log", yscale="log", title=TITLES.get(name, name), xlim=ends, ylim=(5e-3, 20))
     axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
