@@ -62,7 +62,7 @@ class Path:
     mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
     rub : steps with friction are at most so many times PRESS_RUB and SHEAR_RUB long.
     scout : builds the model with one harmonic, and the same points on the skin, that goes ahead of one with more.
-    kappa : stiffness of the plate on a section without Coulomb friction, see `fem.contact`.
+    kappa : stiffness of the plate on a section without Coulomb friction (default: SECTION_KAPPA), see `fem.contact`.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Path:
         mu: float | None = None,
         rub: float = 1.0,
         scout: Callable[[], Discretisation] | None = None,
-        kappa: float = SECTION_KAPPA,
+        kappa: float | None = None,
     ) -> None:
         self.d, self.tilt, self._raised, self.rim = d, tilt, raised, rim
         self.grip = grip is not None
@@ -109,7 +109,7 @@ class Path:
         self.gap: Array | None = None
         self.friction = friction.at_rest(mu, self.skin.weights.shape) if mu is not None else None
         self.dissipated, self.sheared = 0.0, False
-        self._rub, self._kappa = rub, kappa
+        self._rub, self._kappa = rub, SECTION_KAPPA if kappa is None else kappa
         self._heading = np.zeros(3)
         self._build_scout = scout
         self._scout: Path | None = None
