@@ -8,6 +8,8 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from cyclopts import App, Parameter
+
 LEFT_OUT = ("as_json", "wide")
 """Arguments that change what the screen shows, not what is made."""
 
@@ -19,8 +21,8 @@ def command(verb: Callable[..., int], given: Mapping[str, Any]) -> str:
     ----------
     given : all arguments of the verb by their names, as `locals()` gives them in its first line.
     """
-    from studies.application import app
-
+    app = App(default_parameter=Parameter(negative=""))
+    app.command(verb)
     (name,) = (name for name in app if app[name].default_command is verb)
     options = {each.field_info.name: each.name for each in app[name].assemble_argument_collection()}
     words = ["magtip", name]
