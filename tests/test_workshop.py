@@ -255,16 +255,22 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     assert not list(tmp_path.rglob(".writing-*"))
 
 
-def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing(tmp_path):
-    """The kernel takes seconds to load; here something of its name takes a minute."""
+def cad_with_a_slow_kernel(tmp_path, code, *options):
+    """The verb cad in a process of its own, in the folder "work", where the kernel is a module of such code."""
     slow, work = tmp_path / "slow", tmp_path / "work"
     slow.mkdir()
     work.mkdir()
-    (slow / "build123d.py").write_text("import time\ntime.sleep(60)\n")
+    (slow / "build123d.py").write_text(code)
     paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
-    options = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
-    command = [sys.executable, "-c", "from studies.cli import main; main()", "cad", "paper", "--out", "parts"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options) as process:
+    command = [sys.executable, "-m", "studies.cli", "cad", "paper", "--out", "parts", *options]
+    settings = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **settings)
+
+
+def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing(tmp_path):
+    """The kernel takes seconds to load; here something of its name takes a minute."""
+    work = tmp_path / "work"
+    with cad_with_a_slow_kernel(tmp_path, "import time\ntime.sleep(60)\n") as process:
         assert "solids and mould" in process.stderr.readline()
         time.sleep(0.3)
         begin = time.perf_counter()
@@ -279,15 +285,9 @@ def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing
 
 def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_at_once(tmp_path):
     """Here something of the kernel's name takes a minute to load. Workers write to the same standard error."""
-    slow, work = tmp_path / "slow", tmp_path / "work"
-    slow.mkdir()
-    work.mkdir()
-    (slow / "build123d.py").write_text("import sys, time\nprint('loading', file=sys.stderr)\ntime.sleep(60)\n")
-    paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
-    options = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
-    command = [sys.executable, "-c", "from studies.cli import main; main()", "cad", "paper", "--out", "parts"]
-    command += ["--axis", "L=9,10,11"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options) as process:
+    work = tmp_path / "work"
+    code = "import sys, time\nprint('loading', file=sys.stderr)\ntime.sleep(60)\n"
+    with cad_with_a_slow_kernel(tmp_path, code, "--axis", "L=9,10,11") as process:
         assert process.stderr.readline() == "loading\n"
         begin = time.perf_counter()
         os.killpg(process.pid, signal.SIGINT)
