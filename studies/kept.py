@@ -60,8 +60,8 @@ def digest(files: Iterable[Path]) -> str:
 
 
 def modules(*packages: str) -> list[Path]:
-    """The files of whole packages."""
-    return sorted(file for package in packages for file in (ROOT / package).glob("*.py"))
+    """The files of whole packages, those of their sub-packages among them."""
+    return sorted(file for package in packages for file in (ROOT / package).rglob("*.py"))
 
 
 def _line(code: str, key: str, answer: Any) -> str:

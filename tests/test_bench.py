@@ -180,7 +180,7 @@ def test_scripts_of_peers_and_magtip_do_not_import_each_other():
     script = ROOT / "studies" / "peer_felupe.py"
     assert not imports(script) & {"geometry", "fem", "analytic", "studies"}
     others = [
-        path for package in ("geometry", "fem", "analytic", "studies") for path in (ROOT / package).glob("*.py")
+        path for package in ("geometry", "fem", "analytic", "studies") for path in (ROOT / package).rglob("*.py")
     ]
     assert not [path for path in others if path != script and "felupe" in imports(path)]
 

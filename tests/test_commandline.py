@@ -81,7 +81,7 @@ def test_a_page_of_a_layout_names_its_design_and_its_basis(run, tmp_path, monkey
 
 
 def sources():
-    return sorted(path for path in Path(studies.__file__).parent.glob("*.py"))
+    return sorted(path for path in Path(studies.__file__).parent.rglob("*.py"))
 
 
 def test_no_command_is_put_together_elsewhere():
@@ -97,6 +97,6 @@ def test_no_docstring_is_printed():
     """Under python -OO there are none."""
     root = Path(studies.__file__).parent.parent
     for folder in ("geometry", "fem", "analytic", "studies"):
-        for path in (root / folder).glob("*.py"):
+        for path in (root / folder).rglob("*.py"):
             names = {getattr(n, "id", getattr(n, "attr", "")) for n in ast.walk(ast.parse(path.read_text("utf-8")))}
             assert "__doc__" not in names, path.name
