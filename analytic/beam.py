@@ -22,7 +22,7 @@ from analytic import buckling
 from analytic.press import Terms, press
 from analytic.sway import Sway, cantilever, sway
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Response, check_load
+from geometry.loads import Load, Response, check_load
 
 TERMS = {
     "column": Terms(),

@@ -23,7 +23,7 @@ from analytic.hall import Mode, plates
 from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from analytic.parts import Element, of_design
 from geometry.design import BadInput, Design
-from geometry.scene import rotation_of
+from geometry.loads import rotation_of
 
 Array = NDArray[np.float64]
 

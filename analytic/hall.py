@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from analytic.magnet import cylinder_field, dipole_field, paper_field
 from analytic.parts import Element, of_design
 from geometry.design import BadInput, Design
-from geometry.scene import Response
+from geometry.loads import Response
 
 Array = NDArray[np.float64]
 Mode = Literal["component", "magnitude"]

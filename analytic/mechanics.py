@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from analytic.forward import polynomial
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 
 Array = NDArray[np.float64]
 Sample = tuple[Load, Response]

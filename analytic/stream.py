@@ -19,7 +19,7 @@ from analytic.magnet import meridian_field
 from analytic.mechanics import NO_DEPTH, NOTHING
 from analytic.refine import GOAL
 from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
-from geometry.scene import rotation_of
+from geometry.loads import rotation_of
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from fem import models
 from fem.path import FIRST_TOUCH
 from fem.solution import coulomb, slides
-from geometry.scene import Load
+from geometry.loads import Load
 
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
 """Depth over D from which on presses share a mesh, graded to it (0.2 mm for the paper's sensor); ratio of the bounds

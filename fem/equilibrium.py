@@ -28,7 +28,7 @@ from fem.material import law
 from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, along, coulomb, read, slides
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.loads import Load, Magnet, check_load
 
 Array = NDArray[np.float64]
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]

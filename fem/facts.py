@@ -19,7 +19,7 @@ from fem.models import Discretisation
 from fem.newton import STOPPED, Stop
 from fem.path import Path
 from geometry.design import LAWS, Design
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 
 Array = NDArray[np.float64]
 Status = Literal["ok", "not_converged", "unstable", "no_contact"]

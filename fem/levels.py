@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from fem.solution import coulomb, slides
 from geometry.design import Design
-from geometry.scene import Load, Magnet, Response
+from geometry.loads import Load, Magnet, Response
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,9 @@ from fem.material import Law, lame, neo_hookean
 from fem.recovery import Recovery, recovery
 from fem.system import NONE, System
 from geometry.design import Shape
-from geometry.grading import FILLET
+from geometry.loads import Magnet
 from geometry.mesh import tetrahedra
-from geometry.scene import Magnet
+from geometry.meshing.section_grading import FILLET
 from geometry.section import section as section_mesh
 
 Array = NDArray[np.float64]

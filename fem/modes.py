@@ -32,7 +32,7 @@ from fem.newton import STOPPED
 from fem.path import Path
 from fem.system import NONE, System
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.loads import Load, Magnet, check_load
 
 Array = NDArray[np.float64]
 

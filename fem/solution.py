@@ -16,7 +16,7 @@ from fem.models import Discretisation
 from fem.newton import Stop
 from fem.path import Path
 from geometry.design import Design
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 
 Array = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from fem.path import Path
 from fem.solution import pose
 from fem.system import Assembly
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.loads import Load, Magnet, check_load
 
 Array = NDArray[np.float64]
 

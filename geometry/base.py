@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 from geometry.cad import beam, cut, overlap
 from geometry.design import BadInput, Design
-from geometry.hallbody import CHIPS, SS495A, Vector, heights, places
-from geometry.printing import PROCESSES, Check, Range, at_least, at_most
+from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places
+from geometry.fabrication.printability import PROCESSES, Check, Range, at_least, at_most
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -151,7 +151,8 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
     """Size of base, beam and bodies of the Hall elements together along x, y, z, and how far leads stand out below.
 
-    Both mm, without board and screws. The leads are drawn `geometry.hallbody.LEAD` long, for they are cut to need.
+    Both mm, without board and screws. The leads are drawn
+    `geometry.fabrication.hall_bodies.LEAD` long, for they are cut to need.
     """
     top, low = heights(design)
     return (2 * plan.half, 2 * plan.half, max(design.L, top) + plan.thickness), max(0.0, -plan.thickness - low)

@@ -5,8 +5,8 @@ nodes are put on the base, the symmetry plane, the side, the dome and the magnet
 fTetWild crashes or hangs on bad input, so the input is checked and the work is done in a child process (`tetwild`),
 which fixes its seed: the same request gives the same mesh, to the last bit, whenever it is made on one machine.
 Another processor or version of a library may round otherwise, and from a difference in the last bit fTetWild comes to
-another mesh, of some percent more or fewer cells. Meshes are kept in `geometry.cache`, in units of D: similar shapes
-share one.
+another mesh, of some percent more or fewer cells. Meshes are kept in `geometry.meshing.mesh_cache`, in units of D:
+similar shapes share one.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import cache, cad, curving, exact, sizing, surface
-from geometry import zoom as zooming
+from geometry import cad
 from geometry.design import BadInput, Shape
-from geometry.sizing import Floats, Ints, Sizes
-from geometry.zoom import Zoom
+from geometry.meshing import curved_mesh, edge_lengths, exact_surfaces, mesh_cache, surface_triangulation
+from geometry.meshing import mesh_magnification as zooming
+from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.mesh_magnification import Zoom
 
 Parts = Literal["regions", "hole", "none"]
 
@@ -44,7 +45,7 @@ TRIES = (1.0, 0.97, 0.94, 0.9, 0.8, 0.7)
 PASSES = 10
 """Most rounds of fTetWild's optimisation: after a few of them the worst cells only cost time."""
 
-CHILD = Path(__file__).with_name("tetwild.py")
+CHILD = Path(__file__).parent / "meshing" / "tetwild_process.py"
 """What runs fTetWild, in a process of its own."""
 
 
@@ -103,11 +104,11 @@ def tetrahedra(
     ring = None if rim is None else (_rounded(rim[0] / shape.D), _rounded(rim[1] / shape.D))
     zoom = Zoom.of(unit)
     sizes = Sizes.of(zoom.shape, _rounded(size / shape.D), least, ring, zoom.centre)
-    name = cache.key(shape=astuple(unit), sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
-    arrays = cache.load(name)
+    name = mesh_cache.key(shape=astuple(unit), sizes=astuple(sizes), half=half, magnet=magnet, made_by=_makers())
+    arrays = mesh_cache.load(name)
     mesh = _built(unit, sizes, half, magnet, timeout) if arrays is None else _unpacked(arrays)
     if arrays is None:
-        cache.store(name, _packed(mesh))
+        mesh_cache.store(name, _packed(mesh))
     return replace(mesh, doflocs=mesh.doflocs * shape.D)
 
 
@@ -127,7 +128,7 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
             straight = straight.restrict(straight.subdomains["silicone"])
             del straight.subdomains["magnet"]
         straight = replace(straight, doflocs=zoom.back(straight.p))
-        mesh = curving.curved(straight, tried, shape)
+        mesh = curved_mesh.curved(straight, tried, shape)
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
@@ -143,7 +144,7 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
 def _makers() -> list[str]:
     """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
     code = hashlib.sha256()
-    used = (cad, curving, exact, sizing, surface, zooming)
+    used = (cad, curved_mesh, exact_surfaces, edge_lengths, surface_triangulation, zooming)
     for file in (Path(__file__), CHILD, *(Path(str(module.__file__)) for module in used)):
         code.update(file.read_bytes())
     versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]
@@ -174,27 +175,29 @@ def _unpacked(arrays: dict[str, NDArray[Any]]) -> MeshTet2:
 
 def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
     """Straight mesh with its subdomains, as fTetWild gives it."""
-    points, faces = surface.body(sizes, half)
-    inner, inner_faces = surface.magnet(sizes, half) if sizes.shape.has_magnet else (points[:0], faces[:0])
-    epsilon = surface.envelope(sizes)
+    points, faces = surface_triangulation.body(sizes, half)
+    inner, inner_faces = (
+        surface_triangulation.magnet(sizes, half) if sizes.shape.has_magnet else (points[:0], faces[:0])
+    )
+    epsilon = surface_triangulation.envelope(sizes)
     soup, soup_faces = np.vstack([points, inner]), np.vstack([faces, inner_faces + len(points)])
-    surface.check_surface(soup, soup_faces, epsilon, sizes.wall)
+    surface_triangulation.check_surface(soup, soup_faces, epsilon, sizes.wall)
     if sizes.ring:
-        strip, strip_faces = surface.fin(sizes, half)
+        strip, strip_faces = surface_triangulation.fin(sizes, half)
         soup_faces = np.vstack([soup_faces, strip_faces + len(soup)])
         soup = np.vstack([soup, strip])
-    field = sizing.background(sizes, half)
+    field = edge_lengths.background(sizes, half)
     p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, field, timeout, around=sizes.ring > 0)
     if sizes.ring:  # beside an open strip fTetWild does not know inside from outside
-        t = t[surface.in_body(p[t].mean(axis=1), sizes, half)]
+        t = t[surface_triangulation.in_body(p[t].mean(axis=1), sizes, half)]
         used, t = np.unique(t, return_inverse=True)
         p, t = p[used], t.reshape(-1, 4)
     parts = {"silicone": np.arange(len(t))}
     if sizes.shape.has_magnet:
-        inside = surface.in_magnet(p[t].mean(axis=1), sizes, half)
+        inside = surface_triangulation.in_magnet(p[t].mean(axis=1), sizes, half)
         parts = {"silicone": np.flatnonzero(~inside), "magnet": np.flatnonzero(inside)}
     mesh = MeshTet1(np.ascontiguousarray(p.T), np.ascontiguousarray(t.T), _subdomains=parts)
-    return curving.labelled(mesh, 4 * epsilon, half)
+    return curved_mesh.labelled(mesh, 4 * epsilon, half)
 
 
 def _tetwild(

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design, nearest
-from geometry.printing import PROCESSES, Process, Range
+from geometry.fabrication.printability import PROCESSES, Process, Range
 
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""

@@ -22,8 +22,8 @@ from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
 from geometry.design import BadInput, Shape
-from geometry.grading import FILLET, TIP, Grading, grading, pairs
-from geometry.outline import Curve, outline, room
+from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
+from geometry.meshing.section_outline import Curve, outline, room
 
 Points = NDArray[np.complex128]
 Floats = NDArray[np.float64]

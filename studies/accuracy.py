@@ -18,7 +18,7 @@ from typing import Any
 from fem import equilibrium, levels
 from fem.equilibrium import Model
 from fem.levels import LEVELS, Accuracy
-from geometry.scene import Load, Magnet, Response
+from geometry.loads import Load, Magnet, Response
 from studies import kept, tangents, trials
 from studies.trials import Trial
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from fem.levels import QUICK, STANDARD
 from geometry.design import Design, paper
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies import benchfiles, peers
 from studies.peer_calculix import Press
 from studies.timing import compared, exponents, measured, median
@@ -51,7 +51,7 @@ class Case:
 
     Attributes
     ----------
-    name, model, magnet, loads : the scene; a load holds the fields of `geometry.scene.Load`.
+    name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
     ladder : accuracies to choose from, fields of `fem.levels.Accuracy`; the cheapest within tolerance counts.
     tolerance_percent : of the force at every load; infinite where it is only reported.
     reference : model and accuracy of the fine solution, or None.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from geometry.base import Plan
 from geometry.design import Design
-from geometry.drawing import Dimension, Piece, View, number, sheet
-from geometry.hallbody import places
+from geometry.fabrication.hall_bodies import places
+from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
 from geometry.mold import Mold, Sizes
 
 if TYPE_CHECKING:

@@ -86,12 +86,13 @@ def volumes(folder: Path) -> list[Row]:
 
 def tolerances() -> list[Row]:
     """Deviation and volume of the beam's triangles for several tolerances."""
-    from geometry import cad, cadfiles
+    from geometry import cad
+    from geometry.fabrication import solid_files
 
     rows = []
     for tolerance in TOLERANCES:
         solid = cad.beam(paper())
-        mesh = cadfiles.triangulated(solid, tolerance, math.pi)
+        mesh = solid_files.triangulated(solid, tolerance, math.pi)
         row = {"tolerance_mm": tolerance, "deviation_mm": deviation(mesh), "triangles": len(mesh.faces)}
         rows.append(row | {"volume": float(mesh.volume / solid.volume - 1)})
     return rows

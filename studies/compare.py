@@ -23,7 +23,7 @@ from fem import equilibrium
 from fem.levels import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, Response, check_load
+from geometry.loads import Load, Magnet, Response, check_load
 from studies import report
 from studies.fields import columns
 from studies.files import atomic

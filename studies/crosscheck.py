@@ -14,7 +14,7 @@ from typing import Any
 from fem import equilibrium
 from fem.levels import LEVELS
 from fem.solution import Solution
-from geometry.scene import Magnet, Response
+from geometry.loads import Magnet, Response
 from studies import trials
 from studies.console import Progress
 from studies.provenance import made

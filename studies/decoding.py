@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import tilts_of
+from geometry.loads import tilts_of
 from studies import console, files, inputs, options, responses
 from studies.fields import read_rows
 

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from studies import console, files
 from studies.console import Progress
@@ -128,14 +128,14 @@ def build_mesh(
         except RuntimeError as error:
             return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
         seconds = time.perf_counter() - begin
-        files.write_mesh(file, made, labels.as_numbers(labels.of_solid(design.shape)))
+        files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
     record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
     return record | mesh_quality(made, design)
 
 
 def mesh_quality(mesh: Any, design: Design) -> dict[str, Any]:
     """What a mesh of the design in mm is worth, under the names of the command line."""
-    from geometry.quality import quality
+    from geometry.meshing.mesh_quality import quality
 
     found = quality(mesh, design.shape)
     return {

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import tilts_of
+from geometry.loads import tilts_of
 from studies import files, inputs, options, readers
 from studies.options import FieldLevel, Pose
 

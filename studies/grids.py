@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 from studies import console, files, inputs
 from studies.console import Progress
 

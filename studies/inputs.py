@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geometry.design import PRESETS, BadInput, Design, nearest
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 
 AXES = ("D", "L", "f", "E", "depth")
 """What a sweep can vary: fields of `Design`, and the depth of the press, mm."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from geometry.design import Design
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies import console, files, grids
 from studies.commandline import command
 from studies.inputs import AccuracyName

@@ -19,7 +19,7 @@ from fem.equilibrium import Model, trace
 from fem.levels import Accuracy
 from fem.solution import Solution
 from geometry.design import LEAST_WALL, Design, Shape, paper
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 
 LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}

@@ -15,7 +15,7 @@ from fem import equilibrium
 from fem.levels import LEVELS
 from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, Magnet, Response
+from geometry.loads import Load, Magnet, Response
 from studies.console import Progress
 from studies.provenance import made
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from analytic import beam, mechanics
 from geometry.design import Design
-from geometry.scene import Load
+from geometry.loads import Load
 
 if TYPE_CHECKING:
     from analytic.mechanics import Mechanics

@@ -18,7 +18,7 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
     clear
         Remove them.
     """
-    from geometry import cache as kept
+    from geometry.meshing import mesh_cache as kept
 
     found = kept.clear() if clear else kept.contents()
     record = {

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token
 
 from geometry.design import BadInput, Design, no_effect
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies import console, inputs
 from studies.inputs import AccuracyName
 

@@ -205,8 +205,8 @@ def have_calculix(ccx: str) -> str | None:
 
 def half_mesh(design: Design, size: float) -> Any:
     """A new all-silicone half mesh in mm, of an edge length in units of D."""
-    from geometry import cache
     from geometry.mesh import tetrahedra
+    from geometry.meshing import mesh_cache
 
-    with cache.bypassed():
+    with mesh_cache.bypassed():
         return tetrahedra(design.shape, size * design.D, tip_size=size * design.D / 2, half=True, magnet="none")

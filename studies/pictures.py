@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import Design
-from geometry.scene import Magnet, Response
+from geometry.loads import Magnet, Response
 from studies.cutaway import Cut, Quantity, cut_of, lines, surface
 from studies.files import atomic
 

@@ -94,7 +94,7 @@ def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector])
     """The parts as triangles, those in `names` with their names at these points, mm."""
     import numpy as np
 
-    from geometry.cadfiles import triangulated
+    from geometry.fabrication.solid_files import triangulated
 
     box, found = parts["base"][0].bounding_box(optimal=False), []
     size, underside = max(box.size), box.min.Z

@@ -124,7 +124,8 @@ def examine(number: int, values: dict[str, float], cache: Path) -> Row:
 
 def _solids(design: Design) -> Row:
     """The three bodies against their volumes, and the mould with its checks."""
-    from geometry import cad, mold, moldchecks, moldparts
+    from geometry import cad, mold
+    from geometry.fabrication import mold_checks, mold_solids
 
     begin = time.perf_counter()
     shape, choices = design.shape, mold.Mold()
@@ -133,7 +134,7 @@ def _solids(design: Design) -> Row:
     for body, volume in bodies:
         if not (body.is_valid and abs(float(body.volume) / volume - 1) < 1e-9):
             raise RuntimeError(f"a solid of {body.volume:.9g} mm3 is not valid or has the wrong volume")
-    checks = moldchecks.checks(design, choices, *moldparts.parts(design, choices))
+    checks = mold_checks.checks(design, choices, *mold_solids.parts(design, choices))
     failed = [check.name for check in checks if not check.passed]
     if failed:
         raise RuntimeError(f"the mould fails its check '{failed[0]}'")
@@ -169,9 +170,9 @@ def _section(design: Design) -> Row:
 
 def _solid_mesh(design: Design, cache: Path) -> Row:
     from fem.levels import QUICK
-    from geometry.curving import LEAST_JACOBIAN
     from geometry.mesh import tetrahedra
-    from geometry.quality import quality
+    from geometry.meshing.curved_mesh import LEAST_JACOBIAN
+    from geometry.meshing.mesh_quality import quality
 
     size = QUICK.solid_size * design.D
     with _kept_in(cache):
@@ -204,7 +205,7 @@ def _solid_mesh(design: Design, cache: Path) -> Row:
 @contextlib.contextmanager
 def _kept_in(folder: Path) -> Iterator[None]:
     """Meshes are kept in this folder meanwhile."""
-    from geometry.cache import VARIABLE
+    from geometry.meshing.mesh_cache import VARIABLE
 
     before = os.environ.get(VARIABLE)
     os.environ[VARIABLE] = str(folder)

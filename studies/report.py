@@ -8,7 +8,7 @@ from typing import Any
 
 from analytic import beam, hall
 from geometry.design import Design
-from geometry.scene import Load
+from geometry.loads import Load
 from studies.fields import columns
 
 Row = Mapping[str, Any]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 from studies import console, readers
 
 
@@ -39,7 +39,7 @@ def read(path: Path, design: Design) -> list[State]:
     BadInput
         The file cannot be read, a line is no state, or one was made for another sensor.
     """
-    needed = labels.of_mechanics(design)
+    needed = design_digest.of_mechanics(design)
     found, told = [], True
     for line, record in readers.json_objects(path):
         where = f"{path}, line {line}"
@@ -52,7 +52,7 @@ def read(path: Path, design: Design) -> list[State]:
                 f"{where} is no state of `magtip solve --json`: it needs status, depth_mm, shear_mm, force_N, "
                 "shift_mm and tilt_rad"
             ) from None
-        told = labels.check(record, needed, where) and told
+        told = design_digest.check(record, needed, where) and told
         found.append(state)
     if not told:
         console.say(

@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.levels import QUICK, STANDARD, Accuracy
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import judges
 from studies.judges import NO_MAGNET, Scene, press
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from analytic import buckling
 from geometry.design import BadInput, Design
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies.console import Progress
 
 PER_MM = ("stiffness_N_per_mm", "shift_per_mm", "tilt_rad_per_mm")

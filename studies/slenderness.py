@@ -13,7 +13,7 @@ from typing import Any
 
 from analytic import buckling
 from geometry.design import BadInput, Design
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies.console import Progress
 from studies.provenance import made
 

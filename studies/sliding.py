@@ -17,7 +17,7 @@ from fem.equilibrium import Model, trace
 from fem.levels import QUICK, STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import paper
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 from studies.compare import write_table
 from studies.files import write_text
 from studies.provenance import made, versions

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import BadInput, Design
-from geometry.scene import STEEPEST, Load, Magnet, Response
+from geometry.loads import STEEPEST, Load, Magnet, Response
 from studies import console, fields, files, inputs
 from studies.console import Progress
 from studies.options import Method, Motion
@@ -180,10 +180,10 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
     """The method with the model that the mesh in its file is for, and the mesh in units of D; None without a file."""
     if method.mesh is None:
         return method, None
-    from geometry import meshfile
+    from geometry.meshing import mesh_import
 
     parts: Parts = "hole" if method.magnet == "rigid" else "none"
-    mesh = meshfile.read(method.mesh, design.shape, parts, lambda text: console.say(f"magtip: warning: {text}"))
+    mesh = mesh_import.read(method.mesh, design.shape, parts, lambda text: console.say(f"magtip: warning: {text}"))
     model: Literal["half", "full"] = "half" if "symmetry" in mesh.boundaries else "full"
     if method.model not in ("auto", model):
         raise BadInput(f"the mesh {str(method.mesh)!r} is for model {model}: leave --model {method.model} out")
@@ -220,7 +220,7 @@ def _records(
 ) -> Generator[dict[str, Any]]:
     last: Solution | None = None
     reached = 0
-    label = labels.label(labels.of_mechanics(design, method.magnet))
+    label = design_digest.label(design_digest.of_mechanics(design, method.magnet))
     with files.sole_writer(vtu, png):
         try:
             for last in found:
@@ -333,7 +333,7 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
     load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
     response = beam.solve(design, load, level)
     seen = hall.readings(design, response) if design.shape.has_magnet else None
-    label = labels.label(labels.of_mechanics(design, "ignored" if seen is None else "rigid"))
+    label = design_digest.label(design_digest.of_mechanics(design, "ignored" if seen is None else "rigid"))
     volts = seen is not None and set(seen.units) == {"V"}
     return {
         "status": "ok",

@@ -22,7 +22,7 @@ from typing import Any
 
 from fem.levels import STANDARD, Accuracy
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, Response, check_load
+from geometry.loads import Load, Magnet, Response, check_load
 from studies import compare, kept
 from studies.compare import NAN, Progress, Row, follow, formulas, part, percent, reading, write_table
 from studies.fields import columns

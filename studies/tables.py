@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import BadInput, Design
 from studies import console, files
 from studies.console import Progress
@@ -178,16 +178,16 @@ def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
     return {"status": "ok", "file": str(out), "poses": table.size // 2, "size_MB": table.nbytes / 1e6, "resumed": 0}
 
 
-def _made_for(design: Design, *, tilted: bool) -> labels.Fields:
+def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
     """What a table depends on beside its grid; the mechanics enter by the tilt alone."""
-    seen = labels.of_readings(design)
-    return labels.of_mechanics(design) | seen if tilted else seen
+    seen = design_digest.of_readings(design)
+    return design_digest.of_mechanics(design) | seen if tilted else seen
 
 
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
     return {
         "design": dataclasses.asdict(model.design),
-        **labels.label(_made_for(model.design, tilted=bool(model.tau.any()))),
+        **design_digest.label(_made_for(model.design, tilted=bool(model.tau.any()))),
         "mode": model.mode,
         "tau": model.tau.tolist(),
         "step_mm": grid.step,
@@ -246,7 +246,7 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
         tilted, shape, table = False, (), None
     if table is None or table.shape != shape:
         raise BadInput(f"{str(file)!r} is no table, or its .json is not that of it: make it by magtip table")
-    if not labels.check(about, _made_for(design, tilted=tilted), str(file)):
+    if not design_digest.check(about, _made_for(design, tilted=tilted), str(file)):
         console.say(
             f"magtip: warning: {file} does not say for which sensor it was made, so it cannot be checked that this "
             "design is the one"

@@ -15,7 +15,7 @@ from fem.levels import DEEPEST, Accuracy, deepest
 from fem.modes import Modes
 from fem.stability import Critical, SmallShear
 from geometry.design import BadInput
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 from studies.trials import Trial, designs, rounded
 
 Row = dict[str, Any]

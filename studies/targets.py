@@ -11,7 +11,7 @@ from functools import partial
 from typing import Literal
 
 from analytic.magnet import cylinder_field
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies import beams, manufactured, problems, touch
 
 Judged = Literal["finest", "extrapolated", "order"]

@@ -13,7 +13,7 @@ from fem.levels import LEVELS
 from fem.newton import STOPPED, newton
 from fem.path import Path
 from geometry.design import paper
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 from studies.problems import NotSolvedError
 
 

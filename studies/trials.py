@@ -15,7 +15,7 @@ from fem.equilibrium import Model
 from fem.levels import DEEPEST, RUBBED, SHEARED, Accuracy, deepest
 from fem.levels import FAR as FARTHEST
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, Magnet
+from geometry.loads import Load, Magnet
 
 SEED, DESIGNS = 2016, 12
 DEPTHS = (0.03, 0.1, DEEPEST)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from geometry.design import BadInput, Design
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 from studies import console, describe, fields, files, inputs, sideways, states, vibration
 from studies.commandline import command
 from studies.inputs import AccuracyName

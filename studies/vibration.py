@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from geometry.design import BadInput, Design
-from geometry.scene import Load, Magnet, check_load
+from geometry.loads import Load, Magnet, check_load
 from studies.console import Progress
 
 BAND = 600.0

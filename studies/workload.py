@@ -36,15 +36,15 @@ def trace(spec: Answer) -> Answer:
 
     from fem import equilibrium, levels, linear
     from fem.solution import slides
-    from geometry import cache
     from geometry.design import paper
-    from geometry.scene import Load
+    from geometry.loads import Load
+    from geometry.meshing import mesh_cache
 
     pardiso = linear.have_pardiso()
     loads = [Load(**load) for load in spec["loads"]]
     accuracy = replace(levels.STANDARD, name="bench", **spec["accuracy"])
     before, wall, base = _cpu(), time.perf_counter(), _peak(resource.RUSAGE_SELF)
-    with cache.bypassed():
+    with mesh_cache.bypassed():
         found = equilibrium.trace(
             paper(), loads, accuracy, magnet=spec["magnet"], model=spec["model"], estimate=False
         )

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.base import Base, Plan
-from geometry.cadfiles import check_tolerance
 from geometry.design import BadInput, Design
+from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
 from studies import console, describe, files, inputs, recipe
 from studies.console import Progress
@@ -19,8 +19,8 @@ from studies.console import Progress
 if TYPE_CHECKING:
     from build123d import Solid
 
-    from geometry.cadfiles import Facets
-    from geometry.printing import Check
+    from geometry.fabrication.printability import Check
+    from geometry.fabrication.solid_files import Facets
 
 COLOURS = {
     "beam": "wheat",
@@ -97,7 +97,8 @@ def things(design: Design, making: Making) -> Things:
     BadInput
         Something about the mould does not go with the design.
     """
-    from geometry import base, cad, hallbody, moldparts
+    from geometry import base, cad
+    from geometry.fabrication import hall_bodies, mold_solids
 
     beam = cad.beam(design)
     sensor = {"beam": beam, "silicone": beam}
@@ -108,13 +109,13 @@ def things(design: Design, making: Making) -> Things:
     plan, missing, bodies = None, "", {}
     try:
         plan = base.plan(design, making.base, making.mold.process)
-        sensor["base"], bodies = base.base(design, making.base, making.mold.process), hallbody.bodies(design)
+        sensor["base"], bodies = base.base(design, making.base, making.mold.process), hall_bodies.bodies(design)
     except BadInput as error:
         if making.base != Base():
             raise
         missing = f"no base and no assembly: {error}"
-    A, B = moldparts.parts(design, making.mold, beam)
-    halves = moldparts.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
+    A, B = mold_solids.parts(design, making.mold, beam)
+    halves = mold_solids.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
     return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
 
 
@@ -139,7 +140,8 @@ def build(
     BadInput
         A choice is impossible, or the folder cannot be used.
     """
-    from geometry import hallbody, mold
+    from geometry import mold
+    from geometry.fabrication import hall_bodies
     from studies import portrait
 
     mold.sizes(design, making.mold)
@@ -173,7 +175,7 @@ def build(
         if draw and made.plan:
             progress(0.8, "picture")
             try:
-                (stage / PICTURE).write_bytes(draw(coloured(made), hallbody.places(design)))
+                (stage / PICTURE).write_bytes(draw(coloured(made), hall_bodies.places(design)))
             except RuntimeError as error:
                 record["warnings"].append(f"no picture: {error}")
         record["warnings"] += left_over(folder, stage)
@@ -208,7 +210,7 @@ def coloured(made: Things) -> dict[str, tuple[Solid, str]]:
 
 def printed(made: Things) -> dict[str, Solid]:
     """What is printed, each as it stands on the printer's bed."""
-    from geometry.printing import standing
+    from geometry.fabrication.printability import standing
 
     stood = {"base": standing(made.sensor["base"])} if made.plan else {}
     stood |= {name: standing(part, upside_down=name == "mold_a") for name, part in made.mold.items()}
@@ -221,26 +223,29 @@ def shaped(design: Design, making: Making, made: Things) -> dict[str, tuple[Soli
     Raises
     ------
     RuntimeError
-        See `geometry.cadfiles.facets`.
+        See `geometry.fabrication.solid_files.facets`.
     """
-    from geometry import cadfiles
+    from geometry.fabrication import solid_files
 
     plain = {name: part for name, part in made.sensor.items() if name != "base"}
     tolerance = fineness(design, making)
-    return {name: (part, cadfiles.facets(name, part, tolerance)) for name, part in {**plain, **printed(made)}.items()}
+    return {
+        name: (part, solid_files.facets(name, part, tolerance)) for name, part in {**plain, **printed(made)}.items()
+    }
 
 
 def examined(design: Design, making: Making, made: Things, shapes: Mapping[str, tuple[Solid, Facets]]) -> list[Check]:
     """All checks of mould, base and printing."""
-    from geometry import base, moldchecks
+    from geometry import base
+    from geometry.fabrication import mold_checks
 
     halves = [part for name, part in made.mold.items() if name not in ("mold_a", "mold_b")]
-    found = moldchecks.checks(design, making.mold, made.A, made.B, halves)
+    found = mold_checks.checks(design, making.mold, made.A, made.B, halves)
     if made.plan:
         found += base.checks(design, made.sensor["base"], made.bodies)
     for name in ("base", *made.mold):
         if name in shapes:
-            found += moldchecks.printable(name, shapes[name][1].mesh, making.mold.printing)
+            found += mold_checks.printable(name, shapes[name][1].mesh, making.mold.printing)
     return found
 
 
@@ -253,18 +258,19 @@ def _write(
     progress: Progress,
 ) -> list[dict[str, Any]]:
     """All files but the recipe, into the stage; what was exported."""
-    from geometry import cadfiles, mold
+    from geometry import mold
+    from geometry.fabrication import solid_files
     from studies import blueprint
 
     progress(0.6, "STEP, STL and 3MF")
-    exported = cadfiles.export(shapes, stage, colours=COLOURS)
+    exported = solid_files.export(shapes, stage, colours=COLOURS)
     closed = {name: (part, COLOURS[name]) for name, part in made.mold.items()}
-    (stage / "mold.step").write_bytes(cadfiles.step(cadfiles.assembly("mold", closed)))
+    (stage / "mold.step").write_bytes(solid_files.step(solid_files.assembly("mold", closed)))
     progress(0.7, "drawings")
     s, pieces = mold.sizes(design, making.mold), [part for name, part in made.mold.items() if name != "mold_a"]
     files.write_text(stage / "mold.svg", blueprint.mold_sheet(design, making.mold, s, made.A, pieces))
     if made.plan:
-        (stage / "assembly.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", coloured(made))))
+        (stage / "assembly.step").write_bytes(solid_files.step(solid_files.assembly("sensor", coloured(made))))
         for name, text in blueprint.sheets(design, made.plan, made.sensor, made.bodies).items():
             files.write_text(stage / f"{name}.svg", text)
     return [dataclasses.asdict(part) for part in exported]

@@ -5,12 +5,13 @@ import math
 import pytest
 
 from analytic.parts import of_design
-from geometry import cad, cadfiles
+from geometry import cad
 from geometry.base import Base, base, checks, outer_size, plan, warnings
 from geometry.design import BadInput, Design
-from geometry.hallbody import SS495A, bodies, places
-from geometry.moldchecks import printable
-from geometry.printing import PROCESSES, standing
+from geometry.fabrication import solid_files
+from geometry.fabrication.hall_bodies import SS495A, bodies, places
+from geometry.fabrication.mold_checks import printable
+from geometry.fabrication.printability import PROCESSES, standing
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
 DESIGNS = [
@@ -33,7 +34,7 @@ def test_elements_sit_in_their_seats_and_the_base_prints(design):
     assert [check.name for check in checks(design, solid, parts) if not check.passed] == []
     assert [
         check.name
-        for check in printable("base", cadfiles.triangulated(standing(solid)), PROCESSES["fdm"])
+        for check in printable("base", solid_files.triangulated(standing(solid)), PROCESSES["fdm"])
         if not check.passed
     ] == []
     # the top of the plate is the base plane, and the beam stands on it

@@ -7,7 +7,7 @@ import pytest
 
 from analytic.beam import shear_stiffness, solve
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 approx = pytest.approx
 

@@ -13,7 +13,7 @@ import skfem
 from fem.equilibrium import trace
 from fem.levels import STANDARD
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import bench, benchfiles, peer_calculix, peers, plots, timing
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry import cad, cadfiles
+from geometry import cad
 from geometry.design import BadInput, Design, Shape
+from geometry.fabrication import solid_files
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
 DESIGNS = [
@@ -35,14 +36,15 @@ def read_3mf(path):
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def export(solids, folder, tolerance=cadfiles.TOLERANCE):
-    shapes = {name: (solid, cadfiles.facets(name, solid, tolerance)) for name, solid in solids.items()}
-    return cadfiles.export(shapes, folder)
+def export(solids, folder, tolerance=solid_files.TOLERANCE):
+    shapes = {name: (solid, solid_files.facets(name, solid, tolerance)) for name, solid in solids.items()}
+    return solid_files.export(shapes, folder)
 
 
 def test_import_is_instant():
     code = (
-        "import sys, geometry.cad, geometry.cadfiles, geometry.moldchecks, geometry.base, geometry.drawing;"
+        "import sys, geometry.cad, geometry.base, geometry.fabrication.solid_files, geometry.fabrication.mold_checks;"
+        "import geometry.fabrication.technical_drawing;"
         "sys.exit('build123d' in sys.modules or 'trimesh' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -120,7 +122,9 @@ def test_export_reads_back(design, tmp_path):
 
     solids = {"silicone": cad.silicone(design), "magnet": cad.magnet(design)}
     records = export(solids, tmp_path, design.D / 2000)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{n}.{s}" for n in solids for s in cadfiles.FORMATS)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+        f"{n}.{s}" for n in solids for s in solid_files.FORMATS
+    )
     for record in records:
         stl = trimesh.load_mesh(tmp_path / record.file)
         assert stl.is_volume
@@ -141,7 +145,7 @@ def test_export_reads_back(design, tmp_path):
 def test_facets_keep_the_tolerance(tolerance):
     design = Design()
     # angles do not bind: the tolerance alone decides
-    corners = cadfiles.triangulated(cad.beam(design), tolerance, 3.0).triangles
+    corners = solid_files.triangulated(cad.beam(design), tolerance, 3.0).triangles
     share = np.array([(1, 1, 1), (3, 3, 0), (3, 0, 3), (0, 3, 3), (4, 1, 1), (1, 4, 1), (1, 1, 4)], dtype=float)
     points = np.einsum("pk,tkx->tpx", share / share.sum(axis=1, keepdims=True), corners).reshape(-1, 3)
     above = points[points[:, 2] > 1e-6]
@@ -154,7 +158,7 @@ def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
     (record,) = export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert abs(record.relative_error) <= 1e-3
     before = (tmp_path / "beam.stl").read_bytes()
-    monkeypatch.setattr(cadfiles, "TRIALS", 1)
+    monkeypatch.setattr(solid_files, "TRIALS", 1)
     with pytest.raises(RuntimeError, match="make tolerance finer"):
         export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before
@@ -174,21 +178,21 @@ def test_failures_leave_nothing_behind(tmp_path, monkeypatch):
     def full(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr(cadfiles, "_packed", full)
+    monkeypatch.setattr(solid_files, "_packed", full)
     with pytest.raises(OSError, match="no space"):
         export({"magnet": cad.magnet(Design())}, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_open_surface_is_refused(tmp_path, monkeypatch):
-    closed = cadfiles.stl
+    closed = solid_files.stl
 
     def holed(*arguments):
         text = closed(*arguments)
         count = int.from_bytes(text[80:84], "little") - 1
         return text[:80] + count.to_bytes(4, "little") + text[134:]
 
-    monkeypatch.setattr(cadfiles, "stl", holed)
+    monkeypatch.setattr(solid_files, "stl", holed)
     with pytest.raises(RuntimeError, match="not watertight"):
         export({"magnet": cad.magnet(Design())}, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -199,7 +203,7 @@ def test_an_assembly_keeps_names_colours_and_volumes(tmp_path):
 
     design = Design()
     parts = {"silicone": (cad.silicone(design), "wheat"), "magnet": (cad.magnet(design), "silver")}
-    (tmp_path / "a.step").write_bytes(cadfiles.step(cadfiles.assembly("sensor", parts)))
+    (tmp_path / "a.step").write_bytes(solid_files.step(solid_files.assembly("sensor", parts)))
     read = bd.import_step(tmp_path / "a.step")
     assert read.label == "sensor"
     assert [child.label for child in read.children] == list(parts)

@@ -9,7 +9,7 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import compare, report
 
 DEPTHS = (0.5, 1.0)

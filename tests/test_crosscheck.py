@@ -7,7 +7,7 @@ import pytest
 from fem.equilibrium import solve
 from fem.levels import QUICK
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import crosscheck
 
 

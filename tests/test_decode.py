@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from analytic import beam, beyond, decode, forward, hall, mechanics, refine, sensitivity, sheets, stream
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 
 TILT = np.array([[0.1, 0.01], [0.002, 0.001]])
 FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)

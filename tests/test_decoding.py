@@ -6,7 +6,7 @@ import json
 import pytest
 from numpy.testing import assert_allclose
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import Design, paper
 
 READINGS = ("readings", "paper", "--shift", "0.5,0.2,-1", "--json")
@@ -109,7 +109,7 @@ def test_states_of_a_solve_give_tilt_and_load(run, strict, tmp_path):
 
 def states_of(design, magnet="rigid"):
     """A file of states that were solved for a design."""
-    label = labels.label(labels.of_mechanics(design, magnet))
+    label = design_digest.label(design_digest.of_mechanics(design, magnet))
     return "".join(json.dumps(state(d, s) | label) + "\n" for d in (0.0, 1.0, 2.0, 3.0) for s in (0.0, 2.0, 4.0))
 
 
@@ -143,7 +143,7 @@ def test_states_that_do_not_say_their_sensor_warn(run, strict, tmp_path):
     assert "states.jsonl does not say for which sensor its states were solved" in err
 
 
-LABEL = labels.label(labels.of_mechanics(paper(), "rigid"))
+LABEL = design_digest.label(design_digest.of_mechanics(paper(), "rigid"))
 
 
 def responses(tmp_path, depth):

@@ -10,7 +10,7 @@ from fem.levels import QUICK
 from fem.material import kinematics, law, strain
 from fem.solution import read
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 SOFT = replace(paper(), law="yeoh", yeoh_2=-5.0)
 

@@ -14,7 +14,7 @@ from fem.facts import inside_out
 from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 ROUGH = replace(QUICK, solid_size=0.17)
 

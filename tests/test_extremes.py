@@ -10,7 +10,7 @@ from fem.equilibrium import solve
 from fem.facts import Facts
 from fem.levels import QUICK
 from geometry.design import LEAST_WALL, BadInput, Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import extremes, judges
 from studies.judges import Scene, press
 from studies.options import FAILED, GOOD

@@ -11,7 +11,7 @@ from fem.newton import STOPPED
 from fem.path import Path
 from fem.solution import read
 from geometry.design import paper
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 from studies import states
 
 RESPONSE = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.1), 0.0, 1.0)

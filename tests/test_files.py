@@ -17,7 +17,7 @@ from fem.equilibrium import trace
 from fem.levels import QUICK
 from fem.solution import Field
 from geometry.design import BadInput, paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import files
 
 

@@ -13,7 +13,7 @@ from fem.equilibrium import choose_model, solve, trace
 from fem.levels import QUICK
 from fem.linear import Solver, have_pardiso
 from geometry.design import Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
 SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.1, rub=3.0)

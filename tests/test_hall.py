@@ -11,7 +11,7 @@ from analytic.hall import FIELDS, elements, field_at, readings
 from analytic.magnet import cylinder_field
 from analytic.parts import CHIPS, Element
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Response
+from geometry.loads import Response
 
 RNG = np.random.default_rng(495)
 

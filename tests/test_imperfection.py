@@ -7,7 +7,7 @@ import pytest
 from fem.equilibrium import choose_model, trace
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, check_load
+from geometry.loads import Load, check_load
 
 SLENDER = Design(L=24.0)
 CRITICAL_N, CRITICAL_MM = 1.311, 0.960

@@ -9,7 +9,7 @@ import pytest
 from analytic import beam, buckling, press, sway
 from analytic.press import Terms
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import ladder
 
 approx = pytest.approx

@@ -6,7 +6,7 @@ import pytest
 from fem import drucker, equilibrium, integrals
 from fem.levels import STANDARD
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import lawstability as work
 from studies.lawfit import nominal_stress
 

@@ -9,7 +9,7 @@ from fem import levels
 from fem.equilibrium import solve
 from fem.levels import QUICK, STANDARD
 from geometry.design import paper
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 from studies import trials
 
 

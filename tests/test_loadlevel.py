@@ -10,7 +10,7 @@ from analytic import beam, mechanics
 from analytic.decode import decode, decoder
 from analytic.stream import Stream
 from geometry.design import Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import decoding, loadlevel
 
 PRESSED = "2.973987,2.903726,2.853713"

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from skfem import MeshTet1, MeshTet2
 
-from geometry import cache, cad, curving, sizing, surface
+from geometry import cad
 from geometry import mesh as meshing
-from geometry.curving import radius_ratios
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
-from geometry.quality import quality
-from geometry.sizing import Sizes
+from geometry.meshing import curved_mesh, edge_lengths, mesh_cache, surface_triangulation
+from geometry.meshing.curved_mesh import radius_ratios
+from geometry.meshing.edge_lengths import Sizes
+from geometry.meshing.mesh_quality import quality
 
 PAPER = Shape(8, 9, 4, 2, 0.1)
 TOUCH = 1e-9
@@ -135,20 +136,22 @@ def test_sharp_magnet_and_low_beam():
 )
 def test_surfaces_are_closed_and_outward(shape, half):
     sizes = Sizes.of(shape, 1.0, None)
-    parts = [surface.body(sizes, half)] + ([surface.magnet(sizes, half)] if shape.has_magnet else [])
+    parts = [surface_triangulation.body(sizes, half)] + (
+        [surface_triangulation.magnet(sizes, half)] if shape.has_magnet else []
+    )
     right = [cad.beam_volume(shape), cad.magnet_volume(shape)]
     for (points, faces), volume in zip(parts, right, strict=False):
-        surface.check_surface(points, faces, surface.envelope(sizes), shape.wall)
+        surface_triangulation.check_surface(points, faces, surface_triangulation.envelope(sizes), shape.wall)
         corners = points[faces]
         six = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
         assert 0.85 < six / 6 / volume * (2 if half else 1) < 1
-        inside = surface.winding(np.array([[0.1, 0.3, shape.H + 0.1], [0.0, 0.5, -0.1]]), points, faces)
+        inside = surface_triangulation.winding(np.array([[0.1, 0.3, shape.H + 0.1], [0.0, 0.5, -0.1]]), points, faces)
         assert inside == pytest.approx([1, 0], abs=1e-9)
 
 
 def test_background_grid_is_filled_by_positive_tetrahedra():
     sizes = Sizes.of(PAPER, 1.0, None)
-    points, tets, values = sizing.background(sizes, True)
+    points, tets, values = edge_lengths.background(sizes, True)
     a, b, c, d = (points[tets[:, k]] for k in range(4))
     volumes = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6
     assert volumes.min() > 0
@@ -159,7 +162,7 @@ def test_background_grid_is_filled_by_positive_tetrahedra():
 @pytest.mark.parametrize(("half", "radius"), [(True, 1.4), (True, 3.4), (False, 1.4)])
 def test_background_around_a_rim(half, radius):
     sizes = Sizes.of(PAPER, 1.0, None, (radius, 0.1))
-    points, tets, values = sizing.background(sizes, half)
+    points, tets, values = edge_lengths.background(sizes, half)
     a, b, c, d = (points[tets[:, k]] for k in range(4))
     volumes = np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6
     assert volumes.min() > 0
@@ -168,8 +171,8 @@ def test_background_around_a_rim(half, radius):
 
 
 def test_bad_surfaces_are_refused():
-    points, faces = surface.body(Sizes.of(PAPER, 2.0, None), True)
-    surface.check_surface(points, faces, 0.01, 1.0)
+    points, faces = surface_triangulation.body(Sizes.of(PAPER, 2.0, None), True)
+    surface_triangulation.check_surface(points, faces, 0.01, 1.0)
     broken = points.copy()
     broken[3, 1] = np.nan
     for bad_points, bad_faces, epsilon, text in (
@@ -183,7 +186,7 @@ def test_bad_surfaces_are_refused():
         (points, faces, 0.6, "less than half the wall"),
     ):
         with pytest.raises(ValueError, match=text):
-            surface.check_surface(bad_points, bad_faces, epsilon, 1.0)
+            surface_triangulation.check_surface(bad_points, bad_faces, epsilon, 1.0)
 
 
 @pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf])
@@ -205,7 +208,7 @@ def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
     tried = []
     straight = meshing.MeshTet1()
     monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk) or straight)
-    monkeypatch.setattr(curving, "curved", lambda mesh, sizes, true: None)
+    monkeypatch.setattr(curved_mesh, "curved", lambda mesh, sizes, true: None)
     with pytest.raises(RuntimeError, match="folds over, flattens"):
         tetrahedra(PAPER, 1.0)
     assert tried == pytest.approx([1.0, 0.97, 0.94, 0.9, 0.8, 0.7])
@@ -216,17 +219,17 @@ def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
     """The middle of a cube pushed to a side and through it: its cells are flat, then inside out."""
     mesh = MeshTet1.init_tensor(*3 * [np.linspace(1, 3, 3)])
     apart = {name: np.zeros(27, dtype=bool) for name in ("base", "skin")}
-    whole = curving.shapes(mesh.p[:, mesh.t])
+    whole = curved_mesh.shapes(mesh.p[:, mesh.t])
     flip = mesh.t.copy()
     flip[:, whole < 0] = flip[:, whole < 0][[0, 2, 1, 3]]
     (middle,) = np.flatnonzero((mesh.p == 2).all(axis=0))
     p = mesh.p.copy()
     p[0, middle] += push
-    assert curving.shapes(p[:, flip]).min() < curving.LEAST_SHAPE
-    mended = curving.mended(p, flip, apart)
-    assert curving.shapes(mended[:, flip]).min() > 3 * curving.LEAST_SHAPE
+    assert curved_mesh.shapes(p[:, flip]).min() < curved_mesh.LEAST_SHAPE
+    mended = curved_mesh.mended(p, flip, apart)
+    assert curved_mesh.shapes(mended[:, flip]).min() > 3 * curved_mesh.LEAST_SHAPE
     # whatever is well shaped stays to the last bit
-    assert curving.mended(mended, flip, apart) is mended
+    assert curved_mesh.mended(mended, flip, apart) is mended
 
 
 def test_mending_moves_nothing_on_the_surfaces(half):
@@ -239,16 +242,16 @@ def test_mending_moves_nothing_on_the_surfaces(half):
         vertex = np.flatnonzero(free)[0]
         near = np.setdiff1d(mesh.t[:, (mesh.t == vertex).any(axis=0)], vertex)
         p[:, vertex] = p[:, near[np.linalg.norm(mesh.p[:, near] - mesh.p[:, [vertex]], axis=0).argmin()]]
-    assert curving.shapes(p[:, mesh.t]).min() < curving.LEAST_SHAPE
-    mended = curving.mended(p, mesh.t, on)
-    assert curving.shapes(mended[:, mesh.t]).min() > curving.LEAST_SHAPE
+    assert curved_mesh.shapes(p[:, mesh.t]).min() < curved_mesh.LEAST_SHAPE
+    mended = curved_mesh.mended(p, mesh.t, on)
+    assert curved_mesh.shapes(mended[:, mesh.t]).min() > curved_mesh.LEAST_SHAPE
     assert (mended[:, held] == mesh.p[:, held]).all()
     assert np.abs(mended[1, on["symmetry"]]).max() == 0
 
 
 def test_a_magnet_whose_facets_fold_is_not_taken_for_its_volume(half):
     """Cells of another volume than the exact one are refused, whatever the facets around them add up to."""
-    cells = curving.volumes(half)
+    cells = curved_mesh.volumes(half)
     assert cells["magnet"] == pytest.approx(cad.magnet_volume(PAPER) / 2, rel=1e-5)
     straight = MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
@@ -257,16 +260,16 @@ def test_a_magnet_whose_facets_fold_is_not_taken_for_its_volume(half):
     magnet = straight.subdomains["magnet"]
     parts = {"magnet": magnet[1:], "silicone": np.append(straight.subdomains["silicone"], magnet[0])}
     sizes = Sizes.of(PAPER, 1.2, None)
-    assert curving.curved(straight, sizes, PAPER) is not None
-    assert curving.curved(dataclasses.replace(straight, _subdomains=parts), sizes, PAPER) is None
+    assert curved_mesh.curved(straight, sizes, PAPER) is not None
+    assert curved_mesh.curved(dataclasses.replace(straight, _subdomains=parts), sizes, PAPER) is None
 
 
 def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
-    monkeypatch.setattr(curving, "LEAST_JACOBIAN", 0.4)
+    monkeypatch.setattr(curved_mesh, "LEAST_JACOBIAN", 0.4)
     straight = meshing.MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
     )
-    relaxed = curving.curved(straight, Sizes.of(PAPER, 1.2, None), PAPER)
+    relaxed = curved_mesh.curved(straight, Sizes.of(PAPER, 1.2, None), PAPER)
     assert quality(half, PAPER).least_jacobian < 0.4 <= quality(relaxed, PAPER).least_jacobian
 
 
@@ -301,20 +304,20 @@ def test_bad_rims(rim):
 
 def test_a_mesh_that_misses_its_rim_is_never_returned(half):
     straight = meshing.MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
-    assert curving.curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2)), PAPER) is None
+    assert curved_mesh.curved(straight, Sizes.of(PAPER, 1.2, None, (1.5, 0.2)), PAPER) is None
 
 
 def test_a_child_that_dies_or_hangs(monkeypatch, tmp_path):
     child = tmp_path / "child.py"
     monkeypatch.setattr(meshing, "CHILD", child)
     child.write_text("import ctypes; ctypes.string_at(0)")
-    with cache.bypassed(), pytest.raises(RuntimeError, match="failed with exit code"):
+    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match="failed with exit code"):
         tetrahedra(PAPER, 2.0)
     child.write_text("raise ValueError('of the child')")
-    with cache.bypassed(), pytest.raises(RuntimeError, match="of the child"):
+    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match="of the child"):
         tetrahedra(PAPER, 2.0)
     child.write_text("import time; time.sleep(60)")
-    with cache.bypassed(), pytest.raises(RuntimeError, match=r"within 0\.5 s"):
+    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match=r"within 0\.5 s"):
         tetrahedra(PAPER, 2.0, timeout=0.5)
 
 

@@ -2,12 +2,13 @@
 
 import pytest
 
-from geometry import cad, cadfiles
+from geometry import cad
 from geometry.design import BadInput, Design
+from geometry.fabrication import solid_files
+from geometry.fabrication.mold_checks import checks, printable
+from geometry.fabrication.mold_solids import halves, parts
+from geometry.fabrication.printability import standing
 from geometry.mold import Mold, pours, sizes
-from geometry.moldchecks import checks, printable
-from geometry.moldparts import halves, parts
-from geometry.printing import standing
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
 CASES = [
@@ -47,7 +48,7 @@ def test_every_check_passes(design, mold):
         assert (
             names(
                 printable(
-                    "it", cadfiles.triangulated(standing(part, upside_down=over), design.D / 500), mold.printing
+                    "it", solid_files.triangulated(standing(part, upside_down=over), design.D / 500), mold.printing
                 )
             )
             == []
@@ -97,8 +98,8 @@ def test_rim_lies_in_the_base_plane():
 
 def test_parts_export_watertight(tmp_path):
     A, B = parts(Design(), Mold())
-    shapes = {name: (part, cadfiles.facets(name, part)) for name, part in (("A", A), ("B", B))}
-    for record in cadfiles.export(shapes, tmp_path):
+    shapes = {name: (part, solid_files.facets(name, part)) for name, part in (("A", A), ("B", B))}
+    for record in solid_files.export(shapes, tmp_path):
         assert record.watertight
         assert abs(record.relative_error) <= 1e-3
 
@@ -201,13 +202,13 @@ def test_a_half_that_hooks_the_cast_is_found():
 def test_a_mould_printed_the_wrong_way_up_is_found():
     mold = Mold()
     A, B = parts(Design(), mold)
-    assert names(printable("A", cadfiles.triangulated(standing(A), 0.02), mold.printing)) == [
+    assert names(printable("A", solid_files.triangulated(standing(A), 0.02), mold.printing)) == [
         "overhang of A, as printed",
         "widest bridge of A",
     ]
     turned = {
         check.name: check.value
-        for check in printable("B", cadfiles.triangulated(standing(B, upside_down=True), 0.02), mold.printing)
+        for check in printable("B", solid_files.triangulated(standing(B, upside_down=True), 0.02), mold.printing)
     }
     # the part of the dome that leans by more than 45 degrees
     assert turned["overhang of B, as printed"] == pytest.approx(2 * 3.141592653589793 * 16 * (1 - 0.5**0.5), rel=0.02)

@@ -10,7 +10,7 @@ from fem.equilibrium import trace
 from fem.levels import QUICK, STANDARD
 from fem.path import Path
 from geometry.design import Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 
 def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):

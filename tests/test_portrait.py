@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geometry import hallbody
 from geometry.design import paper
+from geometry.fabrication import hall_bodies
 from studies import portrait, workshop
 
 
 def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_without_leads():
     design = paper()
     parts = workshop.coloured(workshop.things(design, workshop.Making()))
-    drawn = dict(zip(parts, portrait.faceted(parts, hallbody.places(design)), strict=True))
+    drawn = dict(zip(parts, portrait.faceted(parts, hall_bodies.places(design)), strict=True))
     assert [name for name, part in drawn.items() if part.label] == ["S1", "S2", "S3"]
     bounds = {name: portrait.shown(part).bounds for name, part in drawn.items()}
     assert bounds["S3"][4] == pytest.approx(bounds["base"][4], abs=1e-6)
@@ -30,7 +30,7 @@ def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_withou
 def test_all_but_the_magnet_is_cut_by_the_plane_of_the_section(fields):
     design = dataclasses.replace(paper(), **fields)
     parts = workshop.coloured(workshop.things(design, workshop.Making()))
-    drawn = portrait.faceted(parts, hallbody.places(design))
+    drawn = portrait.faceted(parts, hall_bodies.places(design))
     cut = {name: portrait.shown(part) for name, part in zip(parts, drawn, strict=True)}
     for name, (solid, _) in parts.items():
         y = cut[name].bounds[2:4]

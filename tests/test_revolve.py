@@ -12,7 +12,7 @@ from fem.levels import QUICK
 from fem.solution import Field
 from geometry.cad import beam_volume, magnet_volume
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from geometry.section import section
 
 

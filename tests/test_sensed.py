@@ -6,11 +6,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from analytic import hall
-from geometry import labels
+from geometry import design_digest
 from geometry.design import Design, paper
-from geometry.scene import Response
+from geometry.loads import Response
 
-LABEL = labels.label(labels.of_mechanics(paper()))
+LABEL = design_digest.label(design_digest.of_mechanics(paper()))
 POSE = {"shift_mm": [0.4, -0.2, -0.8], "tilt_rad": 0.12, "tilt_y_rad": -0.07}
 STATE = {"status": "ok", "depth_mm": 1.0, "shear_mm": 0.5, "shear_y_mm": -0.3, "force_N": [0.4, -0.2, 3.0], **POSE}
 BROKEN = {"status": "not_converged", "message": "stopped", "depth_mm": 2.0, "shear_mm": 0.0, "shift_mm": None}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import judges, sliding
 
 

@@ -10,7 +10,7 @@ from fem import stability
 from fem.equilibrium import trace
 from fem.levels import QUICK, STANDARD
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load
+from geometry.loads import Load
 
 
 @pytest.mark.parametrize("L", [40.0, 80.0])

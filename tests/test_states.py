@@ -11,9 +11,9 @@ import pytest
 
 import studies
 from analytic import beam
-from geometry import labels
+from geometry import design_digest
 from geometry.design import paper
-from geometry.scene import Load
+from geometry.loads import Load
 from studies import options, states
 from studies.options import Method, Motion
 
@@ -208,7 +208,7 @@ def test_analytic_states_say_for_which_sensor_they_are(run, strict, tmp_path):
     lines = [run("analytic", "paper", "--depth", depth, "--level", "finite", "--json")[1] for depth in (1, 2)]
     (tmp_path / "states.jsonl").write_text("".join(lines))
     (record,) = strict(lines[0])
-    assert record["made_for"] == labels.of_mechanics(paper())
+    assert record["made_for"] == design_digest.of_mechanics(paper())
     status, out, err = run("readings", "paper", "--responses", "states.jsonl", "--json")
     assert (status, err) == (0, "")
     assert strict(out)[0]["readings_T"] == record["readings_T"]

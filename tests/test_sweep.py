@@ -11,7 +11,7 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
-from geometry.scene import Load, Response
+from geometry.loads import Load, Response
 from studies import grids, kept, sweep
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)

@@ -17,8 +17,8 @@ import pytest
 from geometry import base, mold
 from geometry.base import Base, plan
 from geometry.design import BadInput, paper
+from geometry.fabrication.printability import Check
 from geometry.mold import Mold
-from geometry.printing import Check
 from studies import console, portrait, recipe, variants, workshop
 from studies.sweep import varied
 
@@ -196,10 +196,10 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
 
 
 def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
-    from geometry import moldchecks
+    from geometry.fabrication import mold_checks
 
     failed = [Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
-    monkeypatch.setattr(moldchecks, "checks", lambda *_: failed)
+    monkeypatch.setattr(mold_checks, "checks", lambda *_: failed)
     status, out, err = run("cad", "paper", "--out", "parts", "--json")
     assert status == 3
     assert strict(out)[0]["status"] == "failed"

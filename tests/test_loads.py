@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from analytic import hall
 from geometry.design import paper
-from geometry.scene import Response, rotation_of, tilts_of
+from geometry.loads import Response, rotation_of, tilts_of
 
 
 @pytest.mark.parametrize(("tilt", "tilt_y"), [(0.3, 0.0), (0.0, 0.3), (0.2, -0.1)])

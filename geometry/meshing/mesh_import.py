@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
-from geometry import curving, exact, labels
+from geometry import design_digest
 from geometry.design import BadInput, Shape
 from geometry.mesh import Parts
-from geometry.quality import quality
-from geometry.sizing import Floats, Ints, Sizes
+from geometry.meshing import curved_mesh, exact_surfaces
+from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.mesh_quality import quality
 
 OFF = 5e-3
 """Greatest distance of a node from the surface that it is on, in D."""
@@ -74,8 +75,8 @@ def read(
     """
     text = repr(str(path))
     content = _opened(path, text)
-    needed = labels.of_solid(shape, magnet=magnet != "none")
-    if not labels.check(_label(content), needed, f"the mesh {text}") and warn is not None:
+    needed = design_digest.of_solid(shape, magnet=magnet != "none")
+    if not design_digest.check(_label(content), needed, f"the mesh {text}") and warn is not None:
         warn(
             f"the mesh {text} does not say for which sensor it was made: it is checked by its own surfaces, to "
             f"{100 * OFF:g} % of D, and volumes, to {100 * VOLUME:g} %"
@@ -116,7 +117,7 @@ def _opened(path: str | Path, text: str) -> Any:
 def _label(content: Any) -> dict[str, Any]:
     """What the file says of itself."""
     single = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
-    return labels.from_numbers(single)
+    return design_digest.from_numbers(single)
 
 
 def _parsed(content: Any, text: str) -> _Cells:
@@ -188,7 +189,7 @@ def _checked(given: _Cells, shape: Shape) -> _Cells:
 def _regions(given: _Cells, shape: Shape) -> Ints:
     """The number of each cell's region, from its name or else from its place."""
     centres = given.points[given.cells[:, :4]].mean(axis=1).T
-    depth = exact.magnet(centres, shape).distance if shape.has_magnet else np.ones(len(given.cells))
+    depth = exact_surfaces.magnet(centres, shape).distance if shape.has_magnet else np.ones(len(given.cells))
     place = (depth < 0).astype(np.int64)
     if (given.region < 0).all():
         return place
@@ -224,15 +225,17 @@ def _sided(mesh: MeshTet1, given: _Cells, corner: Ints, shape: Shape) -> MeshTet
     """The mesh with its boundaries, found from where facets lie, and compared with the names that they carry."""
     near = OFF * shape.D
     half = bool(mesh.p[1].min() > -near)
-    mesh = curving.labelled(mesh, near, half)
+    mesh = curved_mesh.labelled(mesh, near, half)
     rest = mesh.boundaries["skin"]
 
-    def on(about: curving.About, body: Shape) -> NDArray[np.bool_]:
+    def on(about: curved_mesh.About, body: Shape) -> NDArray[np.bool_]:
         return np.asarray((np.abs(about(mesh.p, body).distance) < near)[mesh.facets[:, rest]].all(axis=0))
 
-    skin, hole = on(exact.skin, shape), np.zeros(len(rest), dtype=bool)
+    skin, hole = on(exact_surfaces.skin, shape), np.zeros(len(rest), dtype=bool)
     if shape.has_magnet:
-        hole = (on(exact.magnet, shape) | on(exact.magnet, replace(shape, magnet_edge_radius=0.0))) & ~skin
+        hole = (
+            on(exact_surfaces.magnet, shape) | on(exact_surfaces.magnet, replace(shape, magnet_edge_radius=0.0))
+        ) & ~skin
     lost = rest[~skin & ~hole]
     if len(lost) or (hole.any() and "magnet" in mesh.subdomains):
         where = mesh.p[:, mesh.facets[:, (lost if len(lost) else rest[hole])[0]]].mean(axis=1)
@@ -262,7 +265,7 @@ def _agree(name: str, mesh: MeshTet1, found: Ints, named: Ints, text: str) -> No
 
 def _linear(mesh: MeshTet1, given: _Cells, shape: Shape) -> MeshTet2:
     """The mesh of second order on the exact surfaces."""
-    made = curving.curved(mesh, _sizes(mesh, shape), shape)
+    made = curved_mesh.curved(mesh, _sizes(mesh, shape), shape)
     if made is None:
         raise BadInput(
             f"the mesh {given.text} folds over, flattens or misses the volume on the exact surfaces: refine "
@@ -295,7 +298,7 @@ def _quadratic(mesh: MeshTet1, given: _Cells) -> MeshTet2:
         )
     x = made.doflocs.copy()
     x[:, mesh.nvertices :] = given.points[number[mesh.nvertices :]].T
-    det = curving.determinants(x, nodes)
+    det = curved_mesh.determinants(x, nodes)
     folded = (det[4:] <= 0).any(axis=0) | ~np.isfinite(det).all(axis=0)
     if folded.any():
         raise BadInput(

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from skfem import ElementTetP2, ElementTriP2, MeshTet1, MeshTet2
 from skfem.quadrature import get_quadrature
 
-from geometry import cad, exact, surface
+from geometry import cad
 from geometry.design import Shape
-from geometry.exact import Masks
-from geometry.sizing import Floats, Ints, Sizes
+from geometry.meshing import exact_surfaces, surface_triangulation
+from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.exact_surfaces import Masks
 
-About = Callable[[Floats, Shape], exact.Near]
+About = Callable[[Floats, Shape], exact_surfaces.Near]
 
 LEAST_JACOBIAN = 0.05
 """Least ratio in a cell of the least to the greatest Jacobian at the quadrature points of order 4."""
@@ -76,7 +77,9 @@ def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
     """Which vertices and edges, in this order, are on the ring; None if a facet lies on both its sides."""
     skin = mesh.boundaries["skin"]
     out = np.hypot(mesh.p[0], mesh.p[1])
-    near = np.hypot(out - sizes.ring_radius, mesh.p[2] - sizes.ring_height) < 2 * surface.envelope(sizes)
+    near = np.hypot(out - sizes.ring_radius, mesh.p[2] - sizes.ring_height) < 2 * surface_triangulation.envelope(
+        sizes
+    )
     inside = ~near & (out < sizes.ring_radius) & (mesh.p[2] > sizes.shape.H)
     inner = inside[mesh.facets[:, skin]].any(axis=0)
     outer = (~inside & ~near)[mesh.facets[:, skin]].any(axis=0)
@@ -104,25 +107,25 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
         lid = np.abs(normals(mesh, facets)[2]) > 0.7
         on["edge"] = _nodes_on(mesh, facets[lid]) & _nodes_on(mesh, facets[~lid])
     n, at_ring = mesh.nvertices, (sizes.ring_radius, sizes.ring_height)
-    p = exact.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape, at_ring)
+    p = exact_surfaces.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape, at_ring)
     top = p[2].argmax()
     if math.hypot(p[0, top], p[1, top]) < max(0.01 * shape.R, 0.3 * sizes.tip):
         p[:, top] = 0, 0, shape.L  # what a plate touches first
     p = mended(p, mesh.t, {name: mask[:n] for name, mask in on.items()})
     if shapes(p[:, mesh.t]).min() < LEAST_SHAPE:
         return None
-    x = exact.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
+    x = exact_surfaces.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
     x[:, :n] = p
     kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
     half = 0.5 if "symmetry" in on else 1.0
-    fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact.skin, 0.0, half * cad.beam_volume(true))]
+    fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact_surfaces.skin, 0.0, half * cad.beam_volume(true))]
     if "magnet" in on:
         magnet = facet_nodes(mesh, mesh.boundaries["magnet"])
-        fits.append(_Fit(magnet, exact.magnet, true.H, half * cad.magnet_volume(true)))
+        fits.append(_Fit(magnet, exact_surfaces.magnet, true.H, half * cad.magnet_volume(true)))
     for k in range(ROUNDS):
         for fit in fits:
-            if fit.about is exact.magnet and "edge" in on:
-                x = x if k else _around(x, magnet[:, ~lid], exact.side, shape, kept)
+            if fit.about is exact_surfaces.magnet and "edge" in on:
+                x = x if k else _around(x, magnet[:, ~lid], exact_surfaces.side, shape, kept)
                 x = _drawn_in(x, fit, on["edge"])
             else:
                 x = _leveled(_around(x, fit.nodes, fit.about, shape, kept), fit, shape, kept)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.cad import common, cut, magnet, moved, overlap, turned
 from geometry.design import LEAST_WALL, Design
+from geometry.fabrication.mold_solids import slab, tip_vents, vents
+from geometry.fabrication.part_separation import largest_overlap, least_gap
+from geometry.fabrication.printability import Check, Process, at_least, at_most, overhangs
 from geometry.mold import LARGEST_VENT, Mold, Sizes, pours, sizes
-from geometry.moldparts import slab, tip_vents, vents
-from geometry.parting import largest_overlap, least_gap
-from geometry.printing import Check, Process, at_least, at_most, overhangs
 
 if TYPE_CHECKING:
     from build123d import Solid

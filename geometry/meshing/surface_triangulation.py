@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import exact
-from geometry.sizing import Floats, Ints, Sizes
+from geometry.meshing import exact_surfaces
+from geometry.meshing.edge_lengths import Floats, Ints, Sizes
 
 SHARE, FILLET = 0.12, 0.25
 """Envelope over the smallest edge length, and over the radius of a fillet: vertices are put on the surfaces later."""
@@ -174,7 +174,7 @@ def in_body(x: Floats, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
     """Which points (n, 3) lie inside the beam's surface."""
 
     def out(x: Floats) -> Floats:
-        beyond = np.maximum(exact.skin(x.T, sizes.shape).distance, -x[:, 2])
+        beyond = np.maximum(exact_surfaces.skin(x.T, sizes.shape).distance, -x[:, 2])
         return np.maximum(beyond, -x[:, 1]) if half else beyond
 
     return _inside(x, *body(sizes, half), out)

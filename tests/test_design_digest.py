@@ -2,7 +2,7 @@
 
 import pytest
 
-from geometry import labels
+from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 
 OTHER = Design(D=10.0, L=12.0, E=0.5, l0=9.2)
@@ -20,8 +20,8 @@ OTHER = Design(D=10.0, L=12.0, E=0.5, l0=9.2)
     ],
 )
 def test_states_depend_on_what_enters_the_mechanics(change, differs):
-    one, other = (labels.of_mechanics(design) for design in (paper(), Design(**change)))
-    assert (one != other) is (labels.digest(one) != labels.digest(other)) is differs
+    one, other = (design_digest.of_mechanics(design) for design in (paper(), Design(**change)))
+    assert (one != other) is (design_digest.digest(one) != design_digest.digest(other)) is differs
 
 
 @pytest.mark.parametrize(
@@ -35,48 +35,50 @@ def test_states_depend_on_what_enters_the_mechanics(change, differs):
     ],
 )
 def test_readings_depend_on_magnet_and_elements(change, differs):
-    assert (labels.of_readings(paper()) != labels.of_readings(Design(**change))) is differs
+    assert (design_digest.of_readings(paper()) != design_digest.of_readings(Design(**change))) is differs
 
 
 def test_an_ignored_magnet_does_not_enter():
-    one, other = (labels.of_mechanics(Design(magnet_height=h), "ignored") for h in (2.0, 3.0))
-    assert one == other != labels.of_mechanics(paper())
+    one, other = (design_digest.of_mechanics(Design(magnet_height=h), "ignored") for h in (2.0, 3.0))
+    assert one == other != design_digest.of_mechanics(paper())
 
 
 def test_a_digest_is_that_of_the_values_however_they_are_written():
-    fields = labels.of_mechanics(paper())
+    fields = design_digest.of_mechanics(paper())
     again = {key: int(value) if value == 8.0 else value for key, value in reversed(fields.items())}
-    assert labels.digest(again) == labels.digest(fields)
+    assert design_digest.digest(again) == design_digest.digest(fields)
 
 
 def test_another_sensor_is_refused_with_what_differs():
-    needed = labels.of_mechanics(paper())
-    assert labels.check(labels.label(needed), needed, "states.jsonl") is True
-    assert labels.check({}, needed, "states.jsonl") is False
+    needed = design_digest.of_mechanics(paper())
+    assert design_digest.check(design_digest.label(needed), needed, "states.jsonl") is True
+    assert design_digest.check({}, needed, "states.jsonl") is False
     with pytest.raises(BadInput) as caught:
-        labels.check(labels.label(labels.of_mechanics(OTHER)), needed, "states.jsonl")
+        design_digest.check(design_digest.label(design_digest.of_mechanics(OTHER)), needed, "states.jsonl")
     assert str(caught.value) == (
         "states.jsonl was made for another sensor, with D 10 mm, L 12 mm, E 0.5 MPa where this design has D 8 mm, "
         "L 9 mm, E 1 MPa: give the design that it was made for, or make it for this one"
     )
     with pytest.raises(BadInput, match="with magnet ignored where this design has magnet rigid:"):
-        labels.check(labels.label(labels.of_mechanics(paper(), "ignored")), needed, "states.jsonl")
+        design_digest.check(
+            design_digest.label(design_digest.of_mechanics(paper(), "ignored")), needed, "states.jsonl"
+        )
 
 
 @pytest.mark.parametrize("made", [{"D_mm": 8.5}, None, [], {"D_mm": [8.0]}])
 def test_fields_that_were_changed_afterwards_are_refused(made):
-    label = labels.label(labels.of_mechanics(OTHER))
+    label = design_digest.label(design_digest.of_mechanics(OTHER))
     changed = {**label["made_for"], **made} if isinstance(made, dict) else made
     with pytest.raises(BadInput, match="changed afterwards"):
-        labels.check({**label, "made_for": changed}, labels.of_mechanics(paper()), "states.jsonl")
+        design_digest.check({**label, "made_for": changed}, design_digest.of_mechanics(paper()), "states.jsonl")
 
 
 def test_a_mesh_may_have_more_than_is_needed_and_other_silicone():
     shape = paper().shape
-    whole, outside = labels.of_solid(shape), labels.of_solid(shape, magnet=False)
-    about = labels.from_numbers(labels.as_numbers(whole))
-    assert labels.check(about, whole, "a mesh")
-    assert labels.check(about, outside, "a mesh")
-    bare = labels.label(labels.of_solid(shape.without_magnet()))
+    whole, outside = design_digest.of_solid(shape), design_digest.of_solid(shape, magnet=False)
+    about = design_digest.from_numbers(design_digest.as_numbers(whole))
+    assert design_digest.check(about, whole, "a mesh")
+    assert design_digest.check(about, outside, "a mesh")
+    bare = design_digest.label(design_digest.of_solid(shape.without_magnet()))
     with pytest.raises(BadInput, match=r"with magnet_diameter 0 mm, .* where this design has magnet_diameter 4 mm"):
-        labels.check(bare, whole, "a mesh")
+        design_digest.check(bare, whole, "a mesh")

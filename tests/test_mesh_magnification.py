@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geometry.design import Shape
-from geometry.zoom import CORE, Zoom
+from geometry.meshing.mesh_magnification import CORE, Zoom
 
 SMALL = Shape(50, 60, 0.2, 0.2, 0.02)
 LOW = Shape(50, 25.5, 0.4, 0.2, 0.02)

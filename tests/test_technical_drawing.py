@@ -9,10 +9,10 @@ import pytest
 from geometry import cad
 from geometry.base import Base, base, plan
 from geometry.design import Design
-from geometry.drawing import HEIGHT, WIDTH, Piece, View, sheet
-from geometry.hallbody import bodies
+from geometry.fabrication.hall_bodies import bodies
+from geometry.fabrication.mold_solids import parts
+from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, sheet
 from geometry.mold import Mold, sizes
-from geometry.moldparts import parts
 from studies import blueprint
 
 NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from geometry.design import Shape
-from geometry.outline import SMALLEST, Curve, room
+from geometry.meshing.section_outline import SMALLEST, Curve, room
 
 Points = NDArray[np.complex128]
 Floats = NDArray[np.float64]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.grading import BLOCK, Grading
+from geometry.meshing.section_grading import BLOCK, Grading
 
 SIZE = 0.2
 

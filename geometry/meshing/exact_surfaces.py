@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import Shape
-from geometry.sizing import Floats
+from geometry.meshing.edge_lengths import Floats
 
 Masks = dict[str, NDArray[np.bool_]]
 

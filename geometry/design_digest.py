@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from geometry.design import LAWS, BadInput, Design, Shape
-from geometry.scene import Magnet
+from geometry.loads import Magnet
 
 Fields = dict[str, float | str]
 

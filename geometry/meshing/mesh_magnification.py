@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geometry.design import Shape
-from geometry.sizing import Floats
+from geometry.meshing.edge_lengths import Floats
 
 CORE, MARGIN, ROOM = 0.2, 1.5, 0.9
 """Least radius of the enlarged core over the room, and core over the magnet's reach, and room over what there is."""

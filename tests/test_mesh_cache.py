@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from skfem import MeshTet2
 
-from geometry import cache
 from geometry import mesh as meshing
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
+from geometry.meshing import mesh_cache
 
 SHAPE = Shape(8, 6, 0, 0, 0)
 SOME = {"points": np.arange(12.0).reshape(3, 4), "cells": np.arange(4)}
@@ -25,12 +25,12 @@ SOME = {"points": np.arange(12.0).reshape(3, 4), "cells": np.arange(4)}
 def place(tmp_path, monkeypatch):
     """An own folder that does not exist yet, and warnings that are not held back as said before."""
     monkeypatch.setenv("MAGTIP_CACHE", str(tmp_path / "own"))
-    cache._say.cache_clear()
+    mesh_cache._say.cache_clear()
     return tmp_path / "own"
 
 
 def keep(name, value):
-    cache.store(name, {"value": np.full(1000, value)})
+    mesh_cache.store(name, {"value": np.full(1000, value)})
 
 
 def files(place):
@@ -38,9 +38,9 @@ def files(place):
 
 
 def test_what_is_kept_comes_back(place):
-    assert cache.load("a") is None
-    cache.store("a", SOME)
-    found = cache.load("a")
+    assert mesh_cache.load("a") is None
+    mesh_cache.store("a", SOME)
+    found = mesh_cache.load("a")
     assert found.keys() == SOME.keys()
     for name, array in SOME.items():
         assert found[name].dtype == array.dtype
@@ -50,7 +50,7 @@ def test_what_is_kept_comes_back(place):
 
 @pytest.mark.parametrize("harm", ["cut", "flipped", "empty", "other", "pickle"])
 def test_damage_is_found_removed_and_said_once(place, harm, caplog):
-    cache.store("a", SOME)
+    mesh_cache.store("a", SOME)
     (file,) = files(place)
     content = bytearray(file.read_bytes())
     if harm == "cut":
@@ -66,7 +66,7 @@ def test_damage_is_found_removed_and_said_once(place, harm, caplog):
         content = hashlib.sha256(archive).hexdigest().encode() + b"\n" + archive
     file.write_bytes(content)
     with caplog.at_level(logging.WARNING):
-        assert cache.load("a") is None
+        assert mesh_cache.load("a") is None
     assert not file.exists()
     assert len(caplog.records) == 1
     assert "is damaged" in caplog.text
@@ -78,11 +78,11 @@ def test_the_files_used_least_recently_go_first(place, monkeypatch):
         keep(name, k)
         os.utime(place / f"{name}.mesh", (k, k))
     size = files(place)[0].stat().st_size
-    assert cache.load("a") is not None
+    assert mesh_cache.load("a") is not None
     monkeypatch.setenv("MAGTIP_CACHE_MB", str(3.5 * size / 1e6))
     keep("d", 3)
     assert [file.stem for file in files(place)] == ["a", "c", "d"]
-    assert cache.contents().size <= cache.contents().limit
+    assert mesh_cache.contents().size <= mesh_cache.contents().limit
     monkeypatch.setenv("MAGTIP_CACHE_MB", str(0.5 * size / 1e6))
     keep("e", 4)
     assert not (place / "e.mesh").exists()
@@ -98,46 +98,46 @@ def test_a_bad_limit_is_a_sentence(place, monkeypatch, text):
 def test_the_largest_limit_keeps_everything(place, monkeypatch):
     monkeypatch.setenv("MAGTIP_CACHE_MB", "1e308")
     keep("a", 1)
-    assert cache.load("a") is not None
+    assert mesh_cache.load("a") is not None
 
 
 def test_a_folder_in_place_of_a_mesh_is_put_aside_once_with_what_it_holds(place, caplog):
     (place / "a.mesh").mkdir(parents=True)
     (place / "a.mesh" / "mine.txt").write_text("mine")
     with caplog.at_level(logging.WARNING):
-        assert cache.contents().files == 0
-        assert cache.clear().files == 0
+        assert mesh_cache.contents().files == 0
+        assert mesh_cache.clear().files == 0
         for _ in range(2):
-            cache._say.cache_clear()  # as a new process would
-            cache.load("a")
+            mesh_cache._say.cache_clear()  # as a new process would
+            mesh_cache.load("a")
             keep("a", 1)
     assert len(caplog.records) == 1
     assert "a folder was in the place of the cached mesh" in caplog.text
-    assert cache.load("a") is not None
+    assert mesh_cache.load("a") is not None
     (aside,) = place.glob("*.folder")
     assert (aside / "mine.txt").read_text() == "mine"
 
 
 def test_off_and_bypassed(place, monkeypatch):
-    with cache.bypassed():
+    with mesh_cache.bypassed():
         keep("a", 1)
-        assert cache.folder() is None
+        assert mesh_cache.folder() is None
     assert not place.exists()
     keep("a", 1)
-    with cache.bypassed():
-        assert cache.load("a") is None
-    assert cache.load("a") is not None
+    with mesh_cache.bypassed():
+        assert mesh_cache.load("a") is None
+    assert mesh_cache.load("a") is not None
     monkeypatch.setenv("MAGTIP_CACHE", "off")
-    assert cache.load("a") is None
-    assert cache.contents() == cache.Contents(None, 0, 0, 10**9)
+    assert mesh_cache.load("a") is None
+    assert mesh_cache.contents() == mesh_cache.Contents(None, 0, 0, 10**9)
 
 
 def test_the_platforms_folder(monkeypatch, tmp_path):
     monkeypatch.delenv("MAGTIP_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     if os.name == "posix" and not os.path.isdir("/System/Library"):
-        assert cache.folder() == tmp_path / "magtip"
-    assert cache.folder().name == "magtip"
+        assert mesh_cache.folder() == tmp_path / "magtip"
+    assert mesh_cache.folder().name == "magtip"
 
 
 def test_a_file_in_place_of_the_folder_is_said_once(place, caplog):
@@ -145,11 +145,11 @@ def test_a_file_in_place_of_the_folder_is_said_once(place, caplog):
     with caplog.at_level(logging.WARNING):
         for name in "ab":
             keep(name, 1)
-            assert cache.load(name) is None
+            assert mesh_cache.load(name) is None
     assert len(caplog.records) == 1
     assert "cannot write to the mesh cache" in caplog.text
-    assert cache.contents().files == 0
-    assert cache.clear().files == 0
+    assert mesh_cache.contents().files == 0
+    assert mesh_cache.clear().files == 0
     assert place.read_text() == ""
 
 
@@ -160,7 +160,7 @@ def test_a_full_disk_leaves_no_part_behind(place, caplog, monkeypatch):
         os.close(handle)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cache.os, "fdopen", full)
+    monkeypatch.setattr(mesh_cache.os, "fdopen", full)
     with caplog.at_level(logging.WARNING):
         keep("a", 1)
     assert "No space left on device" in caplog.text
@@ -171,13 +171,13 @@ def test_clearing_takes_files_and_leftovers_but_nothing_else(place):
     keep("a", 1)
     (place / "notes.txt").write_text("mine")
     (place / ".writing-old").write_text("")
-    assert cache.clear().files == 0
+    assert mesh_cache.clear().files == 0
     assert [file.name for file in place.iterdir()] == ["notes.txt"]
 
 
 def test_what_dead_processes_left_is_forgotten(place):
     keep("a", 1)
-    for name, age in (("old", 2 * cache.FORGOTTEN_S), ("new", 0)):
+    for name, age in (("old", 2 * mesh_cache.FORGOTTEN_S), ("new", 0)):
         file = place / f".writing-{name}"
         file.write_text("")
         os.utime(file, 2 * (time.time() - age,))
@@ -189,12 +189,12 @@ def busy(seed, many):
     random = np.random.default_rng(seed)
     for _ in range(many):
         name = str(random.integers(4))
-        found = cache.load(name)
+        found = mesh_cache.load(name)
         if found is not None and not (found["value"] == float(name)).all():
             return 1
         keep(name, float(name))
         if random.random() < 0.1:
-            cache.clear()
+            mesh_cache.clear()
     return 0
 
 
@@ -203,15 +203,15 @@ def test_processes_do_not_disturb_each_other(place, monkeypatch, capfd):
     with multiprocessing.get_context("fork" if hasattr(os, "fork") else "spawn").Pool(3) as pool:
         assert pool.starmap(busy, [(seed, 60) for seed in range(3)]) == [0, 0, 0]
     assert capfd.readouterr().err == ""
-    assert all(cache.load(file.stem) is not None for file in files(place))
+    assert all(mesh_cache.load(file.stem) is not None for file in files(place))
 
 
 def test_keys_tell_everything_apart():
     given = [{"size": 0.1, "half": True}, {"size": 0.1, "half": False}, {"size": 0.1 + 1e-12, "half": True}]
-    assert len({cache.key(**one) for one in given}) == 3
-    assert cache.key(a=1, b=[1.5, "x"]) == cache.key(b=[1.5, "x"], a=1)
+    assert len({mesh_cache.key(**one) for one in given}) == 3
+    assert mesh_cache.key(a=1, b=[1.5, "x"]) == mesh_cache.key(b=[1.5, "x"], a=1)
     with pytest.raises(ValueError, match="JSON"):
-        cache.key(a=float("nan"))
+        mesh_cache.key(a=float("nan"))
 
 
 @pytest.fixture
@@ -261,7 +261,7 @@ def test_other_requests_get_other_meshes(place, made):
     for change in changes * 2:
         ask(**change)
     assert len(made) == len(changes)
-    with cache.bypassed():
+    with mesh_cache.bypassed():
         ask()
     assert len(made) == len(changes) + 1
 

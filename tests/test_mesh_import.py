@@ -6,10 +6,11 @@ import meshio
 import numpy as np
 import pytest
 
-from geometry import labels, meshfile
+from geometry import design_digest
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
-from geometry.quality import quality
+from geometry.meshing import mesh_import
+from geometry.meshing.mesh_quality import quality
 from studies import files
 
 SHAPE = Shape(8, 6, 3, 2, 0.4)
@@ -52,7 +53,7 @@ def read(tmp_path):
         file = tmp_path / f"mesh{ending}"
         extra = more.pop("blocks", [])
         meshio.Mesh(points, [(kind, cells), *extra], **more).write(file, "gmsh22" if ending == ".msh" else None)
-        return meshfile.read(file, shape, magnet)
+        return mesh_import.read(file, shape, magnet)
 
     return through
 
@@ -155,14 +156,14 @@ def test_meshes_that_do_not_fit_are_refused(own, points, linear, quadratic, numb
 
 def test_other_files_are_refused(tmp_path, points):
     with pytest.raises(BadInput, match="there is no file"):
-        meshfile.read(tmp_path / "nothing.vtu", SHAPE)
+        mesh_import.read(tmp_path / "nothing.vtu", SHAPE)
     for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
         (tmp_path / name).write_text(text)
         with pytest.raises(BadInput, match=r"cannot read(?!.*SystemExit)|must be of tetrahedra"):
-            meshfile.read(tmp_path / name, SHAPE)
+            mesh_import.read(tmp_path / name, SHAPE)
     meshio.Mesh(points, [("hexahedron", np.arange(8)[None])]).write(tmp_path / "b.vtu")
     with pytest.raises(BadInput, match="must be of tetrahedra, all linear or all quadratic; got hexahedron"):
-        meshfile.read(tmp_path / "b.vtu", SHAPE)
+        mesh_import.read(tmp_path / "b.vtu", SHAPE)
 
 
 def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
@@ -184,13 +185,13 @@ def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
 def test_a_mesh_says_for_which_sensor_it_was_made(own, tmp_path):
     """A sensor that differs by less than what surfaces and volumes tell is another one all the same."""
     said = []
-    files.write_mesh(tmp_path / "own.vtu", own, labels.as_numbers(labels.of_solid(SHAPE)))
-    same_parts(meshfile.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)
+    files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
+    same_parts(mesh_import.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)
     assert said == []
     with pytest.raises(BadInput, match=r"with magnet_height 2 mm where this design has magnet_height 2\.0005 mm"):
-        meshfile.read(tmp_path / "own.vtu", replace(SHAPE, magnet_height=2.0005))
+        mesh_import.read(tmp_path / "own.vtu", replace(SHAPE, magnet_height=2.0005))
     files.write_mesh(tmp_path / "mute.vtu", own)
-    meshfile.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
+    mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
     assert len(said) == 1
     assert "does not say for which sensor it was made" in said[0]
 

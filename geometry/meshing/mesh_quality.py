@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from skfem import MeshTet2
 
-from geometry import cad, exact
-from geometry.curving import determinants, facet_nodes, patches, radius_ratios, volumes
+from geometry import cad
 from geometry.design import Shape
+from geometry.meshing import exact_surfaces
+from geometry.meshing.curved_mesh import determinants, facet_nodes, patches, radius_ratios, volumes
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ def quality(mesh: MeshTet2, shape: Shape) -> Quality:
 def _gap(mesh: MeshTet2, shape: Shape) -> float:
     """Greatest distance of the points of integration on the curved facets from the exact surfaces."""
     found = 0.0
-    for name, about in (("skin", exact.skin), ("magnet", exact.magnet)):
+    for name, about in (("skin", exact_surfaces.skin), ("magnet", exact_surfaces.magnet)):
         if name in mesh.boundaries:
             points = patches(mesh.doflocs, facet_nodes(mesh, mesh.boundaries[name]))[0]
             found = max(found, float(np.abs(about(points, shape).distance).max()))

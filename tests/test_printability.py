@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from geometry import cadfiles
-from geometry.printing import PROCESSES, overhangs, standing
+from geometry.fabrication import solid_files
+from geometry.fabrication.printability import PROCESSES, overhangs, standing
 
 
 def box(x, y, z, at=(0, 0, 0)):
@@ -19,7 +19,7 @@ def cut(body, tool):
 
 
 def found(solid):
-    return overhangs(cadfiles.triangulated(solid, 0.01))
+    return overhangs(solid_files.triangulated(solid, 0.01))
 
 
 def test_a_sphere_overhangs_below_45_degrees():

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from geometry import cad, parting
-from geometry.parting import largest_overlap, least_gap, meridian
+from geometry import cad
+from geometry.fabrication import part_separation
+from geometry.fabrication.part_separation import largest_overlap, least_gap, meridian
 
 UP, SIDEWAYS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 
@@ -24,7 +25,7 @@ def ball(height):
 def steps(monkeypatch):
     """Counts the intersections that are computed."""
     asked = []
-    monkeypatch.setattr(parting, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
+    monkeypatch.setattr(part_separation, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
     return asked
 
 
@@ -39,7 +40,7 @@ def test_what_the_faces_tell_needs_no_intersection(steps):
 def test_a_ball_under_a_ball_is_met(steps):
     assert largest_overlap(ball(0), ball(5), 5.0, UP) == pytest.approx(4 / 3 * math.pi, rel=1e-9)
     assert largest_overlap(ball(5), ball(0), 5.0, UP) == 0
-    assert len(steps) == len(parting.STEPS) + 3
+    assert len(steps) == len(part_separation.STEPS) + 3
 
 
 def test_a_plug_does_not_leave_a_cup_sideways_or_downwards():

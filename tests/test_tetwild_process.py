@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from pytetwild import PyfTetWildWrapper
 
-from geometry import cache, tetwild
 from geometry import mesh as meshing
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
+from geometry.meshing import mesh_cache, tetwild_process
 
 ASK = """
 import hashlib
@@ -39,7 +39,7 @@ def test_two_processes_make_one_mesh(shape, size, half, magnet, rim):
     """Python's hashes, addresses, the order of processes: nothing of that is in the mesh."""
     ask = ASK.format(shape=shape, size=size, half=half, magnet=magnet, rim=rim)
     done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
-    with cache.bypassed():
+    with mesh_cache.bypassed():
         mesh = tetrahedra(Shape(*map(float, shape.split(","))), size, half=half, magnet=magnet, rim=rim)
     assert done.stdout.strip() == hashlib.sha256(mesh.doflocs.tobytes() + mesh.t.tobytes()).hexdigest()
 
@@ -47,8 +47,8 @@ def test_two_processes_make_one_mesh(shape, size, half, magnet, rim):
 def test_another_seed_makes_another_mesh(monkeypatch, tmp_path):
     """The seed is what decides: the replaced function is called."""
     other = tmp_path / "other.py"
-    other.write_text(meshing.CHILD.read_text().replace(f"SEED = {tetwild.SEED}", "SEED = 7"))
-    with cache.bypassed():
+    other.write_text(meshing.CHILD.read_text().replace(f"SEED = {tetwild_process.SEED}", "SEED = 7"))
+    with mesh_cache.bypassed():
         one = tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
         monkeypatch.setattr(meshing, "CHILD", other)
         two = tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
@@ -56,7 +56,7 @@ def test_another_seed_makes_another_mesh(monkeypatch, tmp_path):
 
 
 def test_a_library_without_the_function_has_no_slot():
-    assert tetwild.slot(str(PyfTetWildWrapper.__file__), b"no such function") is None
+    assert tetwild_process.slot(str(PyfTetWildWrapper.__file__), b"no such function") is None
 
 
 def test_a_seed_that_cannot_be_fixed_is_said_once(monkeypatch, tmp_path, caplog):
@@ -64,7 +64,7 @@ def test_a_seed_that_cannot_be_fixed_is_said_once(monkeypatch, tmp_path, caplog)
     child.write_text(meshing.CHILD.read_text().replace('"linux"', '"elsewhere"'))
     monkeypatch.setattr(meshing, "CHILD", child)
     meshing._warn_unseeded.cache_clear()
-    with cache.bypassed(), caplog.at_level(logging.WARNING):
+    with mesh_cache.bypassed(), caplog.at_level(logging.WARNING):
         for _ in range(2):
             tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")
     (record,) = caplog.records

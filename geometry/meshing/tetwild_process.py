@@ -1,4 +1,4 @@
-"""The process in which fTetWild runs, with a fixed seed: `python tetwild.py GIVEN.npz FOUND.npz`.
+"""The process in which fTetWild runs, with a fixed seed: `python tetwild_process.py GIVEN.npz FOUND.npz`.
 
 fTetWild inserts the facets in an order that it shuffles with a generator seeded by std::random_device. That alone
 makes two of its meshes of one shape differ; threads, addresses and the state of Python do not. Neither fTetWild nor
