@@ -21,12 +21,13 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, models
-from fem.depth_ranges import graded_depth, parts
-from fem.levels import QUICK, STANDARD, Accuracy, coarser, estimates
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser, estimates
+from fem.contact import plate_contact
+from fem.discretisation import symmetry_models
 from fem.material import law
-from fem.path import FIRST_TOUCH, Path
 from fem.solution import Solution, along, coulomb, read, slides
+from fem.solvers.depth_ranges import graded_depth, parts
+from fem.solvers.load_stepping import FIRST_TOUCH, Path
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -50,7 +51,7 @@ LEAST_SPOT = 0.01
 than a percent."""
 
 
-def choose_model(loads: Sequence[Load], model: Model) -> models.Model:
+def choose_model(loads: Sequence[Load], model: Model) -> symmetry_models.Model:
     """The smallest model that can answer the loads, or BadInput if the one asked for cannot.
 
     >>> choose_model([Load(depth=1.0)], "auto")
@@ -117,11 +118,12 @@ def walk(
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
         change once it has sheared. With Coulomb friction the answer depends on the way: the plate may come and go.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less, or two beside one. `fem.levels.RULES` say how they follow from the
+        COARSER and with one harmonic less, or two beside one. `fem.accuracy.RULES` say how they follow from the
         difference.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
-    mesh : tetrahedra in units of D to solve on, as `fem.models.solid` takes them; then nothing is estimated.
+    mesh : tetrahedra in units of D to solve on, as `fem.discretisation.symmetry_models.solid` takes them; then
+        nothing is estimated.
 
     Yields
     ------
@@ -148,7 +150,7 @@ def _walk(
     loads: Sequence[Load],
     accuracy: Accuracy,
     magnet: Magnet,
-    name: models.Model,
+    name: symmetry_models.Model,
     estimate: bool,
     progress: Progress | None,
     mesh: skfem.MeshTet2 | None,
@@ -170,7 +172,7 @@ def _walk_part(
     loads: Sequence[Load],
     accuracy: Accuracy,
     magnet: Magnet,
-    name: models.Model,
+    name: symmetry_models.Model,
     estimate: bool,
     progress: Progress | None,
     mesh: skfem.MeshTet2 | None,
@@ -241,7 +243,7 @@ def _follow(
     loads: Sequence[Load],
     accuracy: Accuracy,
     magnet: Magnet,
-    name: models.Model,
+    name: symmetry_models.Model,
     progress: Progress | None,
     *,
     watch: bool = False,
@@ -275,7 +277,7 @@ def _start(
     loads: Sequence[Load],
     accuracy: Accuracy,
     magnet: Magnet,
-    name: models.Model,
+    name: symmetry_models.Model,
     mesh: skfem.MeshTet2 | None,
 ) -> Path:
     """The path with its model, at rest."""
@@ -288,7 +290,7 @@ def _start(
     mu, push = coulomb(loads), loads[0].imperfection / (design.E * design.D**2)
     size = accuracy.section_size
     tip = TIP * math.sqrt(shape.R * min(depths, default=1.0))
-    build = functools.partial(models.section, shape, design.nu, magnet, size, min(tip, 1.0) * size, silicone)
+    build = functools.partial(symmetry_models.section, shape, design.nu, magnet, size, min(tip, 1.0) * size, silicone)
     if not sideways:
         build = functools.partial(build, fillet=PRESS_FILLET)
     edge = None
@@ -297,12 +299,16 @@ def _start(
     elif sideways and not tilt and mu is None and mesh is None:
         glued = next(load.depth for load in loads if slides(load)) / design.D
         rough = max(size, QUICK.section_size)
-        first = functools.partial(models.section, shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone)
+        first = functools.partial(
+            symmetry_models.section, shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone
+        )
         edge = contact_end(first, accuracy.section_patch, glued)
     if name in ("half", "full"):
         coarse = accuracy.solid_size
         half = name == "half"
-        solid = functools.partial(models.solid, shape, design.nu, magnet, coarse, law=silicone, half=half, push=push)
+        solid = functools.partial(
+            symmetry_models.solid, shape, design.nu, magnet, coarse, law=silicone, half=half, push=push
+        )
         solid = functools.partial(solid, given=mesh)
         if edge is None or edge == shape.R or mesh is not None:
             fine = accuracy.solid_patch if sideways or tilt else coarse / 2
@@ -325,12 +331,13 @@ def _start(
     return Path(build(), raised=build_high, rim=edge, scout=scout)
 
 
-def contact_end(build: Callable[..., models.Discretisation], fine: float, depth: float) -> float:
+def contact_end(build: Callable[..., symmetry_models.Discretisation], fine: float, depth: float) -> float:
     """As `contact_edge`, by meshes that are fine where the contact ended before; at first where the dome is cut.
 
     Parameters
     ----------
-    build : makes the section from the keyword `rim` of `fem.models.section`; it need not be fine elsewhere.
+    build : makes the section from the keyword `rim` of `fem.discretisation.symmetry_models.section`; it need not be
+        fine elsewhere.
     fine : edge length there, at most SHARE of the radius.
     """
     edge = min(math.sqrt(depth / 2), 0.475)
@@ -344,7 +351,7 @@ def contact_end(build: Callable[..., models.Discretisation], fine: float, depth:
     return edge
 
 
-def contact_edge(d: models.Discretisation, depth: float) -> float:
+def contact_edge(d: symmetry_models.Discretisation, depth: float) -> float:
     """Undeformed radius at which the contact of a press ends, in units of D."""
     path = Path(d)
     try:
@@ -356,8 +363,8 @@ def contact_edge(d: models.Discretisation, depth: float) -> float:
 
 def end_of_contact(path: Path) -> float:
     """Undeformed radius at which the contact of a press ends in the present state, in units of D."""
-    radius = contact.contact_radius(path.skin, path.u, path.plate())
-    return contact.material_radius(path.skin, path.u, path.plate(), radius)
+    radius = plate_contact.contact_radius(path.skin, path.u, path.plate())
+    return plate_contact.material_radius(path.skin, path.u, path.plate(), radius)
 
 
 def _check_spot(design: Design, load: Load) -> None:

@@ -22,15 +22,16 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from fem import contact, elements, models, rigid
-from fem.contact import Plate
+from fem.accuracy import STANDARD, Accuracy, coarser, of_number
+from fem.contact import plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation import elements, rigid_inclusion, symmetry_models
+from fem.discretisation.nonlinear_system import NONE, System
 from fem.equilibrium import contact_end
-from fem.levels import STANDARD, Accuracy, coarser, of_number
-from fem.linear import Solver
 from fem.material import lame, law
-from fem.newton import STOPPED
-from fem.path import Path
-from fem.system import NONE, System
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -141,7 +142,7 @@ def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -
     size, d = accuracy.section_size, depth / design.D
     shape = design.shape.scaled(1 / design.D)
     silicone = law(design.law, design.law_numbers)
-    build = functools.partial(models.section, shape, design.nu, magnet, size, size / 2, silicone)
+    build = functools.partial(symmetry_models.section, shape, design.nu, magnet, size, size / 2, silicone)
     edge = None
     if d:
         edge = contact_end(build, accuracy.section_patch, d)
@@ -161,7 +162,7 @@ def _glued(path: Path, system: System, q: Array) -> Plate | None:
     if path.rim is None:
         return None
     assert system.surface is not None
-    return contact.glued(system.surface, system.state(q).u, path.plate(), path.rim, path.d.shape.H)
+    return plate_contact.glued(system.surface, system.state(q).u, path.plate(), path.rim, path.d.shape.H)
 
 
 def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
@@ -176,7 +177,7 @@ def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
 def _symmetric(path: Path, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
     """Eigenvalues and names of axial, bending and ovalling modes."""
     system = path.high
-    q = models.raise_harmonics(path.d.system, system, path.q)
+    q = symmetry_models.raise_harmonics(path.d.system, system, path.q)
     m, across, _ = _inertia(design, magnet)
     K = system.assemble(system.state(q), _glued(path, system, q)).tangent
     M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
@@ -212,7 +213,7 @@ def _torsion(path: Path, design: Design, magnet: Magnet, count: int) -> list[tup
     fixed[elements.boundary_nodes(d.mesh, "axis"), :2] = True
     skin = elements.surface(d.mesh, "skin", e, axisymmetric=True, order=5)
     glued = elements.boundary_nodes(d.mesh, "magnet") if magnet == "rigid" else NONE
-    body = rigid.section(e.nodes[glued] - [0, d.shape.H], e.angles) if magnet == "rigid" else None
+    body = rigid_inclusion.section(e.nodes[glued] - [0, d.shape.H], e.angles) if magnet == "rigid" else None
     system = System(e, skin, *lame(1.0, design.nu), fixed, glued, body, law=d.system.law)
     low = d.system.state(path.q)
     u = np.stack([low.u[:, 0], np.zeros(len(low.u)), low.u[:, 1]], axis=1)

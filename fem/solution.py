@@ -10,11 +10,13 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import contact, elements, facts, friction, rigid
-from fem.facts import Facts, Status
-from fem.models import Discretisation
-from fem.newton import Stop
-from fem.path import Path
+from fem.contact import coulomb_friction, plate_contact
+from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation.symmetry_models import Discretisation
+from fem.results import diagnostics
+from fem.results.diagnostics import Facts, Status
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import Stop
 from geometry.design import Design
 from geometry.loads import Load, Response
 
@@ -31,7 +33,8 @@ class Field:
     u : (n, dim) nodal displacements, or (n, fields) those of a section with harmonics, mm.
     p : (k, 1) or (k, harmonics + 1) pressures at the vertices, MPa.
     vertices : (k,) nodes of the pressures.
-    angles : the functions of the angle that u and p are multiplied by; see `fem.revolve` for the solid body.
+    angles : the functions of the angle that u and p are multiplied by; see `fem.results.revolved_body` for the solid
+        body.
     """
 
     mesh: skfem.Mesh
@@ -53,7 +56,7 @@ class Solution:
         force.
     dissipated : energy that slipping on the plate has cost since the path began, N mm.
     slip_share : share of the area in contact that slips, None without Coulomb friction or contact.
-    status, message : "ok", or why not and what to try; they follow from `facts`, by `fem.facts`.
+    status, message : "ok", or why not and what to try; they follow from `facts`, by `fem.results.diagnostics`.
     error_estimate, shift_error_estimate, tilt_error_estimate, sideways_error_estimate : relative errors of the force,
         of the magnet's shift, of its tilt, and of the force along the shear alone, from the mesh (and the harmonics);
         None where they were not estimated or there is nothing.
@@ -124,7 +127,7 @@ def read(
         load = replace(load, depth=depth, **moved)
     state = d.system.state(path.q)
     plate = path.plate()
-    residual, _, _ = contact.traction(path.skin, state.u, plate)
+    residual, _, _ = plate_contact.traction(path.skin, state.u, plate)
     total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
     shift, tilt = pose(d, state.u, path.q)
     if d.model == "axisymmetric":
@@ -132,7 +135,7 @@ def read(
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    radius = contact.patch_radius if path.sheared else contact.contact_radius
+    radius = plate_contact.patch_radius if path.sheared else plate_contact.contact_radius
     response = Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
@@ -140,14 +143,14 @@ def read(
         contact_radius=0.0 if path.grip else radius(path.skin, state.u, plate) * D,
         tilt_y=float(tilt_xy[1]),
     )
-    slip_share = friction.slip_share(path.friction, path.skin.weights) if path.friction is not None else None
-    known = facts.gather(path, D, load, stop, response, slip_share, watch=watch)
+    slip_share = coulomb_friction.slip_share(path.friction, path.skin.weights) if path.friction is not None else None
+    known = diagnostics.gather(path, D, load, stop, response, slip_share, watch=watch)
     return Solution(
         load=load,
         response=response,
         energy=path.energy * d.symmetry * design.E * D**3,
-        status=facts.status(known),
-        message=facts.sentence(known, design, load, response, slip_share, d.model),
+        status=diagnostics.status(known),
+        message=diagnostics.sentence(known, design, load, response, slip_share, d.model),
         model=d.model,
         error_estimate=None,
         shift_error_estimate=None,
@@ -180,7 +183,7 @@ def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         place = {1: [2], 3: [0, 2], 6: [0, 1, 2]}[len(motion)]
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
-        return shift, _angles(rigid.axis(motion))
+        return shift, _angles(rigid_inclusion.axis(motion))
     shift, G = d.centre(u)
     return shift, np.zeros(2) if d.model == "axisymmetric" else _angles(_rotation(G)[:, 2])
 

@@ -1,7 +1,7 @@
 """Sideways stability and small shear of a pressed body of revolution, from one harmonic about the axisymmetric state.
 
 A press is followed with the axisymmetric model. It turns unstable sideways at the depth where its lateral stiffness
-passes through zero, see `fem.lateral`.
+passes through zero, see `fem.results.lateral_stiffness`.
 
 Two plates are told apart: a frictionless one, on which the tip is free to slide, and one to which the patch in
 contact is glued (a guided tip). With it moved sideways by s, K dq = -dR/ds s gives the small-shear answer:
@@ -17,18 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from fem import contact, models
-from fem.contact import Plate
+from fem.accuracy import LEAST_DEPTH, LEAST_RADIUS, QUICK, STANDARD, Accuracy, coarser, of_number
+from fem.contact import plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation import symmetry_models
+from fem.discretisation.nonlinear_system import Assembly
+from fem.discretisation.symmetry_models import Discretisation
 from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
-from fem.lateral import at_rest, lateral, normal_force
-from fem.levels import LEAST_DEPTH, LEAST_RADIUS, QUICK, STANDARD, Accuracy, coarser, of_number
-from fem.linear import Solver
 from fem.material import law
-from fem.models import Discretisation
-from fem.newton import STOPPED
-from fem.path import Path
+from fem.results.lateral_stiffness import at_rest, lateral, normal_force
 from fem.solution import pose
-from fem.system import Assembly
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -48,7 +49,7 @@ ROUGH = 0.3
 """Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
 KAPPA = 3e5
 """Stiffness of the plate: ten times that of other sections, for elements this small where a deep contact ends (see
-`fem.contact`). With less a wide magnet's press seemed unstable at level fine from 0.33 D on."""
+`fem.contact.plate_contact`). With less a wide magnet's press seemed unstable at level fine from 0.33 D on."""
 RIM = 0.25
 """Edge length where the contact ends, over that of a glued patch, at most SHARE of the contact's radius. In
 larger elements the lateral stiffness scatters with the place where the contact ends: a critical depth by 2 %."""
@@ -109,7 +110,7 @@ def critical(
     """The depth at which a press turns unstable sideways.
 
     A coarse mesh first, then one that is fine where the contact ends at that depth. There the lateral stiffness is
-    followed to its zero (see `fem.lateral`).
+    followed to its zero (see `fem.results.lateral_stiffness`).
 
     Parameters
     ----------
@@ -214,10 +215,10 @@ def _small_shear(design: Design, depth: float, magnet: Magnet, accuracy: Accurac
                 f"the press stops at depth {path.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
             )
         high = build(harmonics=1)
-        q = models.raise_harmonics(path.d.system, high.system, path.q)
+        q = symmetry_models.raise_harmonics(path.d.system, high.system, path.q)
         skin = high.system.surface
         assert skin is not None
-        plate = contact.glued(skin, high.system.state(q).u, path.plate(), edge, high.shape.H)
+        plate = plate_contact.glued(skin, high.system.state(q).u, path.plate(), edge, high.shape.H)
         there = high.system.assemble(high.system.state(q), plate)
         shear = replace(plate, shear=np.array([1.0, 0.0]))
         moved = high.system.assemble(high.system.state(q), shear, tangent=False)
@@ -241,7 +242,7 @@ def _build(
     size, shape = accuracy.section_size, design.shape.scaled(1 / design.D)
     silicone = law(design.law, design.law_numbers)
     return functools.partial(
-        models.section, shape, design.nu, magnet, size, size / 2, silicone, rim=rim, fillet=PRESS_FILLET
+        symmetry_models.section, shape, design.nu, magnet, size, size / 2, silicone, rim=rim, fillet=PRESS_FILLET
     )
 
 
@@ -350,5 +351,5 @@ def _small(design: Design, path: Path, high: Discretisation, plate: Plate, q: Ar
         shift=float(shift2[0] - shift1[0]) / (2 * way),
         tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
         force=normal_force(path) * design.E * D**2,
-        contact_radius=contact.contact_radius(path.skin, path.u, path.plate()) * D,
+        contact_radius=plate_contact.contact_radius(path.skin, path.u, path.plate()) * D,
     )

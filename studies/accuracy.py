@@ -15,9 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fem import equilibrium, levels
+from fem import accuracy as accuracy_levels
+from fem import equilibrium
+from fem.accuracy import LEVELS, Accuracy
 from fem.equilibrium import Model
-from fem.levels import LEVELS, Accuracy
 from geometry.loads import Load, Magnet, Response
 from studies import kept, tangents, trials
 from studies.trials import Trial
@@ -79,7 +80,7 @@ class Task:
         check = level.name == "reference"
         return {
             "": (trial, level),
-            "companion_": (trial, level if check else levels.coarser(level)),
+            "companion_": (trial, level if check else accuracy_levels.coarser(level)),
             "reference_": (judge, trials.reference(trial.scene, 2 if check else self.fineness)),
         }
 
@@ -168,9 +169,10 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
 def code() -> str:
     """A digest of the modules that solve a path of loads.
 
-    Others are in the keys of the solves: those of what a tangent tells by a digest, and the numbers of `fem.levels`.
+    Others are in the keys of the solves: those of what a tangent tells by a digest, and the numbers of
+    `fem.accuracy`.
     """
-    apart = {"levels.py", *tangents.MODULES}
+    apart = {"accuracy.py", *tangents.MODULES}
     return kept.digest(file for file in kept.modules("geometry", "fem") if file.name not in apart)
 
 
@@ -251,7 +253,9 @@ def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> R
     """True errors and estimates, NaN where there is nothing to be relative to."""
     one, other, truth = found[""], found["companion_"], found["reference_"]
     trial = task.trial
-    estimated = levels.estimates(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design)
+    estimated = accuracy_levels.estimates(
+        one, other, load, trial.loads, task.level, model, trial.magnet, trial.design
+    )
     pairs = [
         (one.force, truth.force),
         (one.shift, truth.shift),

@@ -14,12 +14,12 @@ import skfem
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fem import elements
-from fem.elements import Elements
+from fem.discretisation import elements
+from fem.discretisation.elements import Elements
+from fem.discretisation.nonlinear_system import State, System
+from fem.discretisation.symmetry_models import on_axis
 from fem.material import lame
-from fem.models import on_axis
 from fem.modes import eigen
-from fem.system import State, System
 from studies.problems import SKIN, body, facet_loads, find, ramp
 
 HARMONICS = 2

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fem.levels import QUICK, STANDARD
+from fem.accuracy import QUICK, STANDARD
 from geometry.design import Design, paper
 from geometry.loads import Magnet
 from studies import benchfiles, peers
@@ -52,7 +52,7 @@ class Case:
     Attributes
     ----------
     name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
-    ladder : accuracies to choose from, fields of `fem.levels.Accuracy`; the cheapest within tolerance counts.
+    ladder : accuracies to choose from, fields of `fem.accuracy.Accuracy`; the cheapest within tolerance counts.
     tolerance_percent : of the force at every load; infinite where it is only reported.
     reference : model and accuracy of the fine solution, or None.
     goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.

@@ -20,7 +20,7 @@ from typing import Any
 
 from analytic import beam, hall
 from fem import equilibrium
-from fem.levels import STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fem import equilibrium
-from fem.levels import LEVELS
+from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.loads import Magnet, Response
 from studies import trials

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from studies.files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
-    from fem.revolve import Body
+    from fem.results.revolved_body import Body
     from fem.solution import Solution
 
 Array = NDArray[np.float64]
@@ -34,12 +34,12 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
 
     That of an axisymmetric body is mirrored to both sides; a full body is cut.
     """
-    from fem import revolve
+    from fem.results import revolved_body
 
-    solid = revolve.body(solution.field)
+    solid = revolved_body.body(solution.field)
     if solution.model == "full":
-        x, y = revolve.bearing(solution)
-        return _sliced(revolve.turned(solid, (x, -y)), quantity)
+        x, y = revolved_body.bearing(solution)
+        return _sliced(revolved_body.turned(solid, (x, -y)), quantity)
     u = spatial(solid.u)
     value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
     x = spatial(solid.mesh.doflocs.T)

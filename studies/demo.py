@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fem.levels import STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
 from studies import compare, describe, files, report, workshop

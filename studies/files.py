@@ -32,7 +32,7 @@ LOCK = ".magtip.lock"
 if TYPE_CHECKING:
     import skfem
 
-    from fem.revolve import Body
+    from fem.results.revolved_body import Body
     from fem.solution import Solution
 
 
@@ -292,7 +292,7 @@ def write_field(path: str | Path, solution: Solution) -> None:
     """
     import numpy as np
 
-    from fem.revolve import in_place
+    from fem.results.revolved_body import in_place
 
     solid = in_place(solution)
     grid = grid_of(solid.mesh)

@@ -65,7 +65,7 @@ def grid_of(
 
 def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str, Any]]:
     """The rows of a sweep, each as soon as it is solved."""
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
     from studies import sweep as work
 
     level = LEVELS[grid.accuracy]

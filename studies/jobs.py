@@ -76,7 +76,7 @@ def compare(
         Of the finite elements.
     """
     given = design_of(source, sets)
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
     from studies import compare as work
 
     _say_what_is_ignored(given)

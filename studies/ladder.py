@@ -12,7 +12,7 @@ from typing import Any
 
 from analytic import beam, buckling
 from fem import equilibrium
-from fem.levels import LEVELS
+from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response

@@ -1,7 +1,8 @@
 """Where a silicone's law is stable in homogeneous stretches, and where it has to be.
 
 The body is incompressible and free of stress in its last direction. A law is called stable at such a stretch if it is
-so in Drucker's sense (`fem.drucker`), and dP : dF > 0 along the mode itself, so that the nominal stress still rises.
+so in Drucker's sense (`fem.results.material_stability`), and dP : dF > 0 along the mode itself, so that the nominal
+stress still rises.
 
 It has to be stable where the test has been: in each mode, as long as no principal stretch leaves the range that the
 specimen's had (`tested`). And it should be where solves go (`SOLVE`). Uniaxial compression is equibiaxial tension,
@@ -15,8 +16,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import drucker
 from fem.material import law
+from fem.results import material_stability
 
 Array = NDArray[np.float64]
 Ranges = dict[str, tuple[float, float]]
@@ -91,8 +92,8 @@ def within(wanted: Ranges, stable: Ranges) -> bool:
 
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
     """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
-    tau, D = drucker.stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
+    tau, D = material_stability.stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
     # the pressure that frees the last direction of stress
     tau = tau - tau[:, 2:]
     along = (D @ strains) @ strains - tau @ strains**2
-    return np.asarray((drucker.least(D) > 0) & (along > 0))
+    return np.asarray((material_stability.least(D) > 0) & (along > 0))

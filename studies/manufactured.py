@@ -24,9 +24,10 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements, material
-from fem.elements import Angles, Elements
-from fem.models import on_axis
+from fem import material
+from fem.discretisation import elements
+from fem.discretisation.elements import Angles, Elements
+from fem.discretisation.symmetry_models import on_axis
 from studies.problems import SKIN, Mask, body, find
 
 Array = NDArray[np.float64]

@@ -16,12 +16,13 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements, material
-from fem.elements import Elements
-from fem.linear import Solver
+from fem import material
+from fem.discretisation import elements
+from fem.discretisation.elements import Elements
+from fem.discretisation.nonlinear_system import System
 from fem.material import lame
-from fem.newton import STOPPED, Equilibrium, newton
-from fem.system import System
+from fem.solvers.direct_solver import Solver
+from fem.solvers.newton import STOPPED, Equilibrium, newton
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

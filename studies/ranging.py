@@ -145,7 +145,7 @@ def _section(design: Design) -> Row:
     import numpy as np
     import skfem
 
-    from fem.levels import STANDARD
+    from fem.accuracy import STANDARD
     from geometry import cad
     from geometry.section import section
 
@@ -169,7 +169,7 @@ def _section(design: Design) -> Row:
 
 
 def _solid_mesh(design: Design, cache: Path) -> Row:
-    from fem.levels import QUICK
+    from fem.accuracy import QUICK
     from geometry.mesh import tetrahedra
     from geometry.meshing.curved_mesh import LEAST_JACOBIAN
     from geometry.meshing.mesh_quality import quality

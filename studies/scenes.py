@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.levels import QUICK, STANDARD, Accuracy
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.design import paper
 from geometry.loads import Load
 from studies import judges

@@ -20,7 +20,7 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     at a depth are left out without one.
     """
     from fem import stability
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
 
     if depth is not None:
         stability.check_depth(design, depth, magnet)
@@ -55,7 +55,7 @@ def _at(
 ) -> dict[str, Any]:
     """What the record says of a small shear at a depth; with status not_converged if the press does not reach it."""
     from fem import stability
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
 
     progress(0.8, f"shear at depth {depth:g} mm")
     said = [record["message"]] if record["message"] else []

@@ -58,7 +58,7 @@ def run(
 
 def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
     from fem import stability
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
 
     found: Row = {"status": "ok"}
     said = []

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.equilibrium import Model, trace
-from fem.levels import QUICK, STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Load, Magnet

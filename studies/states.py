@@ -16,8 +16,8 @@ from studies.console import Progress
 from studies.options import Method, Motion
 
 if TYPE_CHECKING:
-    from fem.facts import Facts
-    from fem.levels import Accuracy
+    from fem.accuracy import Accuracy
+    from fem.results.diagnostics import Facts
     from fem.solution import Solution
     from geometry.mesh import Parts
 
@@ -194,9 +194,10 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
 
 def _level(loads: list[Load], method: Method) -> Accuracy:
     """The accuracy, with the number of harmonics asked for."""
-    from fem import equilibrium, levels
+    from fem import accuracy as accuracy_levels
+    from fem import equilibrium
 
-    level, harmonics = levels.LEVELS[method.accuracy], method.harmonics
+    level, harmonics = accuracy_levels.LEVELS[method.accuracy], method.harmonics
     if harmonics is None:
         return level
     most = equilibrium.MOST_HARMONICS

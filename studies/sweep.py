@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fem.levels import STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
 from studies import compare, kept

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from fem import modes, stability
-from fem.levels import DEEPEST, Accuracy, deepest
+from fem.accuracy import DEEPEST, Accuracy, deepest
 from fem.modes import Modes
 from fem.stability import Critical, SmallShear
 from geometry.design import BadInput

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem import contact, models
+from fem.accuracy import LEVELS
+from fem.contact import plate_contact
+from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
-from fem.levels import LEVELS
-from fem.newton import STOPPED, newton
-from fem.path import Path
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED, newton
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from studies.problems import NotSolvedError
@@ -42,18 +43,18 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
-    path = Path(models.section(shape, design.nu, magnet, size, tip))
+    path = Path(symmetry_models.section(shape, design.nu, magnet, size, tip))
     forces, factors = [], np.array([1.0, 3.0, 10.0])
     try:
         reason = path.go(depth, np.zeros(2))
         q, plate, skin = path.q, path.plate(), path.skin
         for factor in factors:
             harder = replace(plate, stiffness=factor * plate.stiffness)
-            pressed = contact.overlap(skin, path.d.system.state(q).u, plate) > 0
+            pressed = plate_contact.overlap(skin, path.d.system.state(q).u, plate) > 0
             answer = newton(path.d.system, path.solver, q, harder, pressed)
             reason = reason or answer.reason
             q = answer.state.q
-            pushed = contact.traction(skin, answer.state.u, harder)[0][..., 2]
+            pushed = plate_contact.traction(skin, answer.state.u, harder)[0][..., 2]
             forces.append(float(np.sum(skin.weights * pushed)))
     finally:
         path.close()

@@ -11,9 +11,9 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
+from fem.accuracy import DEEPEST, RUBBED, SHEARED, Accuracy, deepest
+from fem.accuracy import FAR as FARTHEST
 from fem.equilibrium import Model
-from fem.levels import DEEPEST, RUBBED, SHEARED, Accuracy, deepest
-from fem.levels import FAR as FARTHEST
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 

@@ -24,7 +24,7 @@ def run(
     BadInput
         The count or the depth does not fit.
     """
-    from fem.levels import LEVELS
+    from fem.accuracy import LEVELS
     from fem.modes import MOST, modes, spring_mass
 
     if not 1 <= count <= MOST:

@@ -34,15 +34,17 @@ def trace(spec: Answer) -> Answer:
     """Follow a path of loads with the finite elements and tell forces, iterations and cost."""
     from dataclasses import replace
 
-    from fem import equilibrium, levels, linear
+    from fem import accuracy as accuracy_levels
+    from fem import equilibrium
     from fem.solution import slides
+    from fem.solvers import direct_solver
     from geometry.design import paper
     from geometry.loads import Load
     from geometry.meshing import mesh_cache
 
-    pardiso = linear.have_pardiso()
+    pardiso = direct_solver.have_pardiso()
     loads = [Load(**load) for load in spec["loads"]]
-    accuracy = replace(levels.STANDARD, name="bench", **spec["accuracy"])
+    accuracy = replace(accuracy_levels.STANDARD, name="bench", **spec["accuracy"])
     before, wall, base = _cpu(), time.perf_counter(), _peak(resource.RUSAGE_SELF)
     with mesh_cache.bypassed():
         found = equilibrium.trace(
@@ -70,10 +72,11 @@ def linearised(spec: Answer) -> Answer:
     """What follows from one tangent: a small shear, or vibrations."""
     import scipy.sparse.linalg  # noqa: F401
 
-    from fem import linear, modes, stability
+    from fem import modes, stability
+    from fem.solvers import direct_solver
     from geometry.design import paper
 
-    linear.have_pardiso()
+    direct_solver.have_pardiso()
     before, wall, base = _cpu()[0], time.perf_counter(), _peak(resource.RUSAGE_SELF)
     if spec["task"] == "modes":
         modes.modes(paper(), count=spec["count"], estimate=False)

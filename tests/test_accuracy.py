@@ -1,197 +1,145 @@
-"""The study of error estimates at reduced size, and whether its statistics tell kept promises from broken ones."""
+"""Error estimates: what they grow with, and where there are none."""
 
-import json
 import math
 from dataclasses import replace
 
 import pytest
 
-from fem import equilibrium
-from fem.levels import LEVELS, QUICK
+from fem import accuracy
+from fem.accuracy import QUICK, STANDARD
+from fem.equilibrium import solve
 from geometry.design import paper
-from studies import accuracy, calibration, cli, trials
-from studies.accuracy import QUANTITIES, Task
-from studies.options import FAILED
+from geometry.loads import Load, Response
+from studies import trials
 
 
-@pytest.fixture(scope="module")
-def press():
-    return Task(trials.trial(0, "rigid", "press", "auto"), QUICK)
+def test_the_error_estimate_never_vanishes():
+    """Not even where an answer and its companion happen to agree."""
+    r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
+    load = Load(depth=1.0)
+    for magnet in ("rigid", "ignored"):
+        force, shift, tilt, _ = accuracy.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
+        assert min(force, shift, tilt) > 1e-4
 
 
-@pytest.fixture(scope="module")
-def known(press):
-    return {accuracy.key(*solve): accuracy.follow(*solve) for solve in press.solves.values()}
+def test_the_force_along_the_shear_has_an_estimate_of_its_own():
+    """Whichever way the shear points, all of the force of a grip, and None where nothing moves sideways."""
+
+    def estimated(force, other, load):
+        one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
+        return accuracy.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    along = Load(depth=1.0, shear_x=1.0, friction="stick")
+    across = Load(depth=1.0, shear_y=-1.0, friction="stick")
+    found = estimated((0.5, 0.0, 3.0), (0.52, 0.0, 3.001), along)
+    assert found[3] > 2 * found[0]
+    assert estimated((0.0, -0.5, 3.0), (0.0, -0.52, 3.001), across)[3] == pytest.approx(found[3], rel=1e-12)
+    assert estimated((0.5, 0.0, 3.0), (0.54, 0.0, 3.001), along)[3] > found[3]
+    grip = estimated((0.5, 0.0, 0.0), (0.52, 0.0, 0.0), Load(grip=2.0, shear_x=1.0))
+    assert grip[3] == grip[0]
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0))[3] is None
+    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0, shear_x=1.0))[3] is None
 
 
-def row(true, estimate, **changes):
-    """A state whose quantities all have the same true error and estimate."""
-    state = {"status": "ok", "message": "", "model": "axisymmetric", "scene": "press", "path": "press"}
-    state |= {"design": 0, "odd": False, "magnet": "rigid", "level": "quick"}
-    state |= {"repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0}
-    errors = {f"{name}_error": true for name in QUANTITIES} | {f"{name}_estimate": estimate for name in QUANTITIES}
-    return state | errors | changes
-
-
-def test_there_are_twelve_designs_and_half_of_them_are_odd():
-    designs = trials.designs()
-    assert len(set(designs)) == 12
-    assert designs[0] == paper()
-    assert sum(trials.trial(n, "rigid", "press", "auto").odd for n in range(12)) == 6
-    assert min(d.nu for d in designs) < 0.47
-    assert max(d.nu for d in designs) > 0.4999
-
-
-@pytest.mark.parametrize("scene", ["press", "stick", "friction", "grip"])
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_loads_leave_room_for_the_magnet(scene, magnet):
-    for n, design in enumerate(trials.designs()):
-        above = design.R - design.magnet_height / 2 if magnet == "rigid" else design.L
-        loads = trials.trial(n, magnet, scene, "auto").loads
-        assert all(load.depth <= 0.3001 * above for load in loads)
-
-
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
-    for n, design in enumerate(trials.designs()):
-        press, deep = (trials.trial(n, magnet, scene, "auto").loads for scene in ("press", "deep"))
-        assert deep[0].depth > press[-1].depth
-        assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
-
-
-def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
-    for scene, same in (("friction", False), ("stick", True)):
-        trial = trials.trial(0, "rigid", scene, "auto")
-        keys = {accuracy.key(trial, replace(QUICK, rub=rub)) for rub in (1.0, 0.5)}
-        assert (len(keys) == 1) is same
-
-
-def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
-    rows = accuracy.rows_of(press, known)
-    solutions = equilibrium.trace(press.trial.design, press.trial.loads, QUICK)
-    for found, solution in zip(rows, solutions, strict=True):
-        assert found["status"] == "ok"
-        assert found["force_estimate"] == pytest.approx(solution.error_estimate, rel=1e-9)
-        assert found["shift_estimate"] == pytest.approx(solution.shift_error_estimate, rel=1e-9)
-        assert found["force_z_N"] == pytest.approx(solution.response.force[2], rel=1e-9)
-
-
-def test_quick_presses_of_the_paper_keep_their_promise(press, known):
-    for found in accuracy.rows_of(press, known):
-        assert found["force_error"] <= min(found["force_estimate"], 0.03)
-        assert found["shift_error"] <= min(found["shift_estimate"], 0.03)
-
-
-def test_the_true_error_is_that_to_the_reference(press, known):
-    found = accuracy.rows_of(press, known)[-1]
-    assert found["force_error"] == pytest.approx(abs(found["force_z_N"] / found["reference_force_z_N"] - 1), rel=1e-6)
-    assert found["reference_dofs"] > 10 * found["dofs"]
-    assert math.isnan(found["tilt_error"])
-
-
-def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
-    lost = {"status": "not_converged", "message": "stopped at depth 0.3 mm"}
-    name = accuracy.key(*press.solves["companion_"])
-    rows = accuracy.rows_of(press, known | {name: [known[name][0], known[name][1] | lost]})
-    assert [found["status"] for found in rows] == ["ok", "not_converged", "not_converged"]
-    assert {found["states"] for found in calibration.summary(rows)} == {1}
-    assert rows[1]["message"] == "companion: stopped at depth 0.3 mm"
-
-
-def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_path):
-    monkeypatch.setattr(accuracy, "tasks", lambda quick: [press])
-    monkeypatch.setattr(accuracy, "follow", lambda trial, level: known[accuracy.key(trial, level)])
-    rows = accuracy.run(folder=tmp_path)
-    store = tmp_path / "solves.jsonl"
-    lines = store.read_text("utf-8").splitlines()
-    other = json.dumps(json.loads(lines[1]) | {"code": "older"})
-    store.write_text("\n".join([lines[0], other, lines[2][:40]]) + "\n", "utf-8")
-    again = []
-    monkeypatch.setattr(
-        accuracy, "follow", lambda trial, level: again.append(level.name) or known[accuracy.key(trial, level)]
+def test_with_friction_a_small_force_along_the_shear_is_less_sure():
+    load = Load(depth=1.0, shear_x=0.1, friction=0.4)
+    small, large = (
+        accuracy.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())[3]
+        for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
     )
-    assert accuracy.run(folder=tmp_path) == rows
-    assert again == ["quick", "reference"]
+    assert small > 5 * large
 
 
-def test_a_crash_is_a_finding(press, monkeypatch):
-    def fail(*args, **options):
-        raise RuntimeError("the section's outline could not be meshed")
-
-    monkeypatch.setattr(equilibrium, "walk", fail)
-    assert accuracy.follow(press.trial, QUICK)[0]["status"] == "crashed"
-
-
-def test_the_full_study_covers_all_levels_scenes_and_models():
-    made = accuracy.tasks()
-    assert {task.level.name for task in made} == {*LEVELS, "reference"}
-    for scene in ("press", "stick", "grip"):
-        assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
-            (n, magnet) for n in range(12) for magnet in ("rigid", "ignored")
-        }
-    assert {(t.trial.scene, t.repeat) for t in made if t.trial.model == "half"} == {
-        (scene, i) for scene in ("press", "stick") for i in range(3)
-    }
-    solves = {accuracy.key(*t.solves[""]) for t in made if t.trial.model == "half"}
-    assert len(solves) == sum(t.trial.model == "half" for t in made)
+def test_a_tilt_that_is_noise_has_no_estimate():
+    """Of tetrahedra, under a press that is upright; that of a tilted plate has one."""
+    one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
+    other = replace(one, tilt=-2e-3)
+    for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
+        tilt = accuracy.estimates(one, other, load, [load], STANDARD, "half", "rigid", paper())[2]
+        assert (tilt is not None) is known
 
 
-def test_the_reference_is_held_against_a_finer_one():
-    checked = [task for task in accuracy.tasks() if task.level.name == "reference"]
-    assert {task.trial.scene for task in checked} == {"press", "stick"}
-    for task in checked:
-        (_, used), (_, finer) = task.solves[""], task.solves["reference_"]
-        assert finer.section_size < used.section_size
-        assert finer.section_patch <= used.section_patch
-    found = row(0.0, 0.0, level="reference")
-    assert calibration.summary([found]) == []
-    assert calibration.references([found])[0]["force_percent"] == 0
+def test_a_single_harmonic_is_held_against_two():
+    assert accuracy.coarser(replace(STANDARD, harmonics=1)).harmonics == 2
+    load = Load(depth=1.5, shear_x=2.0, friction="stick")
+    rough = solve(paper(), load, replace(QUICK, harmonics=1))
+    better = solve(paper(), load, replace(QUICK, harmonics=3))
+    off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
+    assert off > 0.01
+    assert rough.error_estimate > 0.8 * off
 
 
-def test_shares_and_verdicts():
-    safe = [row(0.010, 0.015) for _ in range(19)]
-    assert calibration.verdicts([*safe, row(0.02, 0.015)]) == []
-    unsafe = calibration.verdicts([*safe, row(0.02, 0.015), row(0.02, 0.015)])
-    assert len(unsafe) == len(QUANTITIES)
-    assert "90% of the true errors" in unsafe[0]
-    blunt = calibration.verdicts([row(0.001, 0.0031) for _ in range(20)])
-    assert all("0% of the estimates" in said for said in blunt)
-    assert "goal 3 %" in calibration.verdicts([row(0.031, 0.04)])[0]
+def test_the_error_estimate_grows_with_the_difference_to_the_companion():
+    load = Load(depth=1.0, shear_x=1.0, friction="stick")
+    r = Response((1.0, 0.0, 3.0), (0.5, 0.0, -0.5), 0.2, 1.5)
+
+    def found(difference):
+        other = replace(
+            r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
+        )
+        return accuracy.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
+    assert max(found(1e-3)) < 0.01
 
 
-def test_mesh_noise_is_the_spread_over_meshes():
-    numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "shift_z_mm": -1.0, "tilt_rad": 0.0}
-    rows = [row(0.01, 0.02, model="half", scene="pressed", force_z_N=f, **numbers) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = calibration.noise(rows)
-    assert force["mean_percent"] == pytest.approx(1.0)
-    assert shift["mean_percent"] == 0.0
+def test_estimates_grow_beyond_the_loads_of_the_study():
+    def found(depth, shear=0.0):
+        load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
+        r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+        return accuracy.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
+
+    assert found(0.8) == found(0.5)
+    assert found(2.9) == found(1.0)
+    assert found(3.6)[0] == pytest.approx((3.6 / 2.97) ** 1.5 * found(2.9)[0])
+    assert found(0.5, 9.6)[2] == pytest.approx(2 * found(0.5, 4.8)[2])
 
 
-def test_depths_of_a_press_are_no_noise():
-    """Nor is the tilt that tetrahedra have where there should be none."""
-    numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "tilt_rad": 0.0}
-    rows = [
-        row(0.01, 0.02, model="half", depth_mm=d, force_z_N=d, shift_z_mm=-d, **numbers)
-        for d in (1.0, 2.0)
-        for _ in "ab"
-    ]
-    found = calibration.noise(rows)
-    assert [(one["quantity"], one["states"], one["max_percent"]) for one in found] == [
-        ("force", 2, 0.0),
-        ("shift", 2, 0.0),
-    ]
+def test_deep_presses_and_far_shears_have_rules_of_their_own():
+    def scene(name, load):
+        return accuracy._farther(name, load, "rigid", paper())
+
+    assert [scene("press", Load(depth=depth)) for depth in (0.9, 0.92)] == ["press", "deep"]
+    sheared = (Load(depth=0.5, shear_x=0.6 * far, shear_y=0.8 * far, friction="stick") for far in (1.2, 1.3))
+    assert [scene("stick", load) for load in sheared] == ["stick", "far"]
+    assert scene("grip", Load(grip=1.0, shear_x=3.0)) == "grip"
 
 
-def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(
-        accuracy, "run", lambda **options: [row(0.031, 0.04), row(0, 0, status="unstable", message="!")]
+def test_a_companion_that_leans_to_the_other_side_is_mirrored():
+    load = Load(depth=1.0, imperfection=1e-3)
+    one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
+    other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
+    same, mirrored = (
+        accuracy.estimates(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
     )
-    assert cli.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
-    said = capsys.readouterr()
-    assert "promises are not kept" in said.err
-    assert all(json.loads(line)["quantity"] for line in said.out.splitlines())
-    report = (tmp_path / "ACCURACY.md").read_text("utf-8")
-    assert "1 of 2 states compared" in report
-    assert "unstable; !" in report
-    assert (tmp_path / "errors.png").stat().st_size > 10_000
-    assert (tmp_path / "accuracy.csv").read_text("utf-8").count("\n") == 3
+    assert mirrored == same
+
+
+@pytest.mark.parametrize(
+    ("number", "magnet", "depth", "found", "coarse", "true"),
+    [
+        (0, "ignored", 2.0, (8.42575, -0.85236, 2.628), (8.41940, -0.85238, 2.676), (8.38048, -0.85524)),
+        (3, "ignored", 1.167, (3.25127, -0.45332, 1.587), (3.24124, -0.45325, 1.588), (3.21502, -0.45551)),
+        (7, "rigid", 0.2466, (0.390869, -0.0671266, 0.858), (0.381743, -0.0654515, 0.917), (0.384845, -0.0663385)),
+        (7, "rigid", 0.6165, (1.47379, -0.248258, 1.343), (1.47422, -0.247875, 1.245), (1.45908, -0.246871)),
+        (3, "rigid", 0.1914, (0.304747, -0.0201656, 0.706), (0.313971, -0.0206897, 0.700), (0.306050, -0.0206130)),
+    ],
+)
+def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
+    number, magnet, depth, found, coarse, true
+):
+    """Force, shift and contact radius of meshes at level quick, and what a fine section gives."""
+    design, load = trials.designs()[number], Load(depth=depth)
+    one, other = (Response((0.0, 0.0, f), (0.0, 0.0, w), 0.0, a) for f, w, a in (found, coarse))
+    force, shift, *_ = accuracy.estimates(one, other, load, [load], QUICK, "half", magnet, design)
+    assert force > abs(found[0] / true[0] - 1)
+    assert shift > abs(found[1] / true[1] - 1)
+
+
+def test_estimates_of_a_shear_on_tetrahedra_hold_where_its_companion_agrees():
+    """The paper's sensor at level quick by one mesh of many, 1.7 % off sideways, as if another gave the very same."""
+    load = Load(depth=0.8, shear_x=1.2, friction="stick")
+    one = Response((0.70558, 0.0, 2.74163), (0.48175, 0.0, -0.21013), 0.097449, 1.86)
+    true = Response((0.69371, 0.0, 2.72686), (0.48187, 0.0, -0.21182), 0.097655, 1.86)
+    sideways = accuracy.estimates(one, one, load, [load], QUICK, "half", "rigid", paper())[3]
+    assert sideways > one.force[0] / true.force[0] - 1

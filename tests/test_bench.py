@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import skfem
 
+from fem.accuracy import STANDARD
 from fem.equilibrium import trace
-from fem.levels import STANDARD
 from geometry.design import paper
 from geometry.loads import Load
 from studies import bench, benchfiles, peer_calculix, peers, plots, timing

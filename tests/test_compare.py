@@ -7,7 +7,7 @@ import pytest
 
 from analytic import beam, hall
 from fem import equilibrium
-from fem.levels import QUICK
+from fem.accuracy import QUICK
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies import compare, report

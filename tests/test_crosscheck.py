@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from fem.levels import QUICK
 from geometry.design import paper
 from geometry.loads import Load
 from studies import crosscheck

@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from fem.levels import QUICK
+from fem.accuracy import QUICK
 from studies import demo
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from fem import equilibrium, models
+from fem import equilibrium
+from fem.accuracy import QUICK, STANDARD
+from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
-from fem.facts import inside_out
-from fem.levels import QUICK, STANDARD
-from fem.path import Path
+from fem.results.diagnostics import inside_out
+from fem.solvers.load_stepping import Path
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
@@ -137,10 +138,10 @@ def test_shear_direction_only_turns_the_answer():
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
     shape = paper().shape.scaled(1 / 8)
-    low, high = (models.section(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n) for n in (0, 3))
+    low, high = (symmetry_models.section(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n) for n in (0, 3))
     path = Path(low)
     assert path.go(0.1, np.zeros(2)) == ""
-    q = models.raise_harmonics(low.system, high.system, path.q)
+    q = symmetry_models.raise_harmonics(low.system, high.system, path.q)
     here = high.system.assemble(high.system.state(q), path.plate())
     there = low.system.assemble(low.system.state(path.q), path.plate())
     assert here.energy == pytest.approx(there.energy, rel=1e-12)
@@ -329,7 +330,7 @@ def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):
 def test_the_end_of_a_contact_stays_where_it_was_found():
     """Beside one more press on a mesh that is fine where the end was found."""
     shape = paper().shape.scaled(1 / paper().D)
-    build = functools.partial(models.section, shape, paper().nu, "rigid", 0.16, 0.08)
+    build = functools.partial(symmetry_models.section, shape, paper().nu, "rigid", 0.16, 0.08)
     found = equilibrium.contact_end(build, 0.02, 0.125)
     again = equilibrium.contact_edge(build(rim=(found, 0.012)), 0.125)
     assert found == pytest.approx(again, rel=0.01)
@@ -347,10 +348,10 @@ def test_what_is_inside_out_is_counted(harmonics):
     """With u_z = - z^2 / (2 h) all that lies above h is inside out."""
     shape, h = paper().shape.without_magnet().scaled(1 / 8), 0.5
     if harmonics is None:
-        d = models.solid(shape, 0.4998, "ignored", 0.25, 0.25, half=True)
+        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.25, 0.25, half=True)
         along = 2
     else:
-        d = models.section(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics)
+        d = symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics)
         along = d.elements.angles.fields - harmonics - 1
     u = np.zeros(d.system.fixed.shape)
     u[:, along] = -(d.elements.nodes[:, -1] ** 2) / (2 * h)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from fem.facts import Facts
-from fem.levels import QUICK
+from fem.results.diagnostics import Facts
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies import extremes, judges

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import skfem
 
-from fem import elements
+from fem.accuracy import QUICK
+from fem.discretisation import elements
 from fem.equilibrium import trace
-from fem.levels import QUICK
 from fem.solution import Field
 from geometry.design import BadInput, paper
 from geometry.loads import Load

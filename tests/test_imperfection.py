@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from fem.accuracy import QUICK
 from fem.equilibrium import choose_model, trace
-from fem.levels import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, check_load
 

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from fem import drucker, equilibrium, integrals
-from fem.levels import STANDARD
+from fem import equilibrium
+from fem.accuracy import STANDARD
+from fem.discretisation import element_integrals
+from fem.results import material_stability
 from geometry.design import paper
 from geometry.loads import Load
 from studies import lawstability as work
@@ -55,7 +57,7 @@ def visited(depth):
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e = path.d.system.elements
-        return drucker.strains(e, slice(None), path.u), integrals.volumes(e, slice(None)).ravel()
+        return material_stability.strains(e, slice(None), path.u), element_integrals.volumes(e, slice(None)).ravel()
     finally:
         path.close()
 

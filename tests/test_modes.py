@@ -8,11 +8,12 @@ import pytest
 import skfem
 from scipy.optimize import brentq
 
-from fem import elements, modes
-from fem.levels import QUICK, STANDARD
+from fem import modes
+from fem.accuracy import QUICK, STANDARD
+from fem.discretisation import elements
+from fem.discretisation.nonlinear_system import System
+from fem.discretisation.symmetry_models import on_axis
 from fem.material import lame
-from fem.models import on_axis
-from fem.system import System
 from geometry.design import BadInput, paper
 
 NU = 0.4998

@@ -7,8 +7,8 @@ import pytest
 
 from analytic import buckling
 from fem import stability
+from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import trace
-from fem.levels import QUICK, STANDARD
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 

@@ -247,11 +247,12 @@ def test_options_as_loads(given, loads):
 
 
 def test_choices_match_the_solver():
-    from fem import equilibrium, levels
+    from fem import accuracy as accuracy_levels
+    from fem import equilibrium
     from studies.inputs import AccuracyName
 
     assert get_args(options.Model) == get_args(equilibrium.Model)
-    assert set(get_args(AccuracyName)) == set(levels.LEVELS)
+    assert set(get_args(AccuracyName)) == set(accuracy_levels.LEVELS)
 
 
 @pytest.fixture
@@ -276,7 +277,7 @@ def fake(monkeypatch):
 
 
 def test_sweep_of_a_study(run, fake, tmp_path, strict):
-    from fem.levels import FINE, QUICK
+    from fem.accuracy import FINE, QUICK
 
     (tmp_path / "study.toml").write_text('depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n')
     failed = {"D_mm": 3.0, "status": "not_converged", "message": "stopped at 2 mm"}

@@ -9,7 +9,7 @@ import pytest
 
 from analytic import beam, hall
 from fem import equilibrium
-from fem.levels import QUICK
+from fem.accuracy import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
 from studies import grids, kept, sweep

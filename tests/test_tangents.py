@@ -5,7 +5,7 @@ import math
 import pytest
 
 from fem import modes, stability
-from fem.levels import LEVELS, QUICK
+from fem.accuracy import LEVELS, QUICK
 from geometry.design import paper
 from studies import accuracy, calibration, tangents, trials
 from studies.accuracy import Task

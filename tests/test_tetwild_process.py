@@ -16,10 +16,10 @@ from geometry.meshing import mesh_cache, tetwild_process
 
 ASK = """
 import hashlib
-from geometry import cache
+from geometry.meshing import mesh_cache
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
-with cache.bypassed():
+with mesh_cache.bypassed():
     mesh = tetrahedra(Shape({shape}), {size}, half={half}, magnet={magnet!r}, rim={rim})
 print(hashlib.sha256(mesh.doflocs.tobytes() + mesh.t.tobytes()).hexdigest())
 """

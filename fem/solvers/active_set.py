@@ -20,10 +20,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import contact
-from fem.contact import Plate
-from fem.linear import Solver
-from fem.system import State, System
+from fem.contact import plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation.nonlinear_system import State, System
+from fem.solvers.direct_solver import Solver
 
 Array = NDArray[np.float64]
 
@@ -52,10 +52,10 @@ def settled(
         return step
     surface = system.surface
     assert surface is not None
-    was = (contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
+    was = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(was), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     hard = (plate.stiffness * surface.weights).ravel()
-    plain = contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
+    plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
     points, B, Z = np.empty(0, dtype=np.int64), np.empty((0, len(step))), np.empty((len(step), 0))
     better, now = step, plain
     for _ in range(MOST_ROUNDS):
@@ -73,7 +73,7 @@ def settled(
         if force is None:
             return step
         better = step - Z @ force
-        now = contact.overlap(surface, system.state(state.q - better).u, plate).ravel()
+        now = plate_contact.overlap(surface, system.state(state.q - better).u, plate).ravel()
     return better
 
 

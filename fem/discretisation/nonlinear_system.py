@@ -3,7 +3,7 @@
 Unknowns q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped, prescribed
 or lie on the axis or mirror plane are eliminated; those on the magnet's face follow its rigid motion exactly,
 element by element: an element with such nodes sees the magnet's unknowns beside its own. On a section of revolution
-"displacements" are the fields of `fem.elements`, components of the harmonics.
+"displacements" are the fields of `fem.discretisation.elements`, components of the harmonics.
 
 The residual is the derivative of the potential
 
@@ -22,11 +22,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem import contact, integrals, material
-from fem.contact import Plate
-from fem.elements import Elements, Surface
-from fem.linear import Pattern, Side
-from fem.rigid import RigidBody
+from fem import material
+from fem.contact import plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation import element_integrals
+from fem.discretisation.elements import Elements, Surface
+from fem.discretisation.rigid_inclusion import RigidBody
+from fem.solvers.direct_solver import Pattern, Side
 
 CHUNK = 4096
 """Integration points that are treated at a time, so that their tensors stay in the processor's cache."""
@@ -187,7 +189,9 @@ class System:
         self._p = pressures.unknowns[:, 0]
         self._kept = self._p >= 0
         whole = slice(0, len(e.cells))
-        self._compliance = -integrals.pressure_stiffness(e, whole, integrals.volumes(e, whole) * self.inverse_K)
+        self._compliance = -element_integrals.pressure_stiffness(
+            e, whole, element_integrals.volumes(e, whole) * self.inverse_K
+        )
 
     def _stiffness_sides(self, cells: Index) -> tuple[Side, Side]:
         """Rows and columns of the pieces of `integrals.displacement_stiffness`."""
@@ -233,7 +237,9 @@ class System:
         return replace(state, strains=strains) if all(strain.Jm1.min() > -1 for strain in strains) else None
 
     def _strains(self, state: State) -> tuple[material.Strain, ...]:
-        return tuple(material.strain(integrals.gradient(self.elements, part, state.u)) for part in self._parts)
+        return tuple(
+            material.strain(element_integrals.gradient(self.elements, part, state.u)) for part in self._parts
+        )
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Residual and, if wanted, tangent at a state with all J > 0."""
@@ -245,16 +251,16 @@ class System:
         energy = 0.0
         for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
             k = material.kinematics(strain, e.angles.components, tangent=tangent)
-            p, w = integrals.pressure(e, part, corner), integrals.volumes(e, part)
+            p, w = element_integrals.pressure(e, part, corner), element_integrals.volumes(e, part)
             # a law is linear in its modulus and the pressure, so that they carry the weights of the points
             W, P, A = self.law(k, w * self.mu[part], w * p)
             soft = self.inverse_K[part]
             energy += float(W.sum() - np.vdot(w * p * soft, p) / 2)
-            fu[part] = integrals.displacement_forces(e, part, P)
-            fp[part] = integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
+            fu[part] = element_integrals.displacement_forces(e, part, P)
+            fp[part] = element_integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
             if tangent:
-                Kuu.append(integrals.displacement_stiffness(e, part, A))
-                Kup.append(integrals.coupling(e, part, w * material.cofactor(k)))
+                Kuu.append(element_integrals.displacement_stiffness(e, part, A))
+                Kup.append(element_integrals.coupling(e, part, w * material.cofactor(k)))
         forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
         forces += np.bincount(e.places.ravel(), weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
         forces -= self.dead
@@ -286,7 +292,7 @@ class System:
         """
         e = self.elements
         at_rest = self.state(np.zeros(self.size))
-        M = np.concatenate([integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
+        M = np.concatenate([element_integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
         outer, _ = self._with_motion(self._follow(at_rest), M[self._inner :], None)
         blocks = [M[: self._inner], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
@@ -313,7 +319,7 @@ class System:
             return nodal, [], 0.0, True
         if plate is None:
             return nodal, [None], 0.0, True
-        forces, blocks, energy, symmetric = contact.springs(s, state.u, plate, tangent=tangent)
+        forces, blocks, energy, symmetric = plate_contact.springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
         return nodal, [blocks], energy, symmetric
 
@@ -335,7 +341,7 @@ class System:
         if not len(K):
             return [None, None]
         e = self.elements
-        K, m = integrals.whole(e, K), len(K)
+        K, m = element_integrals.whole(e, K), len(K)
         Te = np.swapaxes(T[e.cells[self._inner :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
         KT, TK = K @ Te, np.swapaxes(Te, 1, 2)
         bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)

@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements
+from fem.discretisation import elements
 from fem.solution import Field, Solution, along, slides
 
 Array = NDArray[np.float64]

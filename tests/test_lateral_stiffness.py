@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from analytic import buckling
-from fem import models, stability
-from fem.lateral import at_rest, lateral, margin
-from fem.levels import QUICK
-from fem.path import Path
+from fem import stability
+from fem.accuracy import QUICK
+from fem.discretisation import symmetry_models
+from fem.results.lateral_stiffness import at_rest, lateral, margin
+from fem.solvers.load_stepping import Path
 from geometry.design import Design
 
 BEAM = Design(L=40.0)
@@ -19,7 +20,7 @@ BEAM = Design(L=40.0)
 @pytest.fixture
 def path():
     shape = BEAM.shape.scaled(1 / BEAM.D)
-    build = functools.partial(models.section, shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))
+    build = functools.partial(symmetry_models.section, shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))
     path = Path(build(), raised=functools.partial(build, harmonics=1))
     yield path
     path.close()

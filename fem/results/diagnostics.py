@@ -12,12 +12,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import drucker, elements, integrals
-from fem.lateral import Margin, lateral, margin
+from fem.discretisation import element_integrals, elements
+from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
-from fem.models import Discretisation
-from fem.newton import STOPPED, Stop
-from fem.path import Path
+from fem.results import material_stability
+from fem.results.lateral_stiffness import Margin, lateral, margin
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED, Stop
 from geometry.design import LAWS, Design
 from geometry.loads import Load, Response
 
@@ -70,9 +71,10 @@ class Facts:
         whose tip would give way if it were free to slide, "nearly_guided_only" one that is close to that, "pulled" a
         glued plate that pulls at the tip.
     sideways_stiffness_ratio : stiffness of a frictionless press's tip, free to slide, against a force sideways, over
-        that of the unpressed beam; 0 where it gives way sideways. None where nobody looked (see `fem.lateral`).
-    critical_depth : where that is to be expected, mm, to some 10 % (see `fem.lateral`); None far from it, before or
-        past it. `fem.stability` finds it, with an error estimate.
+        that of the unpressed beam; 0 where it gives way sideways. None where nobody looked (see
+        `fem.results.lateral_stiffness`).
+    critical_depth : where that is to be expected, mm, to some 10 % (see `fem.results.lateral_stiffness`); None far
+        from it, before or past it. `fem.stability` finds it, with an error estimate.
     """
 
     stop: Stop = ""
@@ -105,8 +107,8 @@ def gather(
     gives_way = bool(near.unstable if near else watched and lateral(path).unstable)
     remark = None if stop else _remark(path, D, load, response, slip_share, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
-    reach = drucker.REACH if stop or path.unstable or onset else 1.0
-    stretches = drucker.lost(path.d.system, path.u, reach)
+    reach = material_stability.REACH if stop or path.unstable or onset else 1.0
+    stretches = material_stability.lost(path.d.system, path.u, reach)
     return Facts(
         stop=stop,
         unstable_directions=path.unstable,
@@ -172,7 +174,7 @@ def inside_out(d: Discretisation, u: Array) -> float:
     folded = whole = 0.0
     for at in range(0, len(e.cells), FOLD_BATCH):
         part = slice(at, at + FOLD_BATCH)
-        J, volumes = 1 + strain(integrals.gradient(e, part, u)).Jm1, integrals.volumes(e, part)
+        J, volumes = 1 + strain(element_integrals.gradient(e, part, u)).Jm1, element_integrals.volumes(e, part)
         folded, whole = folded + float(volumes[J <= 0].sum()), whole + float(volumes.sum())
     return folded / whole
 

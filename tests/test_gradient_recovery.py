@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 import skfem
 
-from fem import elements, models, recovery, rigid
+from fem.discretisation import elements, gradient_recovery, rigid_inclusion, symmetry_models
 from fem.solution import pose
 from geometry.design import paper
 
 HEIGHT = 0.45
-CUBIC = np.random.default_rng(4).uniform(-0.1, 0.1, (3, len(recovery.POWERS)))
-CUBIC *= recovery.POWERS[:, 1] % 2 == np.array([0, 1, 0])[:, None]  # mirror images in y = 0
+CUBIC = np.random.default_rng(4).uniform(-0.1, 0.1, (3, len(gradient_recovery.POWERS)))
+CUBIC *= gradient_recovery.POWERS[:, 1] % 2 == np.array([0, 1, 0])[:, None]  # mirror images in y = 0
 
 
 def cubic(X):
     """Displacement (n, 3) at X (n, 3), symmetric about y = 0."""
-    return np.prod((X[:, None] - [0, 0, HEIGHT]) ** recovery.POWERS, axis=2) @ CUBIC.T
+    return np.prod((X[:, None] - [0, 0, HEIGHT]) ** gradient_recovery.POWERS, axis=2) @ CUBIC.T
 
 
 def cubic_gradient():
-    powers = recovery.POWERS.tolist()
+    powers = gradient_recovery.POWERS.tolist()
     return np.stack([CUBIC[:, powers.index(row)] for row in np.eye(3, dtype=int).tolist()], axis=1)
 
 
@@ -64,7 +64,7 @@ def fields_of(displacement, e):
 def test_cubic_displacements_are_recovered(body):
     e = section(8) if body == "section" else block(6, half=body == "half", place=uneven)
     u = fields_of(cubic, e) if body == "section" else cubic(e.nodes)
-    value, gradient = recovery.recovery(e, HEIGHT, mirrored=body == "half")(u)
+    value, gradient = gradient_recovery.recovery(e, HEIGHT, mirrored=body == "half")(u)
     np.testing.assert_allclose(value, cubic(np.array([[0, 0, HEIGHT]]))[0], atol=1e-12)
     np.testing.assert_allclose(gradient, cubic_gradient(), atol=1e-11)
 
@@ -77,9 +77,9 @@ def test_orders_of_convergence(body):
     for n in (12, 24):
         e = section(n) if body == "section" else block(n, half=True, place=uneven)
         u = fields_of(wave, e) if body == "section" else wave(e.nodes)
-        value, gradient = recovery.recovery(e, HEIGHT, mirrored=True)(u)
+        value, gradient = gradient_recovery.recovery(e, HEIGHT, mirrored=True)(u)
         errors = np.abs(value - [s, 0, z]).max(), np.abs(gradient - [[2 * c, 0, c], [0, c, 0], [z, 0, 1]]).max()
-        found.append([recovery.edge(e, HEIGHT), *errors])
+        found.append([gradient_recovery.edge(e, HEIGHT), *errors])
     edge, value, gradient = np.log(found[0]) - np.log(found[1])
     assert value / edge > 3.85
     assert gradient / edge > 2.85
@@ -90,8 +90,8 @@ def test_half_a_body_gives_what_the_whole_does():
     flat = skfem.MeshTet(half.nodes[: half.corners.max() + 1].T, half.corners.T)
     other = skfem.MeshTet(flat.p * [[1], [-1], [1]], flat.t)
     whole = elements.build(skfem.MeshTet2.from_mesh(flat + other), axisymmetric=False)
-    one = recovery.recovery(half, HEIGHT, mirrored=True)(wave(half.nodes))
-    both = recovery.recovery(whole, HEIGHT, mirrored=False)(wave(whole.nodes))
+    one = gradient_recovery.recovery(half, HEIGHT, mirrored=True)(wave(half.nodes))
+    both = gradient_recovery.recovery(whole, HEIGHT, mirrored=False)(wave(whole.nodes))
     np.testing.assert_allclose(one[0], both[0], atol=1e-12)
     np.testing.assert_allclose(one[1], both[1], atol=1e-11)
 
@@ -99,7 +99,7 @@ def test_half_a_body_gives_what_the_whole_does():
 def test_a_patch_of_few_nodes_grows():
     rng = np.random.default_rng(5)
     points = rng.uniform(-1, 1, (200, 3))
-    near, weights = recovery.fit(points, 0.1)
+    near, weights = gradient_recovery.fit(points, 0.1)
     found = weights @ cubic(points[near] + np.array([0, 0, HEIGHT]))
     np.testing.assert_allclose(found[0], CUBIC[:, 0], atol=1e-12)
     np.testing.assert_allclose(found[1:].T, cubic_gradient(), atol=1e-11)
@@ -110,11 +110,11 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
     shape = paper().shape.scaled(1 / 8)
     motion = np.array([0.1, -0.2, 0.3])
     if model == "harmonic":
-        d = models.section(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2)
-        u = rigid.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
+        d = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2)
+        u = rigid_inclusion.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
     else:
-        d = models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
-        u = rigid.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
+        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
+        u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
     shift, tilt = pose(d, u, np.zeros(d.system.size))
     np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
     np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 
-from fem import friction, models
-from fem.contact import KAPPA, Plate
+from fem.accuracy import QUICK
+from fem.contact import coulomb_friction
+from fem.contact.plate_contact import KAPPA, Plate
+from fem.discretisation import symmetry_models
 from fem.equilibrium import choose_model, solve, trace
-from fem.levels import QUICK
-from fem.linear import Solver, have_pardiso
+from fem.solvers.direct_solver import Solver, have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -25,7 +26,7 @@ def history(rng, points, mu):
     way = rng.normal(size=(*points, 2))
     way /= np.linalg.norm(way, axis=-1, keepdims=True)
     traction = (mu * pressure * rng.uniform(size=points))[..., None] * way
-    return friction.Friction(mu, rng.normal(size=(*points, 2)), traction, pressure, pressure < 0)
+    return coulomb_friction.Friction(mu, rng.normal(size=(*points, 2)), traction, pressure, pressure < 0)
 
 
 def bare(depths_or_shears, mu, *, depth=None, level=ROUGH, magnet="ignored", model="auto"):
@@ -45,13 +46,13 @@ def test_tractions_stay_in_the_cone_and_slip_only_dissipates():
     rng = np.random.default_rng(1)
     before = history(rng, (40, 6), 0.4)
     place, pressure = before.place + 0.1 * rng.normal(size=(40, 6, 2)), rng.normal(size=(40, 6))
-    after, lost = friction.advanced(before, place, pressure, 5.0)
+    after, lost = coulomb_friction.advanced(before, place, pressure, 5.0)
     size = np.linalg.norm(after.traction, axis=-1)
     assert (size <= 0.4 * np.maximum(pressure, 0) * (1 + 1e-12)).all()
     assert 0 < after.slipping.sum() < (pressure > 0).sum()
     assert (lost >= 0).all()
     assert lost.max() > 0
-    still, nothing = friction.advanced(after, place, pressure, 5.0)
+    still, nothing = coulomb_friction.advanced(after, place, pressure, 5.0)
     np.testing.assert_allclose(still.traction, after.traction, rtol=1e-12)
     assert nothing.max() < 1e-12 * lost.max()
 
@@ -60,7 +61,7 @@ def test_tractions_stay_in_the_cone_and_slip_only_dissipates():
 def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
     rng = np.random.default_rng(3)
     shape = Design().shape.scaled(1 / 8)
-    system = models.section(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).system
+    system = symmetry_models.section(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).system
     points = system.surface.weights.shape
     before = history(rng, points, 0.5)
     flat = Plate(shape.L - 0.1, 50.0, np.array([0.02, 0.0]), friction=replace(before, place=0.01 * before.place))
@@ -89,8 +90,10 @@ def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
 
 def test_sticking_contact_is_symmetric():
     shape = Design().shape.scaled(1 / 8)
-    system = models.section(shape, 0.4998, "ignored", 0.16, 0.08).system
-    flat = Plate(shape.L - 0.1, 50.0, np.zeros(2), friction=friction.at_rest(1e3, system.surface.weights.shape))
+    system = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.08).system
+    flat = Plate(
+        shape.L - 0.1, 50.0, np.zeros(2), friction=coulomb_friction.at_rest(1e3, system.surface.weights.shape)
+    )
     assert system.assemble(system.state(np.zeros(system.size)), flat).symmetric
 
 
@@ -103,7 +106,7 @@ def test_no_friction_is_the_frictionless_plate():
 
 def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip(monkeypatch):
     """On springs that are equally stiff in all of them."""
-    monkeypatch.setattr("fem.path.SECTION_KAPPA", KAPPA)
+    monkeypatch.setattr("fem.solvers.load_stepping.SECTION_KAPPA", KAPPA)
     none, little, some, much, more = (bare([1.0], mu, magnet="rigid")[0] for mu in ("none", 1e-6, 0.1, 1e2, 1e4))
     force = [s.response.force[2] for s in (none, little, some, much, more)]
     assert force[1] == pytest.approx(force[0], rel=1e-5)

@@ -5,8 +5,8 @@ skin point at x overlaps it by g = n . x - n . (0, 0, height), and the plate pus
 reference area (energy en <g>^2 / 2: the force is the derivative of an energy). A glued point keeps its normal spring
 for both signs of g and gains a tangential spring towards a target that moves with the plate; a gripped point has the
 tangential spring alone. Glued is every point within the contact radius, rather than every point with g > 0: on a
-coarse mesh some points inside the patch hang a little. Coulomb friction is in `fem.friction`; it has no energy, so
-that the force is the derivative of one only where every point sticks.
+coarse mesh some points inside the patch hang a little. Coulomb friction is in `fem.contact.coulomb_friction`; it has
+no energy, so that the force is the derivative of one only where every point sticks.
 
 With en = kappa E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate, the
 overlap is about 0.57 d / kappa on a Hertz contact: the force comes out 0.85 / kappa too small, whatever the depth.
@@ -28,9 +28,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import friction
-from fem.elements import Surface
-from fem.friction import Friction
+from fem.contact import coulomb_friction
+from fem.contact.coulomb_friction import Friction
+from fem.discretisation.elements import Surface
 
 Array = NDArray[np.float64]
 
@@ -133,8 +133,10 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness
         stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
         energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
     if plate.friction is not None:
-        et, frozen = friction.STICK * en, plate.pressed is not None
-        rub = friction.drag(plate.friction, slid(surface, u, plate), residual[..., 2], active, et, frozen=frozen)
+        et, frozen = coulomb_friction.STICK * en, plate.pressed is not None
+        rub = coulomb_friction.drag(
+            plate.friction, slid(surface, u, plate), residual[..., 2], active, et, frozen=frozen
+        )
         residual[..., :2] = rub.traction
         for i, j in np.ndindex(2, 2):
             stiffness[i, j] = rub.by_place[..., i, j]
@@ -160,7 +162,9 @@ def rubbed(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
     assert plate.friction is not None
     en = plate.stiffness
     pressure = en * overlap(surface, u, plate)
-    after, lost = friction.advanced(plate.friction, slid(surface, u, plate), pressure, friction.STICK * en)
+    after, lost = coulomb_friction.advanced(
+        plate.friction, slid(surface, u, plate), pressure, coulomb_friction.STICK * en
+    )
     return after, float(np.sum(surface.weights * lost))
 
 
@@ -170,7 +174,7 @@ def watched(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Pla
         return plate, False
     pressure = plate.stiffness * overlap(surface, u, plate)
     place = slid(surface, u, plate)
-    after, held = friction.heading(plate.friction, place, pressure, friction.STICK * plate.stiffness)
+    after, held = coulomb_friction.heading(plate.friction, place, pressure, coulomb_friction.STICK * plate.stiffness)
     return replace(plate, friction=after), held
 
 

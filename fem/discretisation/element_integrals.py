@@ -2,7 +2,7 @@
 
 What is integrated is given at the points of integration, already times their weights; these are the m elements of a
 slice with q points in the mesh and t angles each. An element's unknowns have the fields first, (f, a), then come its
-pressures, (n, c). See `fem.elements` for D, V, E and C.
+pressures, (n, c). See `fem.discretisation.elements` for D, V, E and C.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.elements import Elements
+from fem.discretisation.elements import Elements
 
 Array = NDArray[np.float64]
 

@@ -2,10 +2,10 @@
 
 The edge length of a section at the tip follows from the radius of the contact, so that a light touch is resolved
 too. Elements that small have no place in a deep press: the plate's springs may be softer than they are, and then
-their skin loses stability under a large pressure although the body is stable (see `fem.contact`). And a light touch
-needs a mesh that is graded to it, or the force scatters by a percent with the place where the contact ends in an
-element. So depths are divided into ranges with a mesh each: narrow ones for light touches, and one for all deeper
-presses. The bounds are the same for every path, so that no state depends on what else a path is asked for.
+their skin loses stability under a large pressure although the body is stable (see `fem.contact.plate_contact`). And a
+light touch needs a mesh that is graded to it, or the force scatters by a percent with the place where the contact
+ends in an element. So depths are divided into ranges with a mesh each: narrow ones for light touches, and one for all
+deeper presses. The bounds are the same for every path, so that no state depends on what else a path is asked for.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from fem import models
-from fem.path import FIRST_TOUCH
+from fem.discretisation import symmetry_models
 from fem.solution import coulomb, slides
+from fem.solvers.load_stepping import FIRST_TOUCH
 from geometry.loads import Load
 
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
@@ -24,7 +24,7 @@ of the ranges below, whose meshes are graded to the lower one. Depths that miss 
 those of similar designs may by rounding, count as on it."""
 
 
-def parts(loads: Sequence[Load], D: float, model: models.Model) -> list[list[Load]]:
+def parts(loads: Sequence[Load], D: float, model: symmetry_models.Model) -> list[list[Load]]:
     """The loads in a row that one path on one mesh follows, each part from the unloaded state on.
 
     A press without friction, also one before a glued plate shears, can be reached straight from the unloaded state.

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.contact import Plate
-from fem.system import Assembly, State, System
+from fem.contact.plate_contact import Plate
+from fem.discretisation.nonlinear_system import Assembly, State, System
 
 Array = NDArray[np.float64]
 

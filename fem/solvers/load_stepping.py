@@ -17,12 +17,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import contact, elements, friction
-from fem.contact import KAPPA, SECTION_KAPPA, Plate
-from fem.linear import Solver
-from fem.models import Discretisation, raise_harmonics
-from fem.newton import TOLERANCE, Equilibrium, Stop, newton
-from fem.system import System
+from fem.contact import coulomb_friction, plate_contact
+from fem.contact.plate_contact import KAPPA, SECTION_KAPPA, Plate
+from fem.discretisation import elements
+from fem.discretisation.nonlinear_system import System
+from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
+from fem.solvers.direct_solver import Solver
+from fem.solvers.newton import TOLERANCE, Equilibrium, Stop, newton
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,8 @@ class Path:
     mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
     rub : steps with friction are at most so many times PRESS_RUB and SHEAR_RUB long.
     scout : builds the model with one harmonic, and the same points on the skin, that goes ahead of one with more.
-    kappa : stiffness of the plate on a section without Coulomb friction (default: SECTION_KAPPA), see `fem.contact`.
+    kappa : stiffness of the plate on a section without Coulomb friction (default: SECTION_KAPPA), see
+        `fem.contact.plate_contact`.
 
     Attributes
     ----------
@@ -76,7 +78,7 @@ class Path:
     dissipated : energy that slipping has cost in the modelled part.
     flattest : least volume ratio J at the points of integration.
     sheared : whether plate or grip have ever moved sideways.
-    stiffness_at_rest : what `fem.lateral.at_rest` found, None before it was asked.
+    stiffness_at_rest : what `fem.results.lateral_stiffness.at_rest` found, None before it was asked.
     """
 
     def __init__(
@@ -107,14 +109,14 @@ class Path:
         self.tied: NDArray[np.bool_] | None = None
         self.targets: Array | None = None
         self.gap: Array | None = None
-        self.friction = friction.at_rest(mu, self.skin.weights.shape) if mu is not None else None
+        self.friction = coulomb_friction.at_rest(mu, self.skin.weights.shape) if mu is not None else None
         self.dissipated, self.sheared = 0.0, False
         self._rub, self._kappa = rub, SECTION_KAPPA if kappa is None else kappa
         self._heading = np.zeros(3)
         self._build_scout = scout
         self._scout: Path | None = None
         if grip is not None:
-            self.tied = contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
+            self.tied = plate_contact.whole_facets(self.skin.points[..., 2]) >= d.shape.L - grip
             self.targets = self.skin.points[..., :2]
         if raised is None:
             self._send_scout()
@@ -182,7 +184,7 @@ class Path:
         self.q = raise_harmonics(low, self.d.system, q)
         self._past = []
         if self.friction is not None:
-            self.friction = friction.revolved(self.friction, self.skin.points)
+            self.friction = coulomb_friction.revolved(self.friction, self.skin.points)
         self.solver.close()
         self.solver = Solver()
         self._send_scout(low, q)
@@ -198,7 +200,7 @@ class Path:
 
     def _glue(self) -> None:
         """Tie what lies within the contact radius to the plate."""
-        plate = contact.glued(self.skin, self.u, self.plate(), self.rim, self.d.shape.H)
+        plate = plate_contact.glued(self.skin, self.u, self.plate(), self.rim, self.d.shape.H)
         assert plate.targets is not None
         self.tied, self.targets, self.gap = plate.tied, plate.targets - self.position[1:], plate.gap
 
@@ -215,7 +217,7 @@ class Path:
         if reason or (scout.unstable or 0) != (self.unstable or 0):
             return False
         guess, plate = more + raise_harmonics(scout.d.system, self.d.system, scout.q), self.plate(goal)
-        pressed = None if self.grip else contact.overlap(self.skin, self.d.system.state(guess).u, plate) > 0
+        pressed = None if self.grip else plate_contact.overlap(self.skin, self.d.system.state(guess).u, plate) > 0
         answer = newton(self.d.system, self.solver, guess, plate, pressed, most=MOST_LEAP)
         self.iterations += answer.iterations
         flat = flattest(answer)
@@ -251,7 +253,7 @@ class Path:
                 self._past = [*self._past[-1:], (self.position, self.q, self._overlap())]
                 self._note_stability(answer, position)
                 if self.friction is not None:
-                    self.friction, lost = contact.rubbed(self.skin, answer.state.u, self.plate(position))
+                    self.friction, lost = plate_contact.rubbed(self.skin, answer.state.u, self.plate(position))
                     self.dissipated += lost
                 self.q, self.energy, self.position = answer.state.q, answer.assembly.energy, position
                 self.flattest = flat
@@ -283,7 +285,7 @@ class Path:
         if self.friction is None:
             return LONGEST_STEP if self.d.revolved else SOLID_STEP
         if way @ self._heading < 1 - 1e-9:
-            self.friction = friction.turned_back(self.friction)
+            self.friction = coulomb_friction.turned_back(self.friction)
         self._heading = way
         return self._rub * (min(PRESS_RUB, PRESS_SHARE * depth) if way[0] else SHEAR_RUB)
 
@@ -293,8 +295,8 @@ class Path:
         for part, (_, q, _) in zip(share[:-1], self._past, strict=True):
             guess += part * q
         if self.friction is not None:
-            there = contact.slid(self.skin, self.d.system.state(guess).u, plate if self._past else self.plate())
-            self.friction = friction.expecting(self.friction, there)
+            there = plate_contact.slid(self.skin, self.d.system.state(guess).u, plate if self._past else self.plate())
+            self.friction = coulomb_friction.expecting(self.friction, there)
             plate = replace(plate, friction=self.friction)
         pressed = self._pressed(position, share)
         answer = newton(self.d.system, self.solver, guess, plate, pressed, tolerance=tolerance)
@@ -320,7 +322,7 @@ class Path:
 
     def _overlap(self) -> Array:
         """How far the skin's points overlap the plate at present, shape (k, q)."""
-        return contact.overlap(self.skin, self.u, self.plate())
+        return plate_contact.overlap(self.skin, self.u, self.plate())
 
     def _pressed(self, position: Array, share: Array) -> NDArray[np.bool_] | None:
         """Where to expect contact: where the gap, followed further, is closed, or Hertz's at first touch."""
@@ -328,7 +330,7 @@ class Path:
             return None
         if self.position[0] == 0:
             rest = np.zeros(self.d.system.fixed.shape)
-            return contact.overlap(self.skin, rest, self.plate(np.array([position[0] / 2, 0, 0]))) >= 0
+            return plate_contact.overlap(self.skin, rest, self.plate(np.array([position[0] / 2, 0, 0]))) >= 0
         gap = self._overlap()
         if self._past:
             place, _, before = self._past[-1]

@@ -16,11 +16,11 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem import elements, rigid
-from fem.elements import Elements
+from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation.elements import Elements
+from fem.discretisation.gradient_recovery import Recovery, recovery
+from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import Law, lame, neo_hookean
-from fem.recovery import Recovery, recovery
-from fem.system import NONE, System
 from geometry.design import Shape
 from geometry.loads import Magnet
 from geometry.mesh import tetrahedra
@@ -96,7 +96,7 @@ def section(
         mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
-    body = rigid.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
+    body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
     dead = pushed(skin, fixed.shape, shape.H, push) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
@@ -130,7 +130,7 @@ def solid(
         fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
-    body = rigid.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
+    body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
     symmetry = 2.0 if half else 1.0
     dead = pushed(skin, fixed.shape, shape.H, push / symmetry) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)

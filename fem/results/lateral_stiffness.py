@@ -25,11 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import contact, friction, models
-from fem.contact import Plate
-from fem.linear import Solver
-from fem.path import Path
-from fem.system import System
+from fem.contact import coulomb_friction, plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation import symmetry_models
+from fem.discretisation.nonlinear_system import System
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_stepping import Path
 
 Array = NDArray[np.float64]
 
@@ -61,13 +62,13 @@ def lateral(path: Path, *, guided: bool = False) -> Lateral:
     """
     high = path.high
     assert high.surface is not None
-    q, plate = models.raise_harmonics(path.d.system, high, path.q), path.plate()
+    q, plate = symmetry_models.raise_harmonics(path.d.system, high, path.q), path.plate()
     if path.friction is not None:
-        plate = replace(plate, friction=friction.revolved(path.friction, high.surface.points))
+        plate = replace(plate, friction=coulomb_friction.revolved(path.friction, high.surface.points))
     if guided:
         u = high.state(q).u
-        tied = contact.overlap(high.surface, u, plate) > 0
-        plate = replace(plate, tied=tied, targets=contact.along(high.surface, u, plate))
+        tied = plate_contact.overlap(high.surface, u, plate) > 0
+        plate = replace(plate, tied=tied, targets=plate_contact.along(high.surface, u, plate))
     stiffness, negative = _answer(high, q, plate, path.d.shape.H)
     return Lateral(stiffness, None if negative is None else negative - (path.unstable or 0))
 
@@ -99,7 +100,7 @@ def margin(path: Path) -> Margin:
 
 def normal_force(path: Path) -> float:
     """Normal force of the plate over E D^2."""
-    residual, _, _ = contact.traction(path.skin, path.u, path.plate())
+    residual, _, _ = plate_contact.traction(path.skin, path.u, path.plate())
     return float(np.sum(path.skin.weights * residual[..., 2]))
 
 
@@ -115,7 +116,7 @@ def _answer(high: System, q: Array, plate: Plate | None, above: float) -> tuple[
     """Stiffness against a force on the skin above a height, and how many displacements are unstable."""
     assert high.surface is not None
     force = np.zeros(high.size)
-    force[: high.n_free] = models.pushed(high.surface, high.fixed.shape, above, 1.0)[high.free]
+    force[: high.n_free] = symmetry_models.pushed(high.surface, high.fixed.shape, above, 1.0)[high.free]
     solver = Solver()
     try:
         about = high.assemble(high.state(q), plate)

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import active, contact, models
-from fem.contact import Plate
-from fem.linear import Solver
+from fem.contact import plate_contact
+from fem.contact.plate_contact import Plate
+from fem.discretisation import symmetry_models
+from fem.solvers import active_set
+from fem.solvers.direct_solver import Solver
 from geometry.design import Design
 
 DEPTH = 0.06
@@ -15,7 +17,7 @@ DEPTH = 0.06
 
 def sensor(harmonics=0):
     shape = Design().shape.scaled(1 / 8)
-    return models.section(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).system
+    return symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).system
 
 
 def plate(stiffness=1e4):
@@ -41,11 +43,11 @@ def within(system, radius):
 def test_springs_act_where_the_settled_step_presses(harmonics, radius):
     system, held = sensor(harmonics), plate()
     rest, solver, step = plain_step(system, held, within(system, radius))
-    q = rest.q - active.settled(system, solver, rest, step, held, within(system, radius))
+    q = rest.q - active_set.settled(system, solver, rest, step, held, within(system, radius))
     bare = system.assemble(rest, None)
     upper = bare.tangent.toarray()
     K = upper + np.triu(upper, 1).T
-    g = contact.overlap(system.surface, system.state(q).u, held).ravel()
+    g = plate_contact.overlap(system.surface, system.state(q).u, held).ravel()
     spring = held.stiffness * system.surface.weights.ravel() * np.maximum(g, 0)
     pushes = system.pushes(np.arange(len(g)), held)
     assert np.linalg.norm(K @ q + bare.residual + pushes.T @ spring) < 1e-9 * np.linalg.norm(pushes.T @ spring)
@@ -56,24 +58,24 @@ def test_the_settled_step_does_not_depend_on_the_springs_before():
     found = []
     for radius in (0.0, 0.15, 0.3):
         rest, solver, step = plain_step(system, held, within(system, radius))
-        found.append(active.settled(system, solver, rest, step, held, within(system, radius)))
+        found.append(active_set.settled(system, solver, rest, step, held, within(system, radius)))
     assert np.allclose(found[1:], found[0], rtol=0, atol=1e-10)
 
 
 def test_a_step_that_flips_too_many_springs_stays_plain(monkeypatch):
-    monkeypatch.setattr(active, "MOST_POINTS", 3)
+    monkeypatch.setattr(active_set, "MOST_POINTS", 3)
     system, held = sensor(), plate()
     rest, solver, step = plain_step(system, held, within(system, 0.4))
-    assert active.settled(system, solver, rest, step, held, within(system, 0.4)) is step
+    assert active_set.settled(system, solver, rest, step, held, within(system, 0.4)) is step
 
 
 def test_without_a_plate_a_step_stays_plain():
     system = sensor()
     rest, solver, step = plain_step(system, plate(), within(system, 0.1))
-    assert active.settled(system, solver, rest, step, None) is step
+    assert active_set.settled(system, solver, rest, step, None) is step
 
 
 def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
     """A unit compliance against a spring of stiffness 1 that goes: what is left has no stiffness."""
-    found = active._exchanged(np.ones((1, 1)), -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
+    found = active_set._exchanged(np.ones((1, 1)), -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
     assert found is None

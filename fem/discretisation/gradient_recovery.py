@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import elements
-from fem.elements import Elements
+from fem.discretisation import elements
+from fem.discretisation.elements import Elements
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

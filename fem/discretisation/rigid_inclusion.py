@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.elements import Angles, orders
+from fem.discretisation.elements import Angles, orders
 
 Array = NDArray[np.float64]
 

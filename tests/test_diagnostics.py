@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import facts, models, path
-from fem.facts import Facts
-from fem.newton import STOPPED
-from fem.path import Path
+from fem.discretisation import symmetry_models
+from fem.results import diagnostics
+from fem.results.diagnostics import Facts
 from fem.solution import read
+from fem.solvers import load_stepping
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load, Response
 from studies import states
@@ -19,13 +21,13 @@ X = np.array([1.0, 0.0])
 
 
 def said(known: Facts, load: Load | None = None) -> str:
-    return facts.sentence(known, paper(), load or Load(depth=1.0), RESPONSE, None, "axisymmetric")
+    return diagnostics.sentence(known, paper(), load or Load(depth=1.0), RESPONSE, None, "axisymmetric")
 
 
 @pytest.fixture
 def pressed():
     """The all-silicone beam on a coarse section, pressed by 0.4 mm."""
-    p = Path(models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
+    p = Path(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
     assert not p.go(0.05, np.zeros(2))
     yield p
     p.close()
@@ -49,7 +51,7 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
 
 def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
     pressed.unstable, pressed.onset = 0, (np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04]))
-    found = facts.gather(pressed, 8.0, Load(depth=0.4), "", RESPONSE, None, watch=False)
+    found = diagnostics.gather(pressed, 8.0, Load(depth=0.4), "", RESPONSE, None, watch=False)
     assert (found.onset, found.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
     assert "past it now" in said(found)
 
@@ -58,7 +60,7 @@ def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
 def test_a_stop_says_where_why_and_what_to_try(stop):
     known = Facts(stop, 1, "depth", (0.5, 0.6))
     text = said(known, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
-    assert facts.status(known) == "not_converged"
+    assert diagnostics.status(known) == "not_converged"
     assert text.startswith(f"stopped at depth 0.75 mm, shear 0.5 mm: {STOPPED[stop]}; try a smaller load")
     assert "unstable since a depth between 0.5 and 0.6 mm" in text
 
@@ -71,16 +73,16 @@ def test_what_is_inside_out_is_told_of_a_state_of_any_status():
 
 def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
     """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
+    from fem.accuracy import QUICK
     from fem.equilibrium import trace
-    from fem.levels import QUICK
 
-    real = path.newton
+    real = load_stepping.newton
 
     def stubborn(system, solver, q, plate, *more, **options):
         answer = real(system, solver, q, plate, *more, **options)
         return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
 
-    monkeypatch.setattr(path, "newton", stubborn)
+    monkeypatch.setattr(load_stepping, "newton", stubborn)
     load = Load(depth=1.0, shear_x=0.5, friction="stick")
     (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert (state.status, state.load.shear_x) == ("not_converged", 0.0)

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import skfem
 
-from fem import contact, elements, models, newton, relaxation, rigid
-from fem.contact import Plate
-from fem.friction import at_rest
-from fem.linear import Solver
+from fem.contact import plate_contact
+from fem.contact.coulomb_friction import at_rest
+from fem.contact.plate_contact import Plate
+from fem.discretisation import elements, rigid_inclusion, symmetry_models
+from fem.discretisation.nonlinear_system import System
 from fem.material import lame
-from fem.system import System
+from fem.solvers import newton, nonlinear_elimination
+from fem.solvers.direct_solver import Solver
 from geometry.design import Design
 
 CORE, TOP = 0.5, 1.0
@@ -19,7 +21,7 @@ CORE, TOP = 0.5, 1.0
 
 @pytest.fixture(autouse=True)
 def any_size(monkeypatch):
-    monkeypatch.setattr(relaxation, "LEAST_SIZE", 1000)
+    monkeypatch.setattr(nonlinear_elimination, "LEAST_SIZE", 1000)
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +37,9 @@ def pressed():
     fixed[e.nodes[:, 1] < 1e-9, 1] = True
     core = np.flatnonzero(np.abs(e.nodes).max(axis=1) < CORE)
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    system = System(e, skin, *lame(1.0, 0.49), fixed, core, rigid.solid(e.nodes[core], 3))
+    system = System(e, skin, *lame(1.0, 0.49), fixed, core, rigid_inclusion.solid(e.nodes[core], 3))
     plate = Plate(0.95, 1e3, np.zeros(2))
-    plate = replace(contact.glued(skin, np.zeros(fixed.shape), plate, 0.5, 0.0), shear=np.array([0.1, 0.0]))
+    plate = replace(plate_contact.glued(skin, np.zeros(fixed.shape), plate, 0.5, 0.0), shear=np.array([0.1, 0.0]))
     answer = newton.newton(system, Solver(), np.zeros(system.size), plate)
     assert answer.converged
     return system, plate, answer
@@ -59,7 +61,7 @@ PLACES = ((-1.0, 0.5, 0.5), (0.33, 0.33, TOP), (-1.0, 1.0, TOP), (0.0, 0.33, 0.5
 def test_a_patch_goes_back_to_the_balance_of_the_whole(pressed, place):
     system, plate, answer = pressed
     state = disturbed(system, answer.state, place)
-    part = relaxation.patch(system, state, system.assemble(state, plate, tangent=False), plate)
+    part = nonlinear_elimination.patch(system, state, system.assemble(state, plate, tangent=False), plate)
     assert part.system.size < system.size / 4
     local = newton.newton(part.system, Solver(), part.q, part.plate)
     assert local.converged
@@ -69,7 +71,7 @@ def test_a_patch_goes_back_to_the_balance_of_the_whole(pressed, place):
 def test_a_patch_at_rest_is_the_state_it_was_cut_from(pressed):
     system, plate, answer = pressed
     state = disturbed(system, answer.state, PLACES[0])
-    part = relaxation.patch(system, state, system.assemble(state, plate, tangent=False), plate)
+    part = nonlinear_elimination.patch(system, state, system.assemble(state, plate, tangent=False), plate)
     assert np.array_equal(part.into(system, state, part.system.state(part.q)), state.q)
 
 
@@ -84,7 +86,7 @@ def test_relaxing_does_not_change_where_newtons_method_ends(pressed, monkeypatch
     monkeypatch.setattr(newton, "patch", counted)
     # after any step, and any residual counts as that of a few nodes
     monkeypatch.setattr(newton, "_goes_on", lambda *given: False)
-    monkeypatch.setattr(relaxation, "SHARE", 0.05)
+    monkeypatch.setattr(nonlinear_elimination, "SHARE", 0.05)
     farther = replace(plate, shear=2.5 * plate.shear)
     again = newton.newton(system, Solver(), answer.state.q, farther)
     assert any(part is not None for part in patches)
@@ -98,7 +100,7 @@ def test_relaxing_does_not_change_where_newtons_method_ends(pressed, monkeypatch
 def test_a_residual_on_many_nodes_has_no_patch(pressed):
     system, plate, answer = pressed
     state = system.admissible(0.9 * answer.state.q)
-    assert relaxation.patch(system, state, system.assemble(state, None, tangent=False), plate) is None
+    assert nonlinear_elimination.patch(system, state, system.assemble(state, None, tangent=False), plate) is None
 
 
 def test_friction_small_bodies_and_sections_have_no_patch(pressed, monkeypatch):
@@ -106,10 +108,10 @@ def test_friction_small_bodies_and_sections_have_no_patch(pressed, monkeypatch):
     state = disturbed(system, answer.state, PLACES[0])
     assembly = system.assemble(state, plate, tangent=False)
     rubbing = replace(plate, friction=at_rest(0.5, system.surface.weights.shape))
-    assert relaxation.patch(system, state, assembly, rubbing) is None
-    monkeypatch.setattr(relaxation, "LEAST_SIZE", system.size + 1)
-    assert relaxation.patch(system, state, assembly, plate) is None
-    monkeypatch.setattr(relaxation, "LEAST_SIZE", 0)
-    flat = models.section(Design().shape.scaled(1 / 8), 0.4998, "ignored", 0.3, 0.3).system
+    assert nonlinear_elimination.patch(system, state, assembly, rubbing) is None
+    monkeypatch.setattr(nonlinear_elimination, "LEAST_SIZE", system.size + 1)
+    assert nonlinear_elimination.patch(system, state, assembly, plate) is None
+    monkeypatch.setattr(nonlinear_elimination, "LEAST_SIZE", 0)
+    flat = symmetry_models.section(Design().shape.scaled(1 / 8), 0.4998, "ignored", 0.3, 0.3).system
     rest = flat.state(np.zeros(flat.size))
-    assert relaxation.patch(flat, rest, flat.assemble(rest, None), plate) is None
+    assert nonlinear_elimination.patch(flat, rest, flat.assemble(rest, None), plate) is None

@@ -1,4 +1,4 @@
-"""One Newton loop for every model: contact settles within a step (`fem.active`), searches keep every J positive."""
+"""One Newton loop for every model: contact settles within a step (`active_set`), searches keep every J positive."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.active import settled
-from fem.contact import Plate, watched
-from fem.linear import SingularMatrixError, Solver
-from fem.relaxation import patch
-from fem.system import Assembly, State, System
+from fem.contact.plate_contact import Plate, watched
+from fem.discretisation.nonlinear_system import Assembly, State, System
+from fem.solvers.active_set import settled
+from fem.solvers.direct_solver import SingularMatrixError, Solver
+from fem.solvers.nonlinear_elimination import patch
 
 Array = NDArray[np.float64]
 

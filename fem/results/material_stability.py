@@ -13,10 +13,10 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import integrals
-from fem.elements import Elements
+from fem.discretisation import element_integrals
+from fem.discretisation.elements import Elements
+from fem.discretisation.nonlinear_system import System
 from fem.material import Law, kinematics, strain, yeoh
-from fem.system import System
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def strains(e: Elements, part: slice, u: Array) -> Array:
     part : of the elements.
     u : (nodes, fields) displacements with all J > 0 at the points of integration.
     """
-    G = integrals.gradient(e, part, u).reshape(3, 3, -1)
+    G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
     h = np.log(np.linalg.svd(np.moveaxis(G, -1, 0) + np.eye(3), compute_uv=False))
     return np.asarray(h - h.mean(axis=1, keepdims=True))
 

@@ -1,0 +1,1 @@
+"""Contact with the plate: penalty, gluing, gripping, and Coulomb friction."""

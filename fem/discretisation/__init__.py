@@ -1,0 +1,1 @@
+"""From the continuum to unknowns: elements and their integrals, the rigid magnet, symmetries, residual, tangent."""
