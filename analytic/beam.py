@@ -8,8 +8,8 @@
 | magnet | rigid magnet: layers above and below it | rigid above the magnet's foot | depth to 0.06 D |
 | finite | neo-Hookean at large strain | leaning tip, rolling dome | depth to D/4, shear to 0.3 D |
 
-The terms are in `analytic.press` and `analytic.sway`; what each level is off by, over the design space, is in the
-table of `magtip ladder`. Lengths in mm, E in MPa, forces in N.
+The terms are in `analytic.beam_terms.press_terms` and `analytic.beam_terms.shear_terms`; what each level is off by,
+over the design space, is in the table of `magtip ladder`. Lengths in mm, E in MPa, forces in N.
 
 The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
 """
@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 
 from analytic import buckling
-from analytic.press import Terms, press
-from analytic.sway import Sway, cantilever, sway
+from analytic.beam_terms.press_terms import Terms, press
+from analytic.beam_terms.shear_terms import Sway, cantilever, sway
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
 

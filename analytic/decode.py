@@ -1,9 +1,10 @@
 """From readings back to the pose of the magnet and the load on the tip. Lengths in mm, B in T, forces in N.
 
 All poses in the workspace that give the readings are looked for: a table of the workspace gives a start on each
-sheet (`analytic.sheets`), damped Newton steps on the exact forward model go on from there (`analytic.refine`), and
-those that arrive at the same place are counted once. That an iteration converges is no proof that it found the right
-pose; where there are several, all of them are given, and the status says so.
+sheet (`analytic.inverse.start_table`), damped Newton steps on the exact forward model go on from there
+(`analytic.inverse.damped_newton`), and those that arrive at the same place are counted once. That an iteration
+converges is no proof that it found the right pose; where there are several, all of them are given, and the status
+says so.
 
 With A = dB/ds (k, 3), the pose's covariance is P C P' with P = (A'WA)^-1 A'W and C that of the readings, whose
 variance is noise^2 + step^2/12 of each element. The condition number is that of A in the 2-norm.
@@ -18,10 +19,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic import mechanics, refine, sensitivity, sheets, tabulate
-from analytic.forward import NO_TILT, Forward, model, rotation
 from analytic.hall import Mode
-from analytic.mechanics import Mechanics
+from analytic.inverse import damped_newton, observability, response_surface, start_table, start_table_cells
+from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
+from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
 from geometry.design import BadInput, Design
 
@@ -61,7 +62,7 @@ class Decoder:
     mechanics: Mechanics | None
     low: Array
     high: Array
-    table: sheets.Sheets
+    table: start_table.Sheets
     sigma: Array
     tolerance: Array
 
@@ -126,11 +127,11 @@ def decoder(
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tau
     forward = model(design, tau, elements=elements, mode=mode)
-    low, high = mechanics.workspace(design, law) if workspace is None else map(np.asarray, workspace)
+    low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     pad = PAD * (high - low)
-    table = tabulate.build(forward, low - pad, high + pad, cells)
+    table = start_table_cells.build(forward, low - pad, high + pad, cells)
     gain = np.array([e.gain for e in forward.elements])
     sigma = np.array([np.hypot(e.noise, e.step / np.sqrt(12)) for e in forward.elements]) / gain
     tolerance = np.where(sigma > 0, DOUBT * sigma, SHARE * table.span)
@@ -192,14 +193,14 @@ def _solve(
 ) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
     """All poses of the readings with these numbers: shifts, slopes and owners; and the numbers of misfits."""
     part = target[:, index]
-    owner, start, curve = sheets.starts(coder.table, part)
+    owner, start, curve = start_table.starts(coder.table, part)
     if len(target) > 3:
         # where readings contradict each other, steps do not square the error
-        curve[:] = sheets.STEEP
+        curve[:] = start_table.STEEP
     noisy = coder.sigma.all()
     weights = coder.sigma.min() / coder.sigma if noisy else np.ones(len(target))
     pad = 3 * coder.table.edge
-    s, f, A, done = refine.refine(
+    s, f, A, done = damped_newton.refine(
         coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curve
     )
     low, high = coder.low[:, None] - EDGE, coder.high[:, None] + EDGE
@@ -276,10 +277,10 @@ def _result(
         return found
 
     blank = np.full((3, s.shape[1]), np.nan)
-    noisy = sensitivity.spread(coder.sigma, A)
+    noisy = observability.spread(coder.sigma, A)
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
-        force, load, slope = mechanics.carried(coder.mechanics, s)
+        force, load, slope = response_surface.carried(coder.mechanics, s)
         for k in np.flatnonzero(some)[np.isnan(force[2])].tolist():
             status[k] = "tension" if status[k] == "ok" else status[k]
         noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))
@@ -289,7 +290,7 @@ def _result(
         tilt=rows(rotation(coder.forward.tau, s)),
         force=rows(force),
         load=rows(load),
-        condition=rows(sensitivity.condition(A)[None])[:, 0],
+        condition=rows(observability.condition(A)[None])[:, 0],
         multiplicity=multiplicity,
         noise_mm=rows(np.sqrt((noisy**2).sum(axis=1))),
         noise_N=rows(noise),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.forward import Forward, values_at
+from analytic.inverse.forward_model import Forward, values_at
 from analytic.magnet import cylinder_field
 from geometry.design import BadInput
 

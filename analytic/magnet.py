@@ -4,10 +4,11 @@ Lengths in mm (any one unit would do: the field knows only their ratios), J and 
 polarisation; the sharp-edged cylinder is taken, an edge radius is ignored. Points and fields are in the magnet's
 frame: origin at its centre, z along the magnetisation.
 
-The exact field runs in NumPy (`analytic.cylinder`) for fewer than `MANY` points in a call. For more, and in
-`meridian_field` for a loop over single points, the same formulas are compiled (`analytic.kernel`) if numba is
-installed (the extra `fast`); else these loops are in NumPy and in plain Python (`analytic.pointwise`). Both agree to
-1e-13 of |B|. The call alone decides, never those before it: the same call has the same digits wherever it stands.
+The exact field runs in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MANY` points in a call. For more, and
+in `meridian_field` for a loop over single points, the same formulas are compiled (`analytic.field.cylinder_compiled`)
+if numba is installed (the extra `fast`); else these loops are in NumPy and in plain Python
+(`analytic.field.cylinder_pointwise`). Both agree to 1e-13 of |B|. The call alone decides, never those before it: the
+same call has the same digits wherever it stands.
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
@@ -25,8 +26,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic import pointwise
-from analytic.cylinder import cylinder_moments, distance_to_hull, face_moments, unit_field
+from analytic.field import cylinder_pointwise
+from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
 from geometry.design import BadInput
 
 Array = NDArray[np.float64]
@@ -94,11 +95,11 @@ def compiled() -> ModuleType | None:
 @functools.cache
 def _loaded() -> ModuleType | None:
     try:
-        from analytic import kernel
+        from analytic.field import cylinder_compiled
     except (ImportError, RuntimeError):
         # not installed, not for this NumPy, or without a folder to keep compiled code in
         return None
-    return kernel
+    return cylinder_compiled
 
 
 @contextlib.contextmanager
@@ -126,7 +127,7 @@ def meridian_field(radius: float, height: float, J: float) -> Callable[[float, f
     half = height / 2
     moments, faces = cylinder_moments(half / radius), face_moments()
     kernel = compiled()
-    meridian = pointwise.meridian if kernel is None else kernel.meridian
+    meridian = cylinder_pointwise.meridian if kernel is None else kernel.meridian
     given = (moments.tolist(), faces.tolist()) if kernel is None else (moments, faces)
 
     def field(rho: float, z: float) -> tuple[float, ...]:

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.decode import EDGE, Decoder, Status, decode
+from analytic.inverse.damped_newton import GOAL
+from analytic.inverse.response_surface import NO_DEPTH, NOTHING
+from analytic.inverse.start_table import APART, BENDS, BINS, MARGIN, monomials
 from analytic.magnet import meridian_field
-from analytic.mechanics import NO_DEPTH, NOTHING
-from analytic.refine import GOAL
-from analytic.sheets import APART, BENDS, BINS, MARGIN, monomials
 from geometry.loads import rotation_of
 
 Array = NDArray[np.float64]
@@ -156,7 +156,7 @@ class Stream:
         return None
 
     def _seen(self, s: list[float], field: Vector) -> tuple[list[list[float]], list[float]]:
-        """Slopes of each reading, T/mm, and what the readings lack, T; formulas as in `analytic.forward`."""
+        """Slopes of each reading, T/mm, and what the readings lack, T; formulas as in `inverse.forward_model`."""
         m, lean = self._axis(s)
         rows, lack = [], []
         for (point, n), read in zip(self.points, field, strict=True):
@@ -215,7 +215,7 @@ class Stream:
         x, y, w = shift
         u = x * x + y * y
         k, n = _polynomial(law.lateral.tolist(), u, w)[0], _polynomial(law.normal.tolist(), u, w)[0]
-        # as `analytic.mechanics.carried`
+        # as `analytic.inverse.response_surface.carried`
         least = law.errors[2] + NOTHING
         if w < 0 and n < -least:
             return NAN3
@@ -229,7 +229,7 @@ def _cross(a: list[float], b: list[float]) -> list[float]:
 
 
 def _polynomial(c: list[list[float]], u: float, w: float) -> tuple[float, float, float]:
-    """As `analytic.forward.polynomial`."""
+    """As `analytic.inverse.forward_model.polynomial`."""
     p = p_u = p_w = 0.0
     for row in reversed(c):
         q, q_w = 0.0, 0.0

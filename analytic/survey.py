@@ -20,9 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import decode, forward, mechanics, sensitivity
+from analytic import decode
 from analytic.clearance import lowest, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
+from analytic.inverse import forward_model, observability, response_surface
 from geometry.design import BadInput
 
 Array = NDArray[np.float64]
@@ -117,8 +118,8 @@ def at_poses(
         None of the poses is known.
     """
     ahead = coder.forward
-    values, slopes = forward.seen(ahead, shift)
-    tilt = forward.rotation(ahead.tau, shift)
+    values, slopes = forward_model.seen(ahead, shift)
+    tilt = forward_model.rotation(ahead.tau, shift)
     weight = np.where(known(coder, shift), weight, 0.0)
     if not weight.sum() > 0:
         raise BadInput(
@@ -146,7 +147,7 @@ def at_poses(
         wall_hits=wall_hits,
         grounded=grounded,
         sign=determinant_sign(coder, slopes),
-        condition=sensitivity.condition(slopes),
+        condition=observability.condition(slopes),
         noise_mm=noise_mm,
         noise_N=noise_N,
         multiplicity=many,
@@ -162,7 +163,7 @@ def known(coder: Decoder, shift: Array) -> Bools:
     x, y, w = shift
     aside = x * x + y * y
     r = np.cbrt(np.maximum(-w, 0.0))
-    depth = forward.polynomial(law.depth, aside, r)[0]
+    depth = forward_model.polynomial(law.depth, aside, r)[0]
     rest = (aside == 0) & (w == 0)
     return np.asarray(rest | ((w < 0) & (depth >= 0) & (aside <= (law.reach * (1 + 1e-9)) ** 2)))
 
@@ -211,11 +212,11 @@ def determinant_sign(coder: Decoder, slopes: Array) -> NDArray[np.int8]:
 
 def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array]:
     """Standard deviations of shift, mm, and force, N, along their worst directions."""
-    spread = sensitivity.spread(coder.sigma, slopes)
+    spread = observability.spread(coder.sigma, slopes)
     lengths = _largest(spread)
     if coder.mechanics is None:
         return lengths, np.full_like(lengths, np.nan)
-    force = mechanics.forces(coder.mechanics, shift)[1]
+    force = response_surface.forces(coder.mechanics, shift)[1]
     return lengths, _largest(np.einsum("jin,jkn->ikn", force, spread))
 
 

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import beam, decode, forward, magnet, mechanics, refine, stream
+from analytic import beam, decode, magnet, stream
 from analytic.decode import Decoder
+from analytic.inverse import damped_newton, forward_model, response_surface
 from geometry.design import Design, paper
 from studies import benchfiles, console, decoding, files, tablebench
 
@@ -54,16 +55,16 @@ WIDE = {"hall_low": 0.0, "hall_null": 50.0, "hall_high": 100.0}
 
 def coder_of(design: Design, tau: float) -> Decoder:
     """With the paper's forces and a tilt of tau rad/mm, over the box."""
-    law = mechanics.of_formula(lambda load: beam.solve(design, load), design.R, 5.0)
+    law = response_surface.of_formula(lambda load: beam.solve(design, load), design.R, 5.0)
     law = dataclasses.replace(law, tau=np.array([[tau]]))
-    elements = [dataclasses.replace(e, low=-100.0, high=100.0) for e in forward.model(design).elements]
-    return decode.decoder(design, law, elements=elements, workspace=mechanics.workspace(design))
+    elements = [dataclasses.replace(e, low=-100.0, high=100.0) for e in forward_model.model(design).elements]
+    return decode.decoder(design, law, elements=elements, workspace=response_surface.workspace(design))
 
 
 def poses(coder: Decoder, count: int, seed: int = 1) -> tuple[Array, Array]:
     """Shifts (3, n), mm, and what is read there, shape (k, n), T."""
     shift = np.random.default_rng(seed).uniform(coder.low, coder.high, (count, 3)).T.copy()
-    return shift, forward.values_at(coder.forward, shift)
+    return shift, forward_model.values_at(coder.forward, shift)
 
 
 def round_trips(count: int = 4000) -> list[Row]:
@@ -77,8 +78,8 @@ def round_trips(count: int = 4000) -> list[Row]:
             nearest = np.full(count, np.inf)
             np.minimum.at(nearest, found.owner, np.abs(found.poses - shift.T[found.owner]).max(axis=1))
             unique = found.multiplicity == 1
-            det = np.linalg.det(np.moveaxis(forward.seen(coder.forward, shift)[1], 2, 0))
-            rest = np.linalg.det(forward.seen(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
+            det = np.linalg.det(np.moveaxis(forward_model.seen(coder.forward, shift)[1], 2, 0))
+            rest = np.linalg.det(forward_model.seen(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
             rows.append(
                 {
                     "layout": name,
@@ -132,7 +133,7 @@ def exhaustive(coder: Decoder, field: Array, counts: tuple[int, int, int] = (13,
     starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     target = np.repeat(field[:, None], starts.shape[1], axis=1)
     low, high = coder.low - 0.5, coder.high + 0.5
-    s, f, A, done = refine.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
+    s, f, A, done = damped_newton.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
     inside = ((s > coder.low[:, None] - 1e-6) & (s < coder.high[:, None] + 1e-6)).all(axis=0)
     exact = np.sqrt((f**2).sum(axis=0)) < 1e-7 * np.sqrt((A**2).sum(axis=(0, 1)))
     distinct: list[Array] = []
@@ -170,7 +171,7 @@ def _timed(name: str, count: int, runs: int) -> tuple[float, float, int]:
     follower = stream.Stream(coder)
     t = np.linspace(0, 10, SAMPLES)
     path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
-    samples = [(a, b, c) for a, b, c in forward.values_at(coder.forward, path).T.tolist()]
+    samples = [(a, b, c) for a, b, c in forward_model.values_at(coder.forward, path).T.tolist()]
     return many, statistics.median(_clock(follower, samples) for _ in range(runs)), some
 
 
@@ -201,7 +202,7 @@ def ignored(coder: Decoder, count: int = 2000) -> Row:
     good = (found.multiplicity > 0) & np.isfinite(found.force[:, 2])
     error = np.linalg.norm(found.shift[good] - shift.T[good], axis=1)
     assert coder.mechanics is not None
-    force = mechanics.forces(coder.mechanics, shift)[0].T[good]
+    force = response_surface.forces(coder.mechanics, shift)[0].T[good]
     wrong = np.abs(found.force[good] - force)
     return {
         "no_pose": float(1 - good.mean()),

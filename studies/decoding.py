@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from analytic.beyond import End
     from analytic.decode import Decoded, Decoder
-    from analytic.mechanics import Mechanics
+    from analytic.inverse.response_surface import Mechanics
+    from analytic.inverse.workspace_limits import End
     from analytic.parts import Element
     from studies.loadlevel import Gap
 
@@ -128,19 +128,20 @@ def say_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
 
 def of_level(design: Design, level: str) -> Mechanics:
     """The mechanics of a level of the formulas, over the workspace or as far as they go."""
-    from analytic import beam, mechanics
+    from analytic import beam
+    from analytic.inverse import response_surface
 
     if level not in beam.LEVELS:
         raise BadInput(f"level must be one of {', '.join(beam.LEVELS)}; got {level!r}")
     # the paper's magnet follows the tip by H/L; the other levels bend too much beyond the paper's own range of loads
     widest = 3 / 8 * design.D * (design.L / design.H if level == "paper" else 1.0)
     deepest = min(widest, design.R, 0.9 * (design.L - design.magnet_height))
-    return mechanics.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
+    return response_surface.of_formula(lambda load: beam.solve(design, load, level), deepest, widest)
 
 
 def of_file(path: Path, design: Design) -> Mechanics:
     """The mechanics of the states in a file that are ok, which were solved for this design."""
-    from analytic import mechanics
+    from analytic.inverse import response_surface
 
     samples = [
         (state.load, state.response)
@@ -148,15 +149,15 @@ def of_file(path: Path, design: Design) -> Mechanics:
         if state.status == "ok" and state.load is not None and state.response is not None
     ]
     try:
-        return mechanics.of_samples(samples)
+        return response_surface.of_samples(samples)
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
 
 
 def one(coder: Decoder, text: str, units: str | None, level: str) -> dict[str, Any]:
     """The record of one set of readings a,b,c; `level` as `level_name` names it."""
-    from analytic import beyond
     from analytic.decode import decode
+    from analytic.inverse import workspace_limits
     from studies import loadlevel
 
     chosen = coder.forward.elements
@@ -169,8 +170,8 @@ def one(coder: Decoder, text: str, units: str | None, level: str) -> dict[str, A
     (status,) = found.status
     tilt, tilt_y = tilts_of(*found.tilt[0].tolist())
     out = status == "out_of_workspace"
-    outside = beyond.poses(coder, field)[0] if out else None
-    end = None if outside is None else beyond.end(coder, outside)
+    outside = workspace_limits.poses(coder, field)[0] if out else None
+    end = None if outside is None else workspace_limits.end(coder, outside)
     message = beyond_sentence(coder, end, solved=level == RESPONSES) if out else WHY[status]
     depth = float(found.load[0, 0])
     contact = None if math.isnan(depth) else depth > 0
@@ -296,10 +297,10 @@ def _summary(coder: Decoder, found: Decoded, field: Array, level: str) -> Summar
 
 def _ends(coder: Decoder, found: Decoded, field: Array) -> dict[End | None, int]:
     """What keeps rows out of the workspace, and how many of them."""
-    from analytic import beyond
+    from analytic.inverse import workspace_limits
 
     rows = [k for k, status in enumerate(found.status) if status == "out_of_workspace"][:MOST_LOOKED_AT]
-    ends = [beyond.end(coder, pose) for pose in beyond.poses(coder, field[rows])] if rows else []
+    ends = [workspace_limits.end(coder, pose) for pose in workspace_limits.poses(coder, field[rows])] if rows else []
     return dict(Counter(ends))
 
 

@@ -18,7 +18,7 @@ from studies.options import Basis
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
-    from analytic.mechanics import Mechanics
+    from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
 
 ABOUT = """\

@@ -17,7 +17,7 @@ from studies.console import Progress
 from studies.options import Basis
 
 if TYPE_CHECKING:
-    from analytic.mechanics import Mechanics
+    from analytic.inverse.response_surface import Mechanics
 
 ABOUT = """\
 A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import beam, mechanics
+from analytic import beam
+from analytic.inverse import response_surface
 from geometry.design import Design
 from geometry.loads import Load
 
 if TYPE_CHECKING:
-    from analytic.mechanics import Mechanics
+    from analytic.inverse.response_surface import Mechanics
 
 Array = NDArray[np.float64]
 
@@ -71,8 +72,8 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
     """
     if law is None:
         return np.full(shift.shape, np.nan)
-    force, load, _ = mechanics.carried(law, np.ascontiguousarray(shift.T))
-    low, high = mechanics.workspace(design, law)
+    force, load, _ = response_surface.carried(law, np.ascontiguousarray(shift.T))
+    low, high = response_surface.workspace(design, law)
     inside = ((shift >= low) & (shift <= high)).all(axis=1) & (load[0] <= beam.DEEPEST * design.D)
     inside &= np.hypot(load[1], load[2]) <= beam.FARTHEST * design.D
     inside &= not beam.outside(design, Load(), BEST)

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import forward, lookup
-from analytic.forward import Forward
+from analytic import lookup
+from analytic.inverse import forward_model
+from analytic.inverse.forward_model import Forward
 from geometry.design import BadInput, paper
 from studies import tables
 
@@ -102,6 +103,6 @@ def whole(path: Path, count: int = 2000, again: int = 12) -> Row:
 
 def _asked(count: int) -> tuple[Forward, Array, Array]:
     """The paper's sensor without tilt, shifts (3, n), mm, drawn from the table's range, and what is read there, T."""
-    model = forward.model(paper())
+    model = forward_model.model(paper())
     shift = np.random.default_rng(3).uniform([-3.0, -3.0, -3.0], [3.0, 3.0, 0.0], (count, 3)).T.copy()
-    return model, shift, forward.values_at(model, shift)
+    return model, shift, forward_model.values_at(model, shift)

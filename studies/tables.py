@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from analytic.forward import Forward
+    from analytic.inverse.forward_model import Forward
     from analytic.lookup import Grid
 
     Array = NDArray[np.float64]
@@ -85,15 +85,16 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
     BadInput
         The design has no magnet, the step does not fit, or the mechanics cannot be used.
     """
-    from analytic import forward, lookup, mechanics
+    from analytic import lookup
+    from analytic.inverse import forward_model, response_surface
     from studies import decoding
 
     if not step > 0:
         raise BadInput(f"step must be more than 0 mm; got {step:g}")
     law = decoding.mechanics_of(design, level, responses) if level or responses else None
-    tau = forward.NO_TILT if law is None else law.tau
-    model = forward.model(design, tau)
-    low, _ = mechanics.workspace(design, law)
+    tau = forward_model.NO_TILT if law is None else law.tau
+    model = forward_model.model(design, tau)
+    low, _ = response_surface.workspace(design, law)
     if step > min(-low[0], -low[2]):
         raise BadInput(
             f"step must be at most {min(-low[0], -low[2]):g} mm, the size of the workspace; got {step:g} mm"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from analytic.decode import Decoder
     from analytic.hall import Mode
-    from analytic.mechanics import Mechanics
+    from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
 
     Array = NDArray[np.float64]
@@ -178,7 +178,8 @@ def _magnets(design: Design) -> Iterator[Design]:
 
 def _own(design: Design, form: str) -> Row:
     """Figures of the given layout, with the least differences of readings."""
-    from analytic import nearest, survey
+    from analytic import survey
+    from analytic.inverse import nearest_readings
 
     coder = coder_of(design, form, law_of(design, form))
     seen = survey.survey(coder, POSES)
@@ -187,7 +188,7 @@ def _own(design: Design, form: str) -> Row:
     for share in APART:
         apart = share * design.D
         row[f"difference_at_{apart:.2g}_mm_over_noise"] = (
-            nearest.least_difference(coder, seen, apart) if not row["alike_percent"] else 0.0
+            nearest_readings.least_difference(coder, seen, apart) if not row["alike_percent"] else 0.0
         )
     return row
 

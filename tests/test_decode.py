@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import beam, beyond, decode, forward, hall, mechanics, refine, sensitivity, sheets, stream
+from analytic import beam, decode, hall, stream
+from analytic.inverse import (
+    damped_newton,
+    forward_model,
+    observability,
+    response_surface,
+    start_table,
+    workspace_limits,
+)
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
@@ -22,13 +30,13 @@ def tilting(design, per_mm=0.1):
         found = beam.solve(design, load)
         return dataclasses.replace(found, tilt=per_mm * found.shift[0], tilt_y=per_mm * found.shift[1])
 
-    return mechanics.of_formula(solve, 4.0, 5.0)
+    return response_surface.of_formula(solve, 4.0, 5.0)
 
 
 def poses(coder, count, seed=1):
     rng = np.random.default_rng(seed)
     shift = rng.uniform(coder.low, coder.high, (count, 3)).T.copy()
-    return shift, forward.seen(coder.forward, shift)[0]
+    return shift, forward_model.seen(coder.forward, shift)[0]
 
 
 @pytest.fixture(scope="module")
@@ -36,23 +44,23 @@ def coder():
     return decode.decoder(paper(), tilting(paper()))
 
 
-@pytest.mark.parametrize("tau", [forward.NO_TILT, TILT])
+@pytest.mark.parametrize("tau", [forward_model.NO_TILT, TILT])
 @pytest.mark.parametrize("mode", ["component", "magnitude"])
 @pytest.mark.parametrize(
     "design", [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1")], ids=["three", "plates", "chip"]
 )
 def test_forward_model_reads_as_the_elements_do(tau, mode, design):
-    model = forward.model(design, tau, mode=mode)
+    model = forward_model.model(design, tau, mode=mode)
     shift = np.random.default_rng(0).uniform([-3, -3, -3], [3, 3, 0], (6, 3)).T.copy()
     shift[:2, 0] = 0
-    values, slopes = forward.seen(model, shift)
-    turns = forward.rotation(tau, shift)
+    values, slopes = forward_model.seen(model, shift)
+    turns = forward_model.rotation(tau, shift)
     for k in range(6):
         expected = hall.readings(design, shift=shift[:, k], tilt=turns[:, k], mode=mode).B_T
         assert_allclose(values[:, k], expected, rtol=1e-12)
     step = 1e-5
     for j, e in enumerate(step * np.eye(3)[:, :, None]):
-        numeric = (forward.seen(model, shift + e)[0] - forward.seen(model, shift - e)[0]) / (2 * step)
+        numeric = (forward_model.seen(model, shift + e)[0] - forward_model.seen(model, shift - e)[0]) / (2 * step)
         assert_allclose(slopes[j], numeric, atol=1e-8 * np.abs(slopes).max())
 
 
@@ -73,11 +81,11 @@ def test_round_trip(coder, ignore_tilt):
 def test_condition_is_that_of_singular_values():
     rng = np.random.default_rng(5)
     A = rng.normal(size=(3, 3, 60)) * 10.0 ** rng.uniform(-5, 0, (3, 1, 60))
-    assert_allclose(sensitivity.condition(A), np.linalg.cond(np.moveaxis(A, 2, 0)), rtol=1e-8)
+    assert_allclose(observability.condition(A), np.linalg.cond(np.moveaxis(A, 2, 0)), rtol=1e-8)
     more = rng.normal(size=(3, 5, 4))
-    assert_allclose(sensitivity.condition(more), np.linalg.cond(np.moveaxis(more, 2, 0)), rtol=1e-12)
+    assert_allclose(observability.condition(more), np.linalg.cond(np.moveaxis(more, 2, 0)), rtol=1e-12)
     flat = np.stack([np.eye(3), np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))], axis=2)
-    assert sensitivity.condition(flat).tolist() == [1.0, np.inf, np.inf]
+    assert observability.condition(flat).tolist() == [1.0, np.inf, np.inf]
 
 
 @pytest.mark.parametrize(
@@ -86,13 +94,13 @@ def test_condition_is_that_of_singular_values():
 def test_first_step_leaves_no_more_than_the_curvature_says(design):
     coder = decode.decoder(design, tilting(design))
     shift, field = poses(coder, 600)
-    owner, start, curve = sheets.starts(coder.table, field)
-    values, slopes = forward.seen(coder.forward, start)
+    owner, start, curve = start_table.starts(coder.table, field)
+    values, slopes = forward_model.seen(coder.forward, start)
     step = np.linalg.solve(np.moveaxis(slopes, 2, 0).swapaxes(1, 2), (field[:, owner] - values).T[:, :, None])[
         :, :, 0
     ]
     length = np.linalg.norm(step, axis=1)
-    told = (curve < sheets.STEEP) & (length < 0.01)
+    told = (curve < start_table.STEEP) & (length < 0.01)
     error = np.linalg.norm(start.T + step - shift.T[owner], axis=1)
     # starts on other sheets lead elsewhere
     own = told & (error < 0.01)
@@ -114,7 +122,7 @@ def test_load_and_force_come_back(coder):
 
 def test_ignored_tilt_is_an_error_in_position(coder):
     flat = decode.decoder(paper(), coder.mechanics, ignore_tilt=True)
-    field = forward.seen(coder.forward, np.array([[1.5], [0.0], [-1.0]]))[0]
+    field = forward_model.seen(coder.forward, np.array([[1.5], [0.0], [-1.0]]))[0]
     error = np.linalg.norm(decode.decode(flat, field.T).shift[0] - [1.5, 0, -1])
     assert 0.05 < error < 1
 
@@ -125,7 +133,7 @@ def exhaustive(coder, field):
     starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     target = np.repeat(field[:, None], starts.shape[1], axis=1)
     low, high = coder.low - 0.5, coder.high + 0.5
-    s, f, A, done = refine.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
+    s, f, A, done = damped_newton.refine(coder.forward, starts, target, np.ones(len(field)), low, high)
     inside = (s > coder.low[:, None] - 1e-6).all(axis=0) & (s < coder.high[:, None] + 1e-6).all(axis=0)
     exact = np.sqrt((f**2).sum(axis=0)) < 1e-7 * np.sqrt((A**2).sum(axis=(0, 1)))
     distinct = []
@@ -159,7 +167,7 @@ def test_ambiguous_streams_follow_one_branch():
     assert np.linalg.norm(shift[:, k] - found.shift[k]) > 0.1
     path = shift[:, k : k + 1] * np.linspace(0.97, 1, 5)
     # the first reading has no warm start
-    later = decode.decode(coder, forward.seen(coder.forward, path)[0].T, near=path[:, 0], follow=True)
+    later = decode.decode(coder, forward_model.seen(coder.forward, path)[0].T, near=path[:, 0], follow=True)
     assert_allclose(later.shift, path.T, atol=1e-5)
     near = decode.decode(coder, field[:, k : k + 1].T, near=shift[:, k])
     assert_allclose(near.shift[0], shift[:, k], atol=1e-5)
@@ -169,7 +177,7 @@ def test_noise_is_that_of_a_sample():
     design = Design(hall_noise=2e-3)
     coder = decode.decoder(design, tilting(design))
     at = np.array([[0.8], [-0.4], [-1.0]])
-    field = forward.seen(coder.forward, at)[0].T
+    field = forward_model.seen(coder.forward, at)[0].T
     rng = np.random.default_rng(5)
     many = decode.decode(coder, field + 2e-3 / 31.25 * rng.standard_normal((4000, 3)))
     one = decode.decode(coder, field)
@@ -182,10 +190,11 @@ def test_condition_is_that_of_differences(coder):
     at = np.array([[0.8], [-0.4], [-1.0]])
     step = 1e-6
     slopes = [
-        (forward.seen(coder.forward, at + e)[0] - forward.seen(coder.forward, at - e)[0])[:, 0] / (2 * step)
+        (forward_model.seen(coder.forward, at + e)[0] - forward_model.seen(coder.forward, at - e)[0])[:, 0]
+        / (2 * step)
         for e in step * np.eye(3)[:, :, None]
     ]
-    found = decode.decode(coder, forward.seen(coder.forward, at)[0].T)
+    found = decode.decode(coder, forward_model.seen(coder.forward, at)[0].T)
     assert found.condition[0] == pytest.approx(np.linalg.cond(np.array(slopes).T), rel=1e-6)
 
 
@@ -214,8 +223,8 @@ def test_more_elements_than_three():
 
 
 def test_readings_that_no_pose_gives(coder):
-    rest = forward.seen(coder.forward, np.zeros((3, 1)))[0][:, 0]
-    high = forward.seen(coder.forward, np.array([[0.0], [0.0], [0.4]]))[0][:, 0]
+    rest = forward_model.seen(coder.forward, np.zeros((3, 1)))[0][:, 0]
+    high = forward_model.seen(coder.forward, np.array([[0.0], [0.0], [0.4]]))[0][:, 0]
     rows = [rest, np.zeros(3), -rest, rest[[1, 0, 2]] * [1, 3, 1], high, [np.nan, 0, 0], [np.inf, 0, 0], [0.08, 0, 0]]
     found = decode.decode(coder, rows)
     assert found.status == ["ok", *["out_of_workspace"] * 4, "not_finite", "not_finite", "saturated"]
@@ -251,12 +260,14 @@ def test_mechanics_are_the_formulas():
     assert_allclose(law.tau[0, 0], 0.1)
     x, y, z = 0.4, -0.2, -0.9
     shift, e = np.array([[x], [y], [z]]), 1e-6
-    slopes = mechanics.forces(law, shift)[1]
+    slopes = response_surface.forces(law, shift)[1]
     for j in range(3):
         step = e * np.eye(3)[:, j : j + 1]
-        numeric = (mechanics.forces(law, shift + step)[0] - mechanics.forces(law, shift - step)[0]) / (2 * e)
+        numeric = (response_surface.forces(law, shift + step)[0] - response_surface.forces(law, shift - step)[0]) / (
+            2 * e
+        )
         assert_allclose(slopes[j], numeric, atol=1e-8)
-    assert (mechanics.load(law, -shift)[0] == 0).all()
+    assert (response_surface.load(law, -shift)[0] == 0).all()
 
 
 SHEARS = (0.5, 1.0, 1.5, 2.0, 2.5)
@@ -280,36 +291,40 @@ def test_few_states_make_no_fold_and_no_tension_between_them(name):
         (load, bent(load))
         for load in (Load(depth=d, shear_x=s, friction="stick" if s else "none") for d, s in FEW[name])
     ]
-    law = mechanics.of_samples(states)
+    law = response_surface.of_samples(states)
     assert law.errors[2] < 0.002 * max(found.force[2] for _, found in states)
     corners = np.array([(0.0, 0.0), *((found.shift[0], found.shift[2]) for _, found in states)])
     rng = np.random.default_rng(0)
     of = np.array([rng.choice(len(corners), 2, replace=False) for _ in range(1000)])
     u, w = np.einsum("ni,nij->jn", rng.dirichlet(np.ones(2), len(of)), corners[of])
-    normal, _, slope = forward.polynomial(law.normal, u * u, w)
+    normal, _, slope = forward_model.polynomial(law.normal, u * u, w)
     assert normal.min() > 0
     assert slope.max() < 0
-    assert forward.polynomial(law.depth, u * u, np.cbrt(-w))[2].min() > 0
+    assert forward_model.polynomial(law.depth, u * u, np.cbrt(-w))[2].min() > 0
 
 
 def test_a_force_between_few_states_is_that_of_the_model():
     """Shears at one depth and a press: in between, the force is some percent from the model's, and of its sign."""
     pairs = FEW["a press, and shears at one depth"]
-    law = mechanics.of_samples([(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)])
+    law = response_surface.of_samples(
+        [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
+    )
     for depth, shear in ((0.75, 1.0), (1.25, 1.5), (2.0, 0.5)):
         found = bent(Load(depth, shear, friction="stick"))
-        force = mechanics.forces(law, np.array(found.shift)[:, None])[0][:, 0]
+        force = response_surface.forces(law, np.array(found.shift)[:, None])[0][:, 0]
         assert force[2] == pytest.approx(found.force[2], rel=0.05)
 
 
 def test_a_plate_does_not_pull():
     pairs = FEW["shears at two depths"]
-    law = mechanics.of_samples([(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)])
+    law = response_surface.of_samples(
+        [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
+    )
     # normal = -10 w - 20 U: beyond the samples, far aside and hardly sunk, it would be a tension
-    law = dataclasses.replace(law, tau=forward.NO_TILT, normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
+    law = dataclasses.replace(law, tau=forward_model.NO_TILT, normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
     coder = decode.decoder(paper(), law)
     shift = np.array([[0.0, 0.0, -0.5], [0.6, 0.6, -0.05], [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]).T
-    field = forward.seen(coder.forward, shift)[0].T
+    field = forward_model.seen(coder.forward, shift)[0].T
     found = decode.decode(coder, field)
     assert found.status == ["ok", "tension", "ok", "ok", "ok"]
     assert_allclose(found.shift, shift.T, atol=1e-7)
@@ -327,17 +342,17 @@ def test_poses_outside_the_workspace_are_found_with_what_ends_it(coder):
     law = dataclasses.replace(coder.mechanics, reach=1.5, sink=1.2)
     near = decode.decoder(paper(), law)
     outside = np.array([[0, 0, -1.25], [1.2, 0.3, -2.8], [0, -2.0, -0.5], [0, 0, -3.4], [3.4, 0, -1], [0, 0, 0.12]])
-    field = forward.seen(near.forward, outside.T.copy())[0].T
+    field = forward_model.seen(near.forward, outside.T.copy())[0].T
     assert set(decode.decode(near, field).status) == {"out_of_workspace"}
-    found = beyond.poses(near, field)
+    found = workspace_limits.poses(near, field)
     assert_allclose(found, outside, atol=1e-6)
     ends = ["depth", "depth", "shear", "workspace", "workspace", "workspace"]
-    assert [beyond.end(near, pose) for pose in found] == ends
+    assert [workspace_limits.end(near, pose) for pose in found] == ends
     # the box of the design alone is ended by nothing else
-    assert beyond.end(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
-    (nowhere,) = beyond.poses(near, np.array([[-0.02, 0.03, 0.01]]))
+    assert workspace_limits.end(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
+    (nowhere,) = workspace_limits.poses(near, np.array([[-0.02, 0.03, 0.01]]))
     assert np.isnan(nowhere).all()
-    assert beyond.end(near, nowhere) is None
+    assert workspace_limits.end(near, nowhere) is None
 
 
 def test_mechanics_of_a_contact_and_of_few_states():
@@ -349,14 +364,14 @@ def test_mechanics_of_a_contact_and_of_few_states():
         w = brentq(lambda w: w + (3 * w / 5) ** (2 / 3) - load.depth, 0, load.depth) if load.depth else 0.0
         return Response((0.8 * load.shear_x, 0, 3 * w), (0.5 * load.shear_x, 0, -w), 0.06 * load.shear_x, 1.0)
 
-    law = mechanics.of_formula(contact, 3.0, 3.0)
+    law = response_surface.of_formula(contact, 3.0, 3.0)
     assert law.errors[0] < 1e-10
     assert law.errors[2] < 1e-10
     assert law.errors[3] < 0.02
     states = [(load, contact(load)) for load in (Load(1.0), Load(2.0), Load(2.0, 1.0, friction="stick"))]
-    few = mechanics.of_samples(states)
+    few = response_surface.of_samples(states)
     assert max(few.errors) < 1e-6
     with pytest.raises(BadInput, match="add both"):
-        mechanics.of_samples(states[:2])
+        response_surface.of_samples(states[:2])
     with pytest.raises(BadInput, match="along the shear"):
-        mechanics.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])
+        response_surface.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])

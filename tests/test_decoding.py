@@ -290,7 +290,7 @@ def test_a_level_with_tilt_decodes_its_own_readings(run, strict):
     text = ",".join(map(repr, load["readings_V"]))
     (record,) = strict(run("decode", "paper", "--readings", text, *options)[1])
     (flat,) = strict(run("decode", "paper", "--readings", text, *options, "--ignore-tilt")[1])
-    # as well as the polynomials of `analytic.mechanics` follow the level
+    # as well as the polynomials of `analytic.inverse.response_surface` follow the level
     assert_allclose(record["shift_mm"], load["shift_mm"], atol=2e-3)
     assert_allclose(record["force_N"], load["force_N"], atol=0.05)
     assert record["tilt_rad"] == pytest.approx(load["tilt_rad"], abs=2e-3)

@@ -6,8 +6,9 @@ from dataclasses import replace
 import mpmath
 import pytest
 
-from analytic import beam, buckling, press, sway
-from analytic.press import Terms
+from analytic import beam, buckling
+from analytic.beam_terms import press_terms, shear_terms
+from analytic.beam_terms.press_terms import Terms
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies import ladder
@@ -30,7 +31,7 @@ def test_small_presses_are_hertz(level):
     """The next term is relative to it as sqrt(d)."""
     off = []
     for depth in (1e-8, 1e-10):
-        hertz = 4 / 3 * press.effective_modulus(paper()) * 2 * depth**1.5
+        hertz = 4 / 3 * press_terms.effective_modulus(paper()) * 2 * depth**1.5
         off.append(beam.solve(paper(), Load(depth), level).force[2] / hertz - 1)
     assert abs(off[1]) < 1e-5
     assert off[0] / off[1] == approx(10, rel=0.01)
@@ -39,9 +40,9 @@ def test_small_presses_are_hertz(level):
 def test_first_term_of_the_dome_is_tatara():
     """It takes 0.75 F/(pi E R) from Hertz's depth, and Dimitriadis' coefficient of x is 1.335 times that."""
     design, force = SILICONE, 1e-7
-    E_star = press.effective_modulus(design)
+    E_star = press_terms.effective_modulus(design)
     hertz = (3 * force / (4 * E_star * 2)) ** (2 / 3)
-    shape = press.SPHERE / press.THIN * math.sqrt(4 * hertz) / 4
+    shape = press_terms.SPHERE / press_terms.THIN * math.sqrt(4 * hertz) / 4
     taken = 2 / 3 * 1.133 * shape * hertz
     assert taken == approx(0.75 * force / (math.pi * design.E * 4), rel=2e-3)
 
@@ -74,21 +75,21 @@ def test_small_grip_of_a_slender_beam_is_euler_bernoulli(level):
 
 def column(**given):
     values = {"length": 12.0, "offset": 0.0, "bending": 200.0, "shearing": 15.0, "arm": 0.0, "reach": 0.0}
-    return sway.Column(**values | {"patch": 1e6, "glued": False} | given)
+    return shear_terms.Column(**values | {"patch": 1e6, "glued": False} | given)
 
 
 def give(of):
     """What patch and dome give way by, mm/N."""
     G = 1 / (2 * 1.4998)
-    return (2 - 0.4998) / (8 * G * of.patch) + sway.DOME / (4 * G)
+    return (2 - 0.4998) / (8 * G * of.patch) + shear_terms.DOME / (4 * G)
 
 
 def test_column_without_press_is_timoshenko():
     free = column()
-    bent = sway.bend(SILICONE, free, 0.0)
+    bent = shear_terms.bend(SILICONE, free, 0.0)
     assert 1 / bent.force == approx(12**3 / 600 + 12 / 15 + give(free), rel=1e-12)
     guided = column(shearing=1e12, glued=True)
-    bent = sway.bend(SILICONE, guided, 0.0)
+    bent = shear_terms.bend(SILICONE, guided, 0.0)
     assert 1 / bent.force == approx(12**3 / 2400 + give(guided), rel=1e-6)
     assert abs(bent.omega) < 1e-12
 
@@ -97,7 +98,7 @@ def test_stiffness_vanishes_at_haringx_load():
     """Free tip: P (1 + P/S) = (pi/2l)^2 B."""
     euler, S = (math.pi / 24) ** 2 * 200, 15.0
     critical = S / 2 * (math.sqrt(1 + 4 * euler / S) - 1)
-    below, at, above = (sway.bend(SILICONE, column(), share * critical).force for share in (0.99, 1.0, 1.01))
+    below, at, above = (shear_terms.bend(SILICONE, column(), share * critical).force for share in (0.99, 1.0, 1.01))
     assert below > 0 > above
     assert abs(at) < 1e-12
 
@@ -107,8 +108,8 @@ def test_column_with_its_tip_glued_is_held_up_to_eulers_load():
     hard = replace(SILICONE, E=1e4)
     for glued, root in ((True, 2 * math.pi), (False, buckling.GUIDED)):
         euler, stiff = (root / 12) ** 2 * 200, column(shearing=1e9, glued=glued)
-        assert sway.bend(hard, stiff, 0.99 * euler).held
-        assert not sway.bend(hard, stiff, 1.01 * euler).held
+        assert shear_terms.bend(hard, stiff, 0.99 * euler).held
+        assert not shear_terms.bend(hard, stiff, 1.01 * euler).held
 
 
 def test_waves_are_good_at_any_argument():
@@ -116,7 +117,7 @@ def test_waves_are_good_at_any_argument():
         with mpmath.workdps(60):
             y = mpmath.mpf(x) or mpmath.mpf("1e-25")
             exact = [mpmath.sin(y) / y, (1 - mpmath.cos(y)) / y**2, (y - mpmath.sin(y)) / y**3]
-        assert sway.waves(x) == approx([float(value) for value in exact], rel=2e-11)
+        assert shear_terms.waves(x) == approx([float(value) for value in exact], rel=2e-11)
 
 
 @pytest.mark.parametrize("load", [Load(1.5), stick(0.7, 0.8, -0.3)])

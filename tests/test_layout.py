@@ -7,7 +7,8 @@ import shlex
 import numpy as np
 import pytest
 
-from analytic import magnet, nearest, survey
+from analytic import magnet, survey
+from analytic.inverse import nearest_readings
 from geometry.design import Design, paper
 from studies import decoding, layout, layoutfiles, layoutsearch, uniqueness
 from studies.options import Basis
@@ -149,7 +150,7 @@ def test_least_difference_is_that_of_the_slopes_for_near_poses():
     """Nearby, readings differ by the distance over the noise of the pose there."""
     coder = uniqueness.coder_of(paper(), "B.n, no tilt", decoding.of_level(paper(), "paper"))
     seen = survey.survey(coder, (9, 9, 6), multiplicity=False)
-    least = nearest.least_difference(coder, seen, 0.001)
+    least = nearest_readings.least_difference(coder, seen, 0.001)
     assert least == pytest.approx(0.001 / seen.noise_mm.max(), rel=0.05)
 
 

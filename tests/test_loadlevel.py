@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import beam, mechanics
+from analytic import beam
 from analytic.decode import decode, decoder
+from analytic.inverse import response_surface
 from analytic.stream import Stream
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -123,6 +124,6 @@ def test_a_stream_carries_what_the_decoder_does(level):
 def test_a_press_is_never_taken_for_no_contact():
     law = decoding.of_level(paper(), "finite")
     sunk = np.array([[0.4, 0.1, 0.0], [0.0, 0.0, 0.0], [-0.02, -0.3, -1.0]])
-    force, load, _ = mechanics.carried(law, sunk)
-    assert_allclose(force, mechanics.forces(law, sunk)[0])
+    force, load, _ = response_surface.carried(law, sunk)
+    assert_allclose(force, response_surface.forces(law, sunk)[0])
     assert (load[0] > 0).all()

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import beam, decode, forward, mechanics, stream
+from analytic import beam, decode, stream
+from analytic.inverse import forward_model, response_surface
 from geometry.design import BadInput, Design, paper
 
 TAU = np.array([[0.1, 0.01], [0.002, 0.001]])
 
 
 def coder_of(design, tau):
-    law = mechanics.of_formula(lambda load: beam.solve(design, load), 4.0, 5.0)
+    law = response_surface.of_formula(lambda load: beam.solve(design, load), 4.0, 5.0)
     return decode.decoder(
-        design, mechanics.Mechanics(tau, law.lateral, law.normal, law.depth, law.shear, 3, 2, law.errors)
+        design, response_surface.Mechanics(tau, law.lateral, law.normal, law.depth, law.shear, 3, 2, law.errors)
     )
 
 
@@ -21,7 +22,7 @@ def coder_of(design, tau):
     ("design", "tau"),
     [
         (paper(), TAU),
-        (paper(), forward.NO_TILT),
+        (paper(), forward_model.NO_TILT),
         (Design(l0=6.0, c=2.5), TAU),
         (Design(hall_layout="tmag5273a1"), TAU),
         (Design(hall_plate=0.5), TAU),
@@ -33,7 +34,7 @@ def test_stream_is_the_decoder(design, tau):
     t = np.linspace(0, 3, 60)
     path = np.stack([2.5 * np.cos(t), 2.5 * np.sin(1.3 * t), -1 - 0.8 * np.sin(2 * t)])
     path[:, 0] = [0, 0, 0]
-    field = forward.seen(coder.forward, path)[0].T
+    field = forward_model.seen(coder.forward, path)[0].T
     field[7], field[11], field[13] = 1.0, np.nan, 0.0
     expected = decode.decode(coder, field, follow=True)
     follower = stream.Stream(coder)

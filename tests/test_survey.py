@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import clearance, decode, forward, parts, survey
+from analytic import clearance, decode, parts, survey
+from analytic.inverse import forward_model
 from geometry.design import BadInput, Design, paper
 from studies import decodebench, decoding
 
@@ -24,7 +25,10 @@ def test_condition_sign_and_noise_are_those_of_differences(level, layout):
     step = 1e-5
     numeric = np.array(
         [
-            (forward.values_at(coder.forward, seen.shift + e) - forward.values_at(coder.forward, seen.shift - e))
+            (
+                forward_model.values_at(coder.forward, seen.shift + e)
+                - forward_model.values_at(coder.forward, seen.shift - e)
+            )
             / (2 * step)
             for e in step * np.eye(3)[:, :, None]
         ]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import forward, hall, lookup
+from analytic import hall, lookup
+from analytic.inverse import forward_model
 from geometry.design import BadInput, paper
 from studies import tables
 
@@ -140,12 +141,12 @@ def test_another_table_does_not_go_on_from_it(run, strict, tmp_path, monkeypatch
 
 def test_nearest_entry_by_blocks_is_that_of_all():
     rng = np.random.default_rng(2)
-    model = forward.model(paper())
+    model = forward_model.model(paper())
     grid = lookup.Grid(3.0, 3.0, 0.15)
     table = np.stack([lookup.slab(model, grid, i) for i in range(grid.shape[0])])
     index = lookup.blocks(table)
     shift = rng.uniform([-3, -3, -3], [3, 3, 0], (40, 3)).T.copy()
-    for field in [*forward.values_at(model, shift).T, np.array([1.0, -1.0, 0.5])]:
+    for field in [*forward_model.values_at(model, shift).T, np.array([1.0, -1.0, 0.5])]:
         place, looked = lookup.nearest(index, field)
         distance = ((table - field) ** 2).sum(axis=3)
         assert distance[place] == distance.min()

@@ -1,12 +1,12 @@
-"""How the table of `analytic.sheets` is made: cells of a grid over the workspace, put into bins of readings."""
+"""Construction of the table of `start_table`: cells of a grid over the workspace, put into bins of readings."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.forward import Forward, seen
-from analytic.sheets import BINS, MARGIN, STEEP, Sheets, monomials
+from analytic.inverse.forward_model import Forward, seen
+from analytic.inverse.start_table import BINS, MARGIN, STEEP, Sheets, monomials
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import decode, forward, mechanics, refine
+from analytic import decode
 from analytic.decode import Decoder
+from analytic.inverse import damped_newton, forward_model, response_surface
 from geometry.design import BadInput
 
 Array = NDArray[np.float64]
@@ -37,12 +38,12 @@ def poses(coder: Decoder, readings: Array) -> Array:
     shift : shape (n, 3), mm.
     """
     found = np.full((len(readings), 3), np.nan)
-    low, high = (WIDER * end for end in mechanics.workspace(coder.forward.design))
+    low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, GRID, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     # the magnet may run into an element out there, where its field is not defined
     with contextlib.suppress(BadInput):
-        seen = forward.values_at(coder.forward, grid)
+        seen = forward_model.values_at(coder.forward, grid)
         for start in range(0, len(readings), BLOCK):
             part = slice(start, start + BLOCK)
             found[part] = _nearest(coder, readings[part], grid, seen, low, high)
@@ -56,7 +57,7 @@ def _nearest(coder: Decoder, readings: Array, grid: Array, seen: Array, low: Arr
     starts = np.argpartition(apart, STARTS, axis=1)[:, :STARTS]
     owner = np.repeat(np.arange(len(readings)), STARTS)
     target = np.ascontiguousarray(readings[owner].T)
-    s, f, A, done = refine.refine(
+    s, f, A, done = damped_newton.refine(
         coder.forward, grid[:, starts.ravel()].copy(), target, np.ones(len(target)), low, high
     )
     far = np.maximum(np.maximum(coder.low[:, None] - s, s - coder.high[:, None]), 0.0).max(axis=0)
@@ -69,7 +70,7 @@ def end(coder: Decoder, pose: Array) -> End | None:
     """What keeps a pose (3,), mm, out of the workspace; None for a pose that is not known (NaN)."""
     if not np.isfinite(pose).all():
         return None
-    low, high = mechanics.workspace(coder.forward.design)
+    low, high = response_surface.workspace(coder.forward.design)
     if pose[2] < coder.low[2] and coder.low[2] > low[2] and not pose[2] < low[2]:
         return "depth"
     aside = np.abs(pose[:2]).max()

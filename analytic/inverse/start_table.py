@@ -142,7 +142,7 @@ def bent(table: Sheets, cell: Ints, u: Array) -> Array:
 
 
 def monomials(x: Any, y: Any, z: Any) -> list[Any]:
-    """Of degree 0 to 3, of numbers or arrays, in the order of `analytic.tabulate.NORMS`."""
+    """Of degree 0 to 3, of numbers or arrays, in the order of `analytic.inverse.start_table_cells.NORMS`."""
     xx, yy, zz = x * x, y * y, z * z
     squares = [xx, x * y, x * z, yy, y * z, zz]
     cubes = [xx * x, xx * y, xx * z, x * yy, squares[1] * z, x * zz, yy * y, yy * z, y * zz, zz * z]

@@ -1,7 +1,7 @@
 """The field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy.
 
-`analytic.pointwise` has the same formulas for one point, `analytic.kernel` those compiled;
-this is their reference.
+`analytic.field.cylinder_pointwise` has the same formulas for one point, `analytic.field.cylinder_compiled` those
+compiled; this is their reference.
 
 Three regimes, chosen point by point:
 

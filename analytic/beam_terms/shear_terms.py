@@ -33,7 +33,7 @@ import math
 from dataclasses import dataclass, replace
 
 from analytic import buckling
-from analytic.press import Press, Terms, floor, press
+from analytic.beam_terms.press_terms import Press, Terms, floor, press
 from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5

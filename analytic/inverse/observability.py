@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.forward import cross
-from analytic.refine import inverse_normal
+from analytic.inverse.damped_newton import inverse_normal
+from analytic.inverse.forward_model import cross
 
 Array = NDArray[np.float64]
 

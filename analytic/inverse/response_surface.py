@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.forward import polynomial
+from analytic.inverse.forward_model import polynomial
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 

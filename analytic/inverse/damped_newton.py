@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.forward import Forward, seen
-from analytic.sheets import STEEP
+from analytic.inverse.forward_model import Forward, seen
+from analytic.inverse.start_table import STEEP
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,8 @@ def refine(
     starts, target : shape (3, n), mm, and (k, n), T.
     weights : of the readings, shape (k,).
     low, high : of the box, shape (3,), mm.
-    curve : bound of |J^-1 d2B/ds2| / 2 at the starts, as `analytic.sheets.starts` gives it, shape (n,), 1/mm.
+    curve : bound of |J^-1 d2B/ds2| / 2 at the starts, as `analytic.inverse.start_table.starts` gives it, shape (n,),
+        1/mm.
 
     Returns
     -------

@@ -103,8 +103,8 @@ print(*[a == b for a, b in zip(first, call())])
 
 
 def test_without_numba_the_field_is_numpys(monkeypatch):
-    monkeypatch.setitem(sys.modules, "analytic.kernel", None)
-    monkeypatch.delattr("analytic.kernel", raising=False)
+    monkeypatch.setitem(sys.modules, "analytic.field.cylinder_compiled", None)
+    monkeypatch.delattr("analytic.field.cylinder_compiled", raising=False)
     magnet._loaded.cache_clear()
     assert magnet.compiled() is None
     assert magnet.cylinder_field(np.ones((magnet.MANY, 3)), 2, 2, 1.2).shape == (magnet.MANY, 3)

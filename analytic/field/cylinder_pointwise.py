@@ -1,6 +1,7 @@
-"""The formulas of `analytic.cylinder`, point by point, in plain Python.
+"""The formulas of `analytic.field.cylinder_numpy`, point by point, in plain Python.
 
-For a few points this is faster than NumPy. `analytic.kernel` has numba compile the same functions for many.
+For a few points this is faster than NumPy. `analytic.field.cylinder_compiled` has numba compile the same functions
+for many.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import math
 
 import numpy as np
 
-from analytic.cylinder import FAR, GAUSS, NEAR_HULL, ORDER, SETTLED, SPLIT, STEP, THIN
+from analytic.field.cylinder_numpy import FAR, GAUSS, NEAR_HULL, ORDER, SETTLED, SPLIT, STEP, THIN
 
 NODES, WEIGHTS = (tuple(row.tolist()) for row in np.polynomial.legendre.leggauss(GAUSS))
 
@@ -21,7 +22,7 @@ def fill(x, radius, half, J, moments, faces, B, jacobian):
     ----------
     x : shape (n, 3), mm.
     radius, half, J : the magnet's radius and half height, mm, and its polarisation, T.
-    moments, faces : `cylinder_moments(half / radius)` and `face_moments()` of `analytic.cylinder`.
+    moments, faces : `cylinder_moments(half / radius)` and `face_moments()` of `analytic.field.cylinder_numpy`.
     B, jacobian : shape (n, 3), T; shape (n, 3, 3), T/mm, or (0, 3, 3).
     """
     slope = len(jacobian) > 0
@@ -177,7 +178,7 @@ def _multipoles(r, z, moments, slope):
 
 
 def _gap(x, y, rho, radius):
-    """1 - rho/radius beside the hull, as in `analytic.cylinder`."""
+    """1 - rho/radius beside the hull, as in `analytic.field.cylinder_numpy`."""
     a2, a2_low = _square(radius)
     x2, x2_low = _square(x)
     y2, y2_low = _square(y)

@@ -1,0 +1,1 @@
+"""The terms of which the levels of `analytic.beam` are made."""
