@@ -10,9 +10,11 @@ from typing import Any
 from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
-from studies import compare, describe, files, report, workshop
-from studies.compare import Comparison, Outcome, Progress, Row, part
-from studies.provenance import made, versions
+from studies.fabrication import sensor_parts
+from studies.output import atomic_files
+from studies.output.provenance import made, versions
+from studies.simulation import compare, comparison_findings, design_summary
+from studies.simulation.compare import Comparison, Outcome, Progress, Row, part
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
 """What draws and makes solids, beside what finite elements need."""
@@ -71,15 +73,15 @@ def run(
     "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
     """
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
-    cad = workshop.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
-    mesh = describe.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
+    cad = sensor_parts.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
+    mesh = design_summary.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
     found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
     show(0.93, "tables and plots")
     compare.write(folder, design, found)
     for name, states in (("press", found.pressed), ("shear", found.sheared)):
         show(0.95, f"picture: {name}")
         _write_last(folder, name, design, states)
-    files.write_text(folder / "REPORT.md", document(design, found, cad, mesh, origin))
+    atomic_files.write_text(folder / "REPORT.md", document(design, found, cad, mesh, origin))
     show(1.0, "done")
     done = [cad, mesh, *found.press, *found.shear]
     worst = next((record for record in done if record["status"] != "ok"), {"status": "ok", "message": ""})
@@ -103,11 +105,11 @@ def _part(show: Progress, low: float, high: float, name: str) -> Progress:
 
 def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcome]) -> None:
     """The last state that was reached, as .vtu and as a picture."""
-    from studies.pictures import section_picture
+    from studies.output.solution_pictures import section_picture
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]
     if reached:
-        files.write_field(folder / f"{name}.vtu", reached[-1])
+        atomic_files.write_field(folder / f"{name}.vtu", reached[-1])
         section_picture(folder / f"{name}_section.png", design, reached[-1])
 
 
@@ -123,15 +125,15 @@ def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Ma
         "# The paper's sensor: formulas against finite elements",
         INTRODUCTION.format(**dataclasses.asdict(design)),
         "## Press",
-        _bullets(report.press_sentences(summary)),
+        _bullets(comparison_findings.press_sentences(summary)),
         _table(press[1::2] if len(press) > 6 else press, _PRESS_COLUMNS),
         "![Force, error, shift and reading against depth](press.png)",
         "## Shear",
-        _bullets(report.shear_sentences(summary)),
+        _bullets(comparison_findings.shear_sentences(summary)),
         _table(shear, _SHEAR_COLUMNS),
         "![Force, error, shift, tilt and readings against shear](shear.png)",
         "## How far to trust the finite elements",
-        _bullets(report.trust_sentences(summary)),
+        _bullets(comparison_findings.trust_sentences(summary)),
         "| pressed | sheared |\n|---|---|\n| ![pressed](press_section.png) | ![sheared](shear_section.png) |",
         "## What is assumed",
         "The paper does not give these values; change them with `--set NAME=VALUE`.",
@@ -197,9 +199,9 @@ def _number(value: float, form: str) -> str:
 def _assumed(design: Design) -> str:
     lines = ["| value | assumed | meaning |", "|---|---:|---|"]
     for spec in dataclasses.fields(design):
-        if describe.origin(spec.name, design) == "assumed" and spec.name not in design.idle():
+        if design_summary.origin(spec.name, design) == "assumed" and spec.name not in design.idle():
             unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
-            value = describe.shown(getattr(design, spec.name))
+            value = design_summary.shown(getattr(design, spec.name))
             lines.append(f"| {spec.name} | {value}{unit} | {spec.metadata['text']} |")
     return "\n".join(lines)
 

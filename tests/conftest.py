@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from studies import cli
+from studies.cli import entry_point
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -22,7 +22,7 @@ def run(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def command(*tokens):
-        status = cli.main([str(token) for token in tokens])
+        status = entry_point.main([str(token) for token in tokens])
         return (status, *capsys.readouterr())
 
     return command

@@ -10,7 +10,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
 from geometry.design import paper
 from geometry.loads import Load, Response
-from studies import trials
+from studies.validation import error_study_cases
 
 
 def test_the_error_estimate_never_vanishes():
@@ -129,7 +129,7 @@ def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
     number, magnet, depth, found, coarse, true
 ):
     """Force, shift and contact radius of meshes at level quick, and what a fine section gives."""
-    design, load = trials.designs()[number], Load(depth=depth)
+    design, load = error_study_cases.designs()[number], Load(depth=depth)
     one, other = (Response((0.0, 0.0, f), (0.0, 0.0, w), 0.0, a) for f, w, a in (found, coarse))
     force, shift, *_ = accuracy.estimates(one, other, load, [load], QUICK, "half", magnet, design)
     assert force > abs(found[0] / true[0] - 1)

@@ -6,7 +6,8 @@ import pytest
 
 from analytic import buckling
 from geometry.design import Design, paper
-from studies import cli, slenderness
+from studies.cli import entry_point
+from studies.simulation import critical_depth_map
 
 
 @pytest.mark.parametrize("end", [buckling.FREE, buckling.GUIDED])
@@ -45,7 +46,7 @@ def row(ratio, found, guided=None):
 
 
 def test_report_says_where_a_formula_holds(tmp_path):
-    slenderness.write(tmp_path, paper(), [row(0.6, None), row(1, 2.0), row(3, 1.05, 1.9)], "here", "a command")
+    critical_depth_map.write(tmp_path, paper(), [row(0.6, None), row(1, 2.0), row(3, 1.05, 1.9)], "here", "a command")
     text = (tmp_path / "STABILITY.md").read_text()
     assert "- Haringx's load of a free tip is within 10% at L/D = 3." in text
     assert "| 2 ± 0.02 |" in text
@@ -54,7 +55,7 @@ def test_report_says_where_a_formula_holds(tmp_path):
 
 
 def test_a_length_that_cannot_be_is_a_row(capsys):
-    status = cli.main(["stability", "paper", "--slenderness", "0.51", "--json"])
+    status = entry_point.main(["stability", "paper", "--slenderness", "0.51", "--json"])
     record = json.loads(capsys.readouterr().out)
     assert (status, record["status"], record["critical_depth_mm"]) == (3, "refused", None)
     assert "L" in record["message"]
@@ -69,7 +70,7 @@ def test_a_length_that_cannot_be_is_a_row(capsys):
     ],
 )
 def test_bad_requests_are_a_sentence(given, said, capsys):
-    assert cli.main(["stability", "paper", *given]) == 2
+    assert entry_point.main(["stability", "paper", *given]) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
     assert said in shown.err

@@ -10,7 +10,7 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies import compare, report
+from studies.simulation import compare, comparison_findings
 
 DEPTHS = (0.5, 1.0)
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -102,7 +102,7 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
     assert [math.isnan(row["analytic_force_N"]) for row in rows] == [True, False, False, False]
     assert "7.5 mm" in rows[0]["message"]
     assert "stopped at depth 0.9 mm" in rows[3]["message"]
-    assert report.findings(paper(), rows, [])["missing_states"] == 3
+    assert comparison_findings.findings(paper(), rows, [])["missing_states"] == 3
 
 
 def test_a_mesh_that_fails_is_a_status(monkeypatch):
@@ -123,7 +123,7 @@ def test_a_beam_without_a_magnet_has_forces_but_no_readings(tmp_path):
     (row,) = result["press"]
     assert row["fem_force_N"] == row["fem_homogeneous_force_N"]
     assert math.isnan(row["fem_S1_mT"])
-    text = " ".join(report.press_sentences(result["summary"]))
+    text = " ".join(comparison_findings.press_sentences(result["summary"]))
     assert "Readings" not in text
     assert "Voltage" not in text
     assert "nan" not in text
@@ -141,32 +141,32 @@ def press_row(depth, rigid, homogeneous, volt=0.0):
 
 def test_sentences_about_the_press_follow_the_figures():
     rows = [press_row(0.5, -60.0, -30.0), press_row(1.0, -40.0, -8.0), press_row(1.5, -30.0, 4.0)]
-    found = report.findings(paper(), rows, [])
-    bare, rigid, *_ = report.press_sentences(found)
+    found = comparison_findings.findings(paper(), rows, [])
+    bare, rigid, *_ = comparison_findings.press_sentences(found)
     assert "within 5 % of the finite elements at 1.5 mm, and within 10 % at 1 to 1.5 mm" in bare
     assert "worst error is -30 %, at 0.5 mm" in bare
     assert "never within 10 %" in rigid
     assert found["press_error_estimate_percent"] == pytest.approx(1.0)
     good = [press_row(depth, 1.0, 7.0) for depth in (0.5, 1.0)]
-    bare, rigid, *_ = report.press_sentences(report.findings(paper(), good, []))
+    bare, rigid, *_ = comparison_findings.press_sentences(comparison_findings.findings(paper(), good, []))
     assert "within 5 % of the finite elements at none of the depths, and within 10 % at all depths (0.5 to 1" in bare
     assert "within 5 % of the finite elements at all depths (0.5 to 1 mm)" in rigid
 
 
 def test_the_papers_claim_about_the_voltage_is_judged():
     agreeing = [press_row(depth, 0.0, 0.0) for depth in (1.0, 2.0, 3.0)]
-    found = report.findings(paper(), agreeing, [])
+    found = comparison_findings.findings(paper(), agreeing, [])
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(0.0, abs=1e-9)
-    assert "agrees with the paper" in " ".join(report.press_sentences(found))
+    assert "agrees with the paper" in " ".join(comparison_findings.press_sentences(found))
     wrong = [press_row(depth, 0.0, 0.0, volt=0.1) for depth in (1.0, 2.0, 3.0)]
-    found = report.findings(paper(), wrong, [])
+    found = comparison_findings.findings(paper(), wrong, [])
     rest, last = hall.readings(paper()).V[0], wrong[-1]["fem_S1_V"]
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(100 * 0.1 / (last - rest))
-    assert "do not confirm" in " ".join(report.press_sentences(found))
+    assert "do not confirm" in " ".join(comparison_findings.press_sentences(found))
 
 
 def test_the_secant_law_is_told_with_its_work_integral():
-    found = report.findings(paper(), [press_row(3.0, 0.0, 0.0)], [])
+    found = comparison_findings.findings(paper(), [press_row(3.0, 0.0, 0.0)], [])
     assert found["secant_force_N"] == pytest.approx(5 * math.pi)
     assert found["tangent_force_N"] == pytest.approx(3 * math.pi)
     assert found["area_over_hertz"] == pytest.approx(1.25)
@@ -187,18 +187,20 @@ def shear_row(way, stiffness, untilted, analytic):
 
 
 def test_sentences_about_the_shear_follow_the_figures():
-    blameless = report.findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
-    text = " ".join(report.shear_sentences(blameless))
+    blameless = comparison_findings.findings(paper(), [], [shear_row(1.0, 0.6, 5.0, 40.0)])
+    text = " ".join(comparison_findings.shear_sentences(blameless))
     assert "0.827 N/mm" in text
     assert "0.600 N/mm" in text
     assert "tilts by 5.7°" in text
     assert "alone does not explain" in text
-    guilty = report.findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
-    assert "explains most of" in " ".join(report.shear_sentences(guilty))
-    assert "2.0 %" in " ".join(report.trust_sentences(guilty))
-    nothing = report.findings(paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan) | {"status": "unstable"}])
-    assert "reached no state" in " ".join(report.shear_sentences(nothing))
-    assert "1 state was not reached" in " ".join(report.trust_sentences(nothing))
+    guilty = comparison_findings.findings(paper(), [], [shear_row(1.0, 0.6, 35.0, 40.0)])
+    assert "explains most of" in " ".join(comparison_findings.shear_sentences(guilty))
+    assert "2.0 %" in " ".join(comparison_findings.trust_sentences(guilty))
+    nothing = comparison_findings.findings(
+        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan) | {"status": "unstable"}]
+    )
+    assert "reached no state" in " ".join(comparison_findings.shear_sentences(nothing))
+    assert "1 state was not reached" in " ".join(comparison_findings.trust_sentences(nothing))
 
 
 def test_default_states_suit_the_design(monkeypatch):
@@ -237,7 +239,7 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     assert press[1]["fem_chip_-z_output_mT"] != press[1]["fem_chip_-z_mT"]
     assert shear[1]["analytic_chip_x_error_percent_FS"] == pytest.approx(0, abs=1e-9)
     assert not any(name.endswith("_V") or "S1" in name for row in (*press, *shear) for name in row)
-    found = report.findings(design, press, shear)
+    found = comparison_findings.findings(design, press, shear)
     assert found["chip_-z_output_mT_against_force_error_percent_FS"] == pytest.approx(0, abs=1e-9)
     text = " ".join(found["sentences"])
     assert "Output of chip -z" in text

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from studies import console, grids, states, textable
+from studies.exploration import sweep_axes
+from studies.output import console, text_tables
+from studies.simulation import load_cases
 
 RESULTS = Path(__file__).parents[1] / "results"
 TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"))
@@ -49,21 +51,21 @@ def test_no_line_is_longer_than_the_terminal(name, columns, capsys, monkeypatch)
 @pytest.mark.parametrize("name", TABLES)
 def test_no_value_is_cut(name, room):
     rows = rows_of(name)
-    columns = [textable.column(key, [row[key] for row in rows]) for key in rows[0]]
-    places = textable.fitting([column.least for column in columns], 0, range(len(columns)), room)
+    columns = [text_tables.column(key, [row[key] for row in rows]) for key in rows[0]]
+    places = text_tables.fitting([column.least for column in columns], 0, range(len(columns)), room)
     chosen = [columns[k] for k in places]
-    widths = textable.spread(chosen, room)
+    widths = text_tables.spread(chosen, room)
     assert room is None or sum(widths) + 2 * (len(widths) - 1) <= room
     for k, row in enumerate(zip(*(column.cells for column in chosen), strict=True)):
-        lines = textable.row(row, widths)
+        lines = text_tables.row(row, widths)
         start = 0
         for column, width in zip(chosen, widths, strict=True):
             pieces = " ".join(line[start : start + width].strip() for line in lines).split()
             assert pieces == column.cells[k].split(), column.head
             start += width + 2
-    upright = textable.upright(rows[0], room, 4)
-    shown = [f"{textable.shown(key, value, 4)} {textable.heading(key)[1]}" for key, value in rows[0].items()]
-    names = [textable.heading(key)[0] for key in rows[0]]
+    upright = text_tables.upright(rows[0], room, 4)
+    shown = [f"{text_tables.shown(key, value, 4)} {text_tables.heading(key)[1]}" for key, value in rows[0].items()]
+    names = [text_tables.heading(key)[0] for key in rows[0]]
     whole = "".join("".join(pair) for pair in zip(names, shown, strict=True))
     assert "".join("".join(upright).split()) == "".join(whole.split())
 
@@ -77,7 +79,7 @@ def test_wide_has_all_columns(name, capsys, monkeypatch):
     assert "Left out" not in out
     head = out.split("─")[0].split()
     filled = [key for key in rows[0] if any(row[key] != "" for row in rows)]
-    assert sorted(head) == sorted(word for key in filled for word in textable.titled(key).split())
+    assert sorted(head) == sorted(word for key in filled for word in text_tables.titled(key).split())
 
 
 def test_what_is_left_out_is_named(capsys, monkeypatch):
@@ -121,7 +123,7 @@ def test_rows_one_by_one_keep_to_the_terminal(columns, capsys, monkeypatch):
     longer = STATE | {"force_N": [-0.00012345678, -1.5e-9, 12345.678], "status": "not_converged", "stop": "x"}
     keys = [key for key in STATE if key not in ("message", "model", "dofs")]
     records = console.stream(
-        iter([STATE, STATE, longer]), as_json=False, title="States", keys=keys, count=3, first=states.FIRST
+        iter([STATE, STATE, longer]), as_json=False, title="States", keys=keys, count=3, first=load_cases.FIRST
     )
     out = capsys.readouterr().out
     assert records == [STATE, STATE, longer]
@@ -146,11 +148,11 @@ def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     answers = {"fem_force_N": 1.0, "analytic_force_N": 2.0, "fem_shift_z_mm": 3.0, "force_error_percent": 4.0}
     for row in rows:
         row |= answers | {"fem_contact_radius_mm": 5.0, "status": "ok", "message": ""}
-    grids.show(rows, "Sweep", wide=False)
+    sweep_axes.show(rows, "Sweep", wide=False)
     head = capsys.readouterr().out.split("─")[0]
     assert "(MPa)" in head
     assert "contact" not in head
-    grids.show(rows, "Sweep", wide=True)
+    sweep_axes.show(rows, "Sweep", wide=True)
     assert "contact" in capsys.readouterr().out.split("─")[0]
 
 

@@ -14,7 +14,7 @@ from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load, Response
-from studies import states
+from studies.simulation import load_cases
 
 RESPONSE = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.1), 0.0, 1.0)
 X = np.array([1.0, 0.0])
@@ -44,7 +44,7 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     assert (state.facts.onset, state.facts.onset_mm, state.facts.unstable_directions) == ("depth", (0.2, 0.3), 2)
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
-    record = states.solution_record(state)
+    record = load_cases.solution_record(state)
     assert [record[f"onset_depth_{end}_mm"] for end in ("from", "to")] == [0.2, 0.3]
     assert record["onset_shear_from_mm"] is None
 
@@ -97,7 +97,7 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
     state = solve(paper(), Load(depth=depth))
     assert state.facts.remark == remark
     assert (state.facts.sideways_stiffness_ratio > 0) is (depth < 2.87)
-    record = states.solution_record(state)
+    record = load_cases.solution_record(state)
     assert record["critical_depth_mm_estimate"] == state.facts.critical_depth
     if remark is None:
         assert state.facts.sideways_stiffness_ratio > 0.4

@@ -9,19 +9,20 @@ import pytest
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
 from geometry.design import paper
-from studies import accuracy, calibration, cli, trials
-from studies.accuracy import QUANTITIES, Task
-from studies.options import FAILED
+from studies.cli import entry_point
+from studies.cli.parameters import FAILED
+from studies.validation import error_statistics, error_study, error_study_cases
+from studies.validation.error_study import QUANTITIES, Task
 
 
 @pytest.fixture(scope="module")
 def press():
-    return Task(trials.trial(0, "rigid", "press", "auto"), QUICK)
+    return Task(error_study_cases.trial(0, "rigid", "press", "auto"), QUICK)
 
 
 @pytest.fixture(scope="module")
 def known(press):
-    return {accuracy.key(*solve): accuracy.follow(*solve) for solve in press.solves.values()}
+    return {error_study.key(*solve): error_study.follow(*solve) for solve in press.solves.values()}
 
 
 def row(true, estimate, **changes):
@@ -34,10 +35,10 @@ def row(true, estimate, **changes):
 
 
 def test_there_are_twelve_designs_and_half_of_them_are_odd():
-    designs = trials.designs()
+    designs = error_study_cases.designs()
     assert len(set(designs)) == 12
     assert designs[0] == paper()
-    assert sum(trials.trial(n, "rigid", "press", "auto").odd for n in range(12)) == 6
+    assert sum(error_study_cases.trial(n, "rigid", "press", "auto").odd for n in range(12)) == 6
     assert min(d.nu for d in designs) < 0.47
     assert max(d.nu for d in designs) > 0.4999
 
@@ -45,29 +46,29 @@ def test_there_are_twelve_designs_and_half_of_them_are_odd():
 @pytest.mark.parametrize("scene", ["press", "stick", "friction", "grip"])
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_loads_leave_room_for_the_magnet(scene, magnet):
-    for n, design in enumerate(trials.designs()):
+    for n, design in enumerate(error_study_cases.designs()):
         above = design.R - design.magnet_height / 2 if magnet == "rigid" else design.L
-        loads = trials.trial(n, magnet, scene, "auto").loads
+        loads = error_study_cases.trial(n, magnet, scene, "auto").loads
         assert all(load.depth <= 0.3001 * above for load in loads)
 
 
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
 def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
-    for n, design in enumerate(trials.designs()):
-        press, deep = (trials.trial(n, magnet, scene, "auto").loads for scene in ("press", "deep"))
+    for n, design in enumerate(error_study_cases.designs()):
+        press, deep = (error_study_cases.trial(n, magnet, scene, "auto").loads for scene in ("press", "deep"))
         assert deep[0].depth > press[-1].depth
         assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
 
 
 def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
     for scene, same in (("friction", False), ("stick", True)):
-        trial = trials.trial(0, "rigid", scene, "auto")
-        keys = {accuracy.key(trial, replace(QUICK, rub=rub)) for rub in (1.0, 0.5)}
+        trial = error_study_cases.trial(0, "rigid", scene, "auto")
+        keys = {error_study.key(trial, replace(QUICK, rub=rub)) for rub in (1.0, 0.5)}
         assert (len(keys) == 1) is same
 
 
 def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
-    rows = accuracy.rows_of(press, known)
+    rows = error_study.rows_of(press, known)
     solutions = equilibrium.trace(press.trial.design, press.trial.loads, QUICK)
     for found, solution in zip(rows, solutions, strict=True):
         assert found["status"] == "ok"
@@ -77,13 +78,13 @@ def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
 
 
 def test_quick_presses_of_the_paper_keep_their_promise(press, known):
-    for found in accuracy.rows_of(press, known):
+    for found in error_study.rows_of(press, known):
         assert found["force_error"] <= min(found["force_estimate"], 0.03)
         assert found["shift_error"] <= min(found["shift_estimate"], 0.03)
 
 
 def test_the_true_error_is_that_to_the_reference(press, known):
-    found = accuracy.rows_of(press, known)[-1]
+    found = error_study.rows_of(press, known)[-1]
     assert found["force_error"] == pytest.approx(abs(found["force_z_N"] / found["reference_force_z_N"] - 1), rel=1e-6)
     assert found["reference_dofs"] > 10 * found["dofs"]
     assert math.isnan(found["tilt_error"])
@@ -91,26 +92,26 @@ def test_the_true_error_is_that_to_the_reference(press, known):
 
 def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
     lost = {"status": "not_converged", "message": "stopped at depth 0.3 mm"}
-    name = accuracy.key(*press.solves["companion_"])
-    rows = accuracy.rows_of(press, known | {name: [known[name][0], known[name][1] | lost]})
+    name = error_study.key(*press.solves["companion_"])
+    rows = error_study.rows_of(press, known | {name: [known[name][0], known[name][1] | lost]})
     assert [found["status"] for found in rows] == ["ok", "not_converged", "not_converged"]
-    assert {found["states"] for found in calibration.summary(rows)} == {1}
+    assert {found["states"] for found in error_statistics.summary(rows)} == {1}
     assert rows[1]["message"] == "companion: stopped at depth 0.3 mm"
 
 
 def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_path):
-    monkeypatch.setattr(accuracy, "tasks", lambda quick: [press])
-    monkeypatch.setattr(accuracy, "follow", lambda trial, level: known[accuracy.key(trial, level)])
-    rows = accuracy.run(folder=tmp_path)
+    monkeypatch.setattr(error_study, "tasks", lambda quick: [press])
+    monkeypatch.setattr(error_study, "follow", lambda trial, level: known[error_study.key(trial, level)])
+    rows = error_study.run(folder=tmp_path)
     store = tmp_path / "solves.jsonl"
     lines = store.read_text("utf-8").splitlines()
     other = json.dumps(json.loads(lines[1]) | {"code": "older"})
     store.write_text("\n".join([lines[0], other, lines[2][:40]]) + "\n", "utf-8")
     again = []
     monkeypatch.setattr(
-        accuracy, "follow", lambda trial, level: again.append(level.name) or known[accuracy.key(trial, level)]
+        error_study, "follow", lambda trial, level: again.append(level.name) or known[error_study.key(trial, level)]
     )
-    assert accuracy.run(folder=tmp_path) == rows
+    assert error_study.run(folder=tmp_path) == rows
     assert again == ["quick", "reference"]
 
 
@@ -119,11 +120,11 @@ def test_a_crash_is_a_finding(press, monkeypatch):
         raise RuntimeError("the section's outline could not be meshed")
 
     monkeypatch.setattr(equilibrium, "walk", fail)
-    assert accuracy.follow(press.trial, QUICK)[0]["status"] == "crashed"
+    assert error_study.follow(press.trial, QUICK)[0]["status"] == "crashed"
 
 
 def test_the_full_study_covers_all_levels_scenes_and_models():
-    made = accuracy.tasks()
+    made = error_study.tasks()
     assert {task.level.name for task in made} == {*LEVELS, "reference"}
     for scene in ("press", "stick", "grip"):
         assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
@@ -132,37 +133,37 @@ def test_the_full_study_covers_all_levels_scenes_and_models():
     assert {(t.trial.scene, t.repeat) for t in made if t.trial.model == "half"} == {
         (scene, i) for scene in ("press", "stick") for i in range(3)
     }
-    solves = {accuracy.key(*t.solves[""]) for t in made if t.trial.model == "half"}
+    solves = {error_study.key(*t.solves[""]) for t in made if t.trial.model == "half"}
     assert len(solves) == sum(t.trial.model == "half" for t in made)
 
 
 def test_the_reference_is_held_against_a_finer_one():
-    checked = [task for task in accuracy.tasks() if task.level.name == "reference"]
+    checked = [task for task in error_study.tasks() if task.level.name == "reference"]
     assert {task.trial.scene for task in checked} == {"press", "stick"}
     for task in checked:
         (_, used), (_, finer) = task.solves[""], task.solves["reference_"]
         assert finer.section_size < used.section_size
         assert finer.section_patch <= used.section_patch
     found = row(0.0, 0.0, level="reference")
-    assert calibration.summary([found]) == []
-    assert calibration.references([found])[0]["force_percent"] == 0
+    assert error_statistics.summary([found]) == []
+    assert error_statistics.references([found])[0]["force_percent"] == 0
 
 
 def test_shares_and_verdicts():
     safe = [row(0.010, 0.015) for _ in range(19)]
-    assert calibration.verdicts([*safe, row(0.02, 0.015)]) == []
-    unsafe = calibration.verdicts([*safe, row(0.02, 0.015), row(0.02, 0.015)])
+    assert error_statistics.verdicts([*safe, row(0.02, 0.015)]) == []
+    unsafe = error_statistics.verdicts([*safe, row(0.02, 0.015), row(0.02, 0.015)])
     assert len(unsafe) == len(QUANTITIES)
     assert "90% of the true errors" in unsafe[0]
-    blunt = calibration.verdicts([row(0.001, 0.0031) for _ in range(20)])
+    blunt = error_statistics.verdicts([row(0.001, 0.0031) for _ in range(20)])
     assert all("0% of the estimates" in said for said in blunt)
-    assert "goal 3 %" in calibration.verdicts([row(0.031, 0.04)])[0]
+    assert "goal 3 %" in error_statistics.verdicts([row(0.031, 0.04)])[0]
 
 
 def test_mesh_noise_is_the_spread_over_meshes():
     numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "shift_z_mm": -1.0, "tilt_rad": 0.0}
     rows = [row(0.01, 0.02, model="half", scene="pressed", force_z_N=f, **numbers) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = calibration.noise(rows)
+    (force, shift) = error_statistics.noise(rows)
     assert force["mean_percent"] == pytest.approx(1.0)
     assert shift["mean_percent"] == 0.0
 
@@ -175,7 +176,7 @@ def test_depths_of_a_press_are_no_noise():
         for d in (1.0, 2.0)
         for _ in "ab"
     ]
-    found = calibration.noise(rows)
+    found = error_statistics.noise(rows)
     assert [(one["quantity"], one["states"], one["max_percent"]) for one in found] == [
         ("force", 2, 0.0),
         ("shift", 2, 0.0),
@@ -184,9 +185,9 @@ def test_depths_of_a_press_are_no_noise():
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
-        accuracy, "run", lambda **options: [row(0.031, 0.04), row(0, 0, status="unstable", message="!")]
+        error_study, "run", lambda **options: [row(0.031, 0.04), row(0, 0, status="unstable", message="!")]
     )
-    assert cli.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
+    assert entry_point.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "promises are not kept" in said.err
     assert all(json.loads(line)["quantity"] for line in said.out.splitlines())

@@ -87,7 +87,7 @@ def test_module_names_are_unique():
 
 
 def test_command_imports_nothing_slow():
-    code = "import sys, studies.application; print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    code = "import sys, studies.cli.commands; print(*sorted({m.split('.')[0] for m in sys.modules}))"
     loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert not set(loaded.stdout.split()) & (HEAVY | {"numpy", "scipy", "skfem"})
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from studies import provenance
+from studies.output import provenance
 
 NAME = ("-c", "user.name=a", "-c", "user.email=a@b.invalid")
 PROJECT = '[project]\nname = "{}"\n'
@@ -20,14 +20,16 @@ def git(folder, *words):
 def copied(folder):
     """A copy of the module in a package below a folder."""
     package = folder / "studies"
-    package.mkdir(parents=True)
-    (package / "__init__.py").touch()
-    shutil.copy(provenance.__file__, package)
+    inner = package / "output"
+    inner.mkdir(parents=True)
+    for level in (package, inner):
+        (level / "__init__.py").touch()
+    shutil.copy(provenance.__file__, inner)
     return package
 
 
 def commit_of(package):
-    code = "from studies.provenance import commit; print(commit())"
+    code = "from studies.output.provenance import commit; print(commit())"
     ended = subprocess.run(
         [sys.executable, "-c", code],
         cwd=package.parent,

@@ -12,7 +12,8 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
-from studies import grids, kept, sweep
+from studies.exploration import sweep, sweep_axes
+from studies.output import result_store
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -61,7 +62,7 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
     del traced[:]
     case = sweep.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
     small = sweep.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
-    solved = list(sweep._solve([small, case], "rigid", QUICK, None, kept.opened(None, "")))
+    solved = list(sweep._solve([small, case], "rigid", QUICK, None, result_store.opened(None, "")))
     assert len(traced) == 1
     for got, want in ((solved[1].response, own[1].response),):
         assert got.force == pytest.approx(want.force, rel=1e-9)
@@ -269,14 +270,16 @@ def cases(axes, **figures):
 def test_an_axis_that_changes_nothing_is_named():
     axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
     rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
-    assert grids.in_vain(rows, axes, whole=True) == [("f", "the figures are the same for all its values")]
+    assert sweep_axes.in_vain(rows, axes, whole=True) == [("f", "the figures are the same for all its values")]
     rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
-    assert grids.in_vain(rows, axes, whole=True) == []
-    assert grids.in_vain(rows, axes, whole=False) == [("f", "it changes only what --wide, --json and --out show")]
+    assert sweep_axes.in_vain(rows, axes, whole=True) == []
+    assert sweep_axes.in_vain(rows, axes, whole=False) == [
+        ("f", "it changes only what --wide, --json and --out show")
+    ]
     # a single case tells nothing, nor do cases that failed
-    assert grids.in_vain(rows[:1], axes, whole=True) == grids.in_vain([], axes, whole=True) == []
+    assert sweep_axes.in_vain(rows[:1], axes, whole=True) == sweep_axes.in_vain([], axes, whole=True) == []
     failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
-    assert grids.in_vain(failed, axes, whole=True) == []
+    assert sweep_axes.in_vain(failed, axes, whole=True) == []
 
 
 def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):

@@ -13,7 +13,7 @@ from geometry.fabrication.hall_bodies import bodies
 from geometry.fabrication.mold_solids import parts
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, sheet
 from geometry.mold import Mold, sizes
-from studies import blueprint
+from studies.fabrication import part_drawings
 
 NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
 
@@ -91,8 +91,8 @@ def sheets(design, mold):
         sensor["magnet"] = cad.magnet(design)
     A, B = parts(design, mold)
     return {
-        **{name.capitalize(): text for name, text in blueprint.sheets(design, p, sensor, shown).items()},
-        "Mould": blueprint.mold_sheet(design, mold, sizes(design, mold), A, [B]),
+        **{name.capitalize(): text for name, text in part_drawings.sheets(design, p, sensor, shown).items()},
+        "Mould": part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B]),
     }
 
 

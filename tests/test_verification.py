@@ -8,8 +8,16 @@ import pytest
 
 from fem import material
 from fem.contact.plate_contact import SECTION_KAPPA
-from studies import beams, cli, manufactured, options, problems, targets, touch, verify
-from studies.problems import NotSolvedError
+from studies.cli import entry_point, parameters
+from studies.validation import (
+    beam_problems,
+    contact_problems,
+    manufactured_solutions,
+    solid_problems,
+    verify,
+    verify_targets,
+)
+from studies.validation.solid_problems import NotSolvedError
 
 QUICK = {target.name: target for target in verify.targets(quick=True)}
 BONDED = "clamped cylinder, bonded base, nu = 0.4998"
@@ -28,9 +36,10 @@ def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_b
     """The one target that is missed for a reason in the theory: a row in D/L, which a free base does not have."""
     missed = verify.judge(QUICK[BONDED])
     assert not any(row["passed"] for row in missed)
-    assert all(row["note"] == targets.BONDED for row in missed)
+    assert all(row["note"] == verify_targets.BONDED for row in missed)
     bonded, free = (
-        [beams.tip_stiffness(ratio, 0.4998, rows=3, bonded=way) - 1 for ratio in (6, 12)] for way in (True, False)
+        [beam_problems.tip_stiffness(ratio, 0.4998, rows=3, bonded=way) - 1 for ratio in (6, 12)]
+        for way in (True, False)
     )
     assert 1.9 < bonded[0] / bonded[1] < 2.1
     assert free[0] < bonded[0] / 10
@@ -38,7 +47,11 @@ def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_b
 
 
 def test_frequencies_of_a_slender_beam_are_euler_s():
-    slender = np.array(beams.frequencies(200.0, 0.3, 3)) * 200**2 / math.sqrt(beams.INERTIA / beams.AREA)
+    slender = (
+        np.array(beam_problems.frequencies(200.0, 0.3, 3))
+        * 200**2
+        / math.sqrt(beam_problems.INERTIA / beam_problems.AREA)
+    )
     np.testing.assert_allclose(slender, [3.516015, 22.03449, 61.69721], rtol=1e-3)
 
 
@@ -50,25 +63,27 @@ def test_the_full_run_has_the_same_targets_and_some_more_on_finer_meshes():
 
 
 def test_diagonals_of_the_bricks_enclose_the_limit_of_reese_s_block():
-    one, other = (problems.reese_block(4, (20, 80), mirrored=way) for way in (False, True))
+    one, other = (solid_problems.reese_block(4, (20, 80), mirrored=way) for way in (False, True))
     assert one[1] < 69.36 < 70 < other[1]
     assert other[0] == pytest.approx(one[0], rel=0.01)
 
 
 @pytest.mark.parametrize("changed", [{"order": 4}, {"own_energy": True}], ids=["order", "energy"])
 def test_reese_s_block_depends_little_on_quadrature_and_energy(changed):
-    assert problems.reese_block(4, (20, 80), **changed) == pytest.approx(problems.reese_block(4, (20, 80)), rel=5e-3)
+    assert solid_problems.reese_block(4, (20, 80), **changed) == pytest.approx(
+        solid_problems.reese_block(4, (20, 80)), rel=5e-3
+    )
 
 
 def test_reese_s_energy_has_its_stress_and_tangent():
     G = 0.2 * RNG.standard_normal((3, 3))
-    W, P, A = problems._coupled(material.kinematics(material.strain(G)), 2.0)
+    W, P, A = solid_problems._coupled(material.kinematics(material.strain(G)), 2.0)
     step = 1e-6
     for i in range(9):
         d = np.zeros(9)
         d[i] = step
         moved = (material.strain(G + way * d.reshape(3, 3)) for way in (1, -1))
-        up, down = (problems._coupled(material.kinematics(one), 2.0) for one in moved)
+        up, down = (solid_problems._coupled(material.kinematics(one), 2.0) for one in moved)
         assert (up[0] - down[0]) / (2 * step) == pytest.approx(P.ravel()[i], abs=1e-8)
         np.testing.assert_allclose((up[1] - down[1]).ravel() / (2 * step), A[:, i], atol=1e-7)
     assert W > 0
@@ -76,21 +91,23 @@ def test_reese_s_energy_has_its_stress_and_tangent():
 
 @pytest.mark.parametrize("harmonics", [1, 2, 3])
 def test_a_turned_section_has_no_energy_and_no_forces(harmonics):
-    energy, force = problems.turned_cylinder(1.0, 2.0, harmonics)
+    energy, force = solid_problems.turned_cylinder(1.0, 2.0, harmonics)
     assert abs(energy) < 1e-14
     assert force < 1e-13
-    assert problems.turned_cylinder(1.5, 2.0, harmonics)[0] == pytest.approx((1.5**2 + 2 / 1.5 - 3) / 2, rel=1e-12)
+    assert solid_problems.turned_cylinder(1.5, 2.0, harmonics)[0] == pytest.approx(
+        (1.5**2 + 2 / 1.5 - 3) / 2, rel=1e-12
+    )
 
 
 def test_the_penalty_costs_its_inverse(monkeypatch):
     """F falls by C / kappa: a tenth of the penalty costs ten times as much."""
-    weak = 1 - touch.penalty("standard", 0.1, "ignored")
+    weak = 1 - contact_problems.penalty("standard", 0.1, "ignored")
     monkeypatch.setattr("fem.solvers.load_stepping.SECTION_KAPPA", SECTION_KAPPA / 10)
-    assert 1 - touch.penalty("standard", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
+    assert 1 - contact_problems.penalty("standard", 0.1, "ignored") == pytest.approx(10 * weak, rel=0.3)
 
 
 def test_fourier_fields_of_the_manufactured_solution_lie_in_the_space():
-    case = manufactured.CASES["Fourier triangle, N = 2"]
+    case = manufactured_solutions.CASES["Fourier triangle, N = 2"]
     theta = np.pi / 8 * np.arange(16)
     X = np.stack([0.7 * np.cos(theta), 0.7 * np.sin(theta), np.full(16, 0.4)], axis=-1)
     u, p = case.displacement(X), case.pressure(X)
@@ -100,7 +117,7 @@ def test_fourier_fields_of_the_manufactured_solution_lie_in_the_space():
         assert np.abs(series[[0, 1, -1, -2]]).max() > 0.01
 
 
-@pytest.mark.parametrize("case", manufactured.CASES.values(), ids=list(manufactured.CASES))
+@pytest.mark.parametrize("case", manufactured_solutions.CASES.values(), ids=list(manufactured_solutions.CASES))
 def test_manufactured_displacements_keep_volumes(case):
     X, step = RNG.uniform(0.1, 0.9, size=(20, case.dim)), 1e-6
     F = np.stack(
@@ -130,7 +147,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     monkeypatch.setattr(
         verify, "targets", lambda quick: [good, missed, replace(good, name="unsolved", solve=unsolved)]
     )
-    assert cli.main(["verify", "--out", str(tmp_path), "--json"]) == options.FAILED
+    assert entry_point.main(["verify", "--out", str(tmp_path), "--json"]) == parameters.FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
     assert said.out.count("\n") == 3
@@ -144,5 +161,5 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 def test_all_met_is_status_zero(monkeypatch, capsys):
     good = verify.Target("good", "me", lambda n: (1 + n**-2.0,), (verify.Quantity("q", 1.0, 0.1),), meshes=(4, 8, 16))
     monkeypatch.setattr(verify, "targets", lambda quick: [good])
-    assert cli.main(["verify"]) == options.GOOD
+    assert entry_point.main(["verify"]) == parameters.GOOD
     assert "good" in capsys.readouterr().out

@@ -1,0 +1,104 @@
+"""The files of the bench: bench.csv, BENCH.md, size.png, and what is said of the machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from studies.output import provenance
+from studies.output.atomic_files import write_text
+
+Row = Mapping[str, Any]
+
+HEADS = {
+    "setting": "setting",
+    "dofs": "unknowns",
+    "iterations": "iterations",
+    "error_percent": "error %",
+    "runs": "runs",
+    "import_s": "imports s",
+    "cpu_s": "CPU s",
+    "mesh_s": "of it mesher s",
+    "wall_s": "clock s",
+    "peak_MB": "peak MB",
+    "faster": "magtip is faster by",
+    "goal": "goal",
+    "met": "met",
+    "status": "status",
+}
+
+BRIEF = ("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "message", "exponent")
+"""Left out of the printed table."""
+
+
+def machine() -> dict[str, str]:
+    """What was measured where: processor, system, load, versions."""
+    found = {"machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
+    if hasattr(os, "getloadavg"):
+        found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
+    found["magtip"] = f"{provenance.installed('magtip')}, commit {provenance.commit() or 'unknown'}"
+    found["Python"] = platform.python_version()
+    for name in ("numpy", "scipy", "scikit-fem", "pytetwild", "pypardiso"):
+        found[name] = provenance.installed(name) or "not installed"
+    return found
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, text: str) -> None:
+    """bench.csv, BENCH.md and size.png."""
+    from studies.output import table_plots
+    from studies.simulation.compare import write_table
+
+    write_table(folder / "bench.csv", [dict(row) for row in rows], digits=6)
+    sizes = [row for row in rows if row["case"].startswith("cost against size") and row["dofs"]]
+    fits = {row["setting"]: row["exponent"] for row in rows if row["exponent"] is not None}
+    if len(sizes) > 1:
+        table_plots.size(folder / "size.png", sizes)
+    write_text(folder / "BENCH.md", report(rows, about, fits, command, text))
+
+
+def report(rows: Sequence[Row], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str) -> str:
+    """BENCH.md: goals first, then a table for each case, then how it was measured and where."""
+    judged = [row for row in rows if row["goal"]]
+    met = sum(row["met"] is True for row in judged)
+    lines = ["# Speed", "", f"{met} of {len(judged)} goals are met.", ""]
+    for case in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == case and row["setting"] not in fits]
+        keys = [key for key in HEADS if any(row[key] not in (None, "") for row in own)]
+        lines += [f"## {case.capitalize()}", "", _line(["program", *(HEADS[key] for key in keys)])]
+        lines.append("|---" * (len(keys) + 1) + "|")
+        lines += [_line([row["program"], *(_text(key, row[key]) for key in keys)]) for row in own]
+        lines += ["", *(f"- {row['program']}: {row['message']}" for row in own if row["message"])]
+        if any(row["case"] == case and row["setting"] in fits for row in rows):
+            lines += [*(f"- {name}, n unknowns" for name in fits), "", "![Cost against size](size.png)"]
+        lines.append("")
+    lines += ["## How it was measured", "", *text.splitlines(), ""]
+    lines += [f"- command: `{command}`"] if command else []
+    lines += [f"- {name}: {value}" for name, value in about.items() if value]
+    return "\n".join(lines) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _text(key: str, value: Any) -> str:
+    if value is None or value == "":
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "**no**"
+    if isinstance(value, float):
+        digits = 0 if key == "peak_MB" else 2
+        return f"{value:.{digits}f}"
+    return str(value)

@@ -1,0 +1,219 @@
+"""What `magtip cad` makes, measured: volumes, triangles against their tolerance, checks at extremes, and time.
+
+ABOUT, which the report prints, says how.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput, Design, paper
+from studies.benchmarks import benchmark_tables
+from studies.output import atomic_files, console, provenance
+
+ABOUT = """\
+`python -m studies.benchmarks.cad_benchmark results/cad` writes CAD.md, cad.csv and the paper's sensor as pictures.
+
+A part's volume is set against its closed form (beam, magnet, silicone) or the solid's own (base, mould). The STEP
+file is read back. The deviation of triangles is the largest distance of points of the beam's facets from its exact
+surface, seven points to a facet. The whole command is timed in a process of its own, from its start to its end, and
+the fastest of some runs counts, as others may be at work on the machine; a variant is the whole batch's time over the
+number of its designs, start and imports of the processes left out by taking the difference of a long and a short
+batch.
+"""
+
+Row = dict[str, Any]
+
+BARE = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+SMALL = {"magnet_diameter": 0.2, "magnet_height": 0.2, "magnet_edge_radius": 0.02}
+
+EXTREMES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "paper": ({}, {}),
+    "paper, resin, 1 % shrinkage, 1 degree of draft": ({}, {"process": "sla", "shrink": 0.01, "draft": 1.0}),
+    "paper, 3 x 2 cavities": ({}, {"columns": 3, "rows": 2}),
+    "paper, 5 x 5 cavities": ({}, {"columns": 5, "rows": 5}),
+    "paper, split B, vent at the tip": ({}, {"split": 1, "tip_vent": 1.0}),
+    "magnet of 0.2 mm": (SMALL, {}),
+    "magnet of 7.4 x 1 mm, wall of 0.15 mm": ({"magnet_diameter": 7.4, "magnet_height": 1.0}, {}),
+    "D = 1, L = 0.8": ({"D": 1.0, "L": 0.8, "l0": 3.0, **SMALL}, {"process": "sla"}),
+    "D = 50, L = 400": ({"D": 50.0, "L": 400.0, "l0": 380.0, "f": 40.0}, {}),
+    "L = D/2 + 0.05, no magnet": ({"L": 4.05, "f": 6.0, "l0": 3.0, **BARE}, {}),
+    "elements above the base (c = 6)": ({"c": 6.0, "f": 9.0, "l0": 7.0}, {}),
+    "3-axis chip": ({"hall_layout": "tmag5273a1"}, {}),
+}
+"""Fields of the design, and choices about the mould."""
+
+TOLERANCES = (0.1, 0.02, 0.004, 0.001)
+
+LONG, SHORT = 12, 4
+"""Variants of the two batches that are timed."""
+
+RUNS = 3
+"""Of the whole command."""
+
+
+def volumes(folder: Path) -> list[Row]:
+    """Write the paper's sensor into a folder, and compare its parts' volumes."""
+    import build123d as bd
+
+    from geometry.cad import beam_volume, magnet_volume
+    from studies.fabrication import sensor_parts
+
+    shape = paper().shape
+    whole, magnet = beam_volume(shape), magnet_volume(shape)
+    exact = {"beam": whole, "magnet": magnet, "silicone": whole - magnet}
+    record = sensor_parts.build(paper(), folder, _silent)
+    rows = []
+    for part in record["parts"]:
+        name, volume = part["name"], part["volume_mm3"]
+        read = float(bd.import_step(folder / f"{name}.step").volume)
+        form = f"{abs(volume / exact[name] - 1):.1e}" if name in exact else ""
+        row = {"part": name, "volume_mm3": volume, "against closed form": form}
+        rows.append(row | {"STEP read back": abs(read / volume - 1), "STL": part["relative_error"]})
+        rows[-1]["triangles"] = part["triangles"]
+    return rows
+
+
+def tolerances() -> list[Row]:
+    """Deviation and volume of the beam's triangles for several tolerances."""
+    from geometry import cad
+    from geometry.fabrication import solid_files
+
+    rows = []
+    for tolerance in TOLERANCES:
+        solid = cad.beam(paper())
+        mesh = solid_files.triangulated(solid, tolerance, math.pi)
+        row = {"tolerance_mm": tolerance, "deviation_mm": deviation(mesh), "triangles": len(mesh.faces)}
+        rows.append(row | {"volume": float(mesh.volume / solid.volume - 1)})
+    return rows
+
+
+def deviation(mesh: Any) -> float:
+    """Largest distance of points of the beam's facets from its wall and dome, mm."""
+    import numpy as np
+
+    share = np.array([(1, 1, 1), (3, 3, 0), (3, 0, 3), (0, 3, 3), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6
+    share[0] /= 0.5
+    points = np.einsum("pk,tkx->tpx", share, mesh.triangles).reshape(-1, 3)
+    points = points[points[:, 2] > 1e-6]
+    up = np.maximum(points[:, 2] - paper().H, 0.0)
+    return float(np.abs(np.hypot(np.hypot(points[:, 0], points[:, 1]), up) - paper().R).max())
+
+
+def extremes(folder: Path) -> list[Row]:
+    """Everything for designs at the edge of what is allowed."""
+    from geometry.mold import Mold
+    from studies.fabrication import sensor_parts
+
+    rows = []
+    for k, (name, (fields, choices)) in enumerate(EXTREMES.items()):
+        start = time.process_time()
+        making = sensor_parts.Making(mold=Mold(**choices))
+        try:
+            record = sensor_parts.build(Design(**fields), folder / str(k), _silent, making)
+        except BadInput as error:
+            record = {"status": "bad_input", "message": str(error), "checks": [], "parts": [], "warnings": []}
+        checks = {check["name"]: check for check in record["checks"]}
+        passed = sum(check["passed"] for check in checks.values())
+        cavity = checks["cavity against beam - pin"]["value"] if checks else math.nan
+        row = {"case": name, "status": record["status"], "parts": len(record["parts"])}
+        row |= {"checks": f"{passed} of {len(checks)}", "cavity": abs(cavity)}
+        worst = max((abs(part["relative_error"]) for part in record["parts"]), default=math.nan)
+        rows.append(row | {"STL": worst, "cpu_s": time.process_time() - start})
+        rows[-1]["notes"] = "; ".join([record["message"], *record["warnings"]]).strip("; ")
+        console.say(f"{name}: {record['status']}")
+    return rows
+
+
+def times(folder: Path) -> list[Row]:
+    """Whole commands in processes of their own, by the clock and in CPU time with that of their children."""
+    from studies.fabrication import design_variants
+
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    env = {**os.environ, "PYTHONPATH": str(provenance.ROOT)}
+    command = [sys.executable, "-c", code, "cad", "paper", "--out", str(folder / "one")]
+    runs = []
+    for _ in range(RUNS):
+        before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True, env=env)
+        after, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - start
+        runs.append((wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
+    wall, cpu = min(runs)
+    rows = [{"what": f"magtip cad paper, imports included, fastest of {RUNS}", "wall_s": wall, "cpu_s": cpu}]
+    for workers in (1, os.cpu_count() or 1):
+        spent = []
+        for count in (SHORT, LONG):
+            axes = {"L": [9 + 0.1 * k for k in range(count)]}
+            start, used = time.perf_counter(), time.process_time()
+            list(design_variants.batch(paper(), axes, folder / f"{workers}-{count}", _silent, workers=workers))
+            spent.append((time.perf_counter() - start, time.process_time() - used))
+        wall, cpu = ((spent[1][k] - spent[0][k]) / (LONG - SHORT) for k in (0, 1))
+        name = f"one variant more in a batch, {workers} {'process' if workers == 1 else 'processes'}"
+        rows.append({"what": name, "wall_s": wall, "cpu_s": cpu if workers == 1 else ""})
+    return rows
+
+
+def document(found: dict[str, list[Row]], about: dict[str, str]) -> str:
+    """CAD.md."""
+    lines = ["# CAD and moulds, measured", "", *ABOUT.splitlines(), ""]
+    titles = {
+        "volumes": "Parts of the paper's sensor: volume and its relative errors",
+        "tolerances": "Triangles of the beam against the tolerance asked for",
+        "extremes": "Designs and moulds at the edge of what is allowed",
+        "times": "Time, s",
+    }
+    for key, title in titles.items():
+        rows = found[key]
+        lines += [f"## {title}", "", "| " + " | ".join(rows[0]) + " |", "|" + "---|" * len(rows[0])]
+        lines += ["| " + " | ".join(_cell(value) for value in row.values()) + " |" for row in rows] + [""]
+    lines += ["## The paper's sensor", "", "![cut open](assembly.png)", ""]
+    lines += [f"![{name}]({name}.svg)" for name in ("sensor", "base", "mold")]
+    return "\n".join([*lines, "", "## Made with", "", *(f"- {name}: {text}" for name, text in about.items()), ""])
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.2e}" if 0 < abs(value) < 1e-3 else f"{value:.5g}"
+    return str(value)
+
+
+def _csv(rows: Sequence[Row]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _silent(fraction: float, text: str) -> None:
+    """No progress."""
+
+
+def main(out: str) -> None:
+    """Measure, and write everything into a folder."""
+    about = benchmark_tables.machine()
+    with atomic_files.filled(out) as folder, tempfile.TemporaryDirectory() as work:
+        made = Path(work)
+        found = {"times": times(made), "volumes": volumes(made / "paper"), "tolerances": tolerances()}
+        console.say("paper's sensor done")
+        found["extremes"] = extremes(made / "extremes")
+        for name in ("assembly.png", "sensor.svg", "base.svg", "mold.svg"):
+            with atomic_files.atomic(folder / name) as temporary:
+                temporary.write_bytes((made / "paper" / name).read_bytes())
+        atomic_files.write_text(folder / "cad.csv", _csv(found["extremes"]))
+        atomic_files.write_text(folder / "CAD.md", document(found, about))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else str(Path("out", "cadbench")))

@@ -1,0 +1,7 @@
+"""`python -m studies.cli` is the command `magtip`."""
+
+import sys
+
+from studies.cli import main
+
+sys.exit(main())

@@ -1,0 +1,146 @@
+"""The verbs of the command `magtip`, and what becomes of whatever ends them.
+
+Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve or a check failed, 130 interrupted,
+1 a bug. Slow imports are made in the functions that need them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import errno
+import io
+import os
+import re
+import sys
+
+from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, UnusedCliTokensError
+
+from geometry.design import BadInput
+from studies.cli import design_commands, exploration_commands, mesh_commands, sensing_commands, validation_commands
+from studies.cli.parameters import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
+from studies.output import console, standard_streams
+
+NEGATIVE = re.compile(r"-[\d.]\S*,")
+"""How a list of numbers begins whose first is negative."""
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("magtip")
+
+
+app = App(
+    name="magtip",
+    help="Design, finite elements and formulas of soft magnetic three-axis force sensors. Units: mm and N.",
+    version=_version,
+    default_parameter=Parameter(negative=""),
+    suppress_keyboard_interrupt=False,
+)
+
+for verb in (
+    design_commands.design,
+    design_commands.cad,
+    design_commands.mesh,
+    design_commands.solve,
+    design_commands.analytic,
+    design_commands.field,
+    design_commands.readings,
+    sensing_commands.decode,
+    sensing_commands.table,
+    sensing_commands.layout,
+    design_commands.stability,
+    design_commands.modes,
+    exploration_commands.demo,
+    exploration_commands.compare,
+    exploration_commands.sweep,
+    exploration_commands.fit,
+    validation_commands.verify,
+    validation_commands.friction,
+    validation_commands.extremes,
+    validation_commands.accuracy,
+    validation_commands.crosscheck,
+    validation_commands.ladder,
+    validation_commands.bench,
+    mesh_commands.cache,
+    mesh_commands.range_,
+):
+    app.command(verb)
+
+
+def _joined(tokens: list[str]) -> list[str]:
+    """A value such as -1,0,0 joined to its option, because it would be taken for an option itself.
+
+    >>> _joined(["readings", "paper", "--shift", "-1,0,0", "--json"])
+    ['readings', 'paper', '--shift=-1,0,0', '--json']
+    """
+    found: list[str] = []
+    for token in tokens:
+        if found and found[-1].startswith("--") and "=" not in found[-1] and NEGATIVE.match(token):
+            found[-1] += f"={token}"
+        else:
+            found.append(token)
+    return found
+
+
+def _unknown(error: UnknownOptionError) -> str:
+    """What to do about an option that a verb does not have; the dashes, alike in all, say nothing of nearness."""
+    given = error.token.keyword or error.token.value
+    known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
+    close = difflib.get_close_matches(given.strip("-"), [name.strip("-") for name in known], n=1)
+    remedy = f"did you mean --{close[0]}?" if close else f"choose one of {', '.join(known)}"
+    return f"there is no option {given}{f': {remedy}' if known else ''}"
+
+
+def _unused(error: UnusedCliTokensError) -> str:
+    """What to do about values that are neither an option's nor the one that a verb takes."""
+    (verb,) = error.command_chain or ("magtip",)
+    named = [each.name for each in app[verb].assemble_argument_collection() if each.index is not None]
+    taken = f"one {' and one '.join(named)} and options" if named else "options only"
+    surplus = ", ".join(map(repr, error.unused_tokens or []))
+    return f"{verb} takes {taken}: leave out {surplus}, or quote a value that has spaces"
+
+
+def run(tokens: list[str] | None = None) -> int:
+    """Run one command line (default: that of the process) and return its exit status."""
+    standard_streams.complete()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+    try:
+        with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
+            status = app(
+                _joined(sys.argv[1:] if tokens is None else tokens),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
+            sys.stdout.flush()
+    except UnknownOptionError as error:
+        console.say(f"magtip: {_unknown(error)}")
+        return BAD
+    except UnusedCliTokensError as error:
+        console.say(f"magtip: {_unused(error)}")
+        return BAD
+    except (BadInput, CycloptsError) as error:
+        console.say(f"magtip: {error}")
+        return BAD
+    except standard_streams.OutputLost as error:
+        standard_streams.drop_output()
+        if error.errno == errno.EPIPE:
+            return BROKEN_PIPE
+        console.say(f"magtip: cannot write to standard output ({error.strerror}): send it elsewhere")
+        return BAD
+    except OSError as error:
+        name = repr(error.filename) if error.filename else "a file"
+        console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
+        return BAD
+    except KeyboardInterrupt as stop:
+        console.say(f"magtip: interrupted; {str(stop) or 'files that are complete stay'}")
+        if tokens is None and console.loaded():
+            # all files are closed by now: nothing is left for Python's own end but seconds of taking down
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+            os._exit(INTERRUPTED)
+        return INTERRUPTED
+    return int(status or GOOD)

@@ -1,0 +1,38 @@
+"""The entry of the command `magtip`: it imports little, so that Ctrl-C ends it in order from the first moment."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+
+def main(tokens: list[str] | None = None) -> int:
+    """Run one command line (default: that of the process) and return its exit status."""
+    with _ending_at_once():
+        from studies.cli import commands
+    return commands.run(tokens)
+
+
+@contextlib.contextmanager
+def _ending_at_once() -> Iterator[None]:
+    """Ctrl-C ends the process; within a library that is being imported a KeyboardInterrupt may be lost or changed."""
+    alone = threading.current_thread() is threading.main_thread()
+    if not alone or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End the process, which has written nothing yet."""
+    with contextlib.suppress(OSError):
+        os.write(2, b"magtip: interrupted before anything was begun\n")
+    os._exit(128 + number)

@@ -1,0 +1,266 @@
+"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, ladder, bench."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from geometry.design import BadInput
+from studies.cli.parameters import FAILED, GOOD, AsJson, Whole, Wide
+from studies.cli.printed_command import command
+from studies.inputs.user_input import AccuracyName
+from studies.output import atomic_files, console
+
+
+def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+    """Solve published and closed-form problems, and judge each against its tolerance; status 3 if one fails.
+
+    Parameters
+    ----------
+    quick
+        On coarser meshes, in an eighth of the time.
+    out
+        Folder of verify.csv and VERIFY.md.
+    """
+    asked = command(verify, locals())
+    from studies.validation import verify as work
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
+    printed = rows if as_json else [work.shown(row) for row in rows]
+    console.report(
+        printed,
+        as_json=as_json,
+        title="Verification",
+        brief=work.DETAILS,
+        first=("target", "quantity", "computed", "published", "passed"),
+        wide=wide,
+    )
+    failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+    """Coulomb friction against Cattaneo and Mindlin, mu F_N at full slip, and energy; status 3 if a check fails.
+
+    Parameters
+    ----------
+    quick
+        On coarser meshes and without tetrahedra: a minute instead of several.
+    out
+        Folder of friction.csv, FRICTION.md and friction.png.
+    """
+    asked = command(friction, locals())
+    from studies.validation import coulomb_study as work
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
+    console.report(
+        rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide
+    )
+    failed = [row["quantity"] for row in rows if not row["passed"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} checks fail: {'; '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
+    """Solve scenes at the edge of what is allowed: each must end in a right answer or a clear status, else status 3.
+
+    A scene that nothing could be measured of is not judged: it is counted apart, and fails nothing.
+
+    Parameters
+    ----------
+    quick
+        On quick accuracy and without the slow scenes: one minute.
+    out
+        Folder of extremes.csv and EXTREMES.md.
+    """
+    asked = command(extremes, locals())
+    from studies.validation import robustness as work
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(quick=quick, folder=folder, command=asked, progress=progress):
+            print(atomic_files.json_line(row) if as_json else work.line(row), flush=True)
+            rows.append(row)
+    failed, unjudged = ([row["scene"] for row in rows if row["verdict"] == v] for v in ("fail", "not judged"))
+    if unjudged:
+        console.say(f"magtip: {len(unjudged)} of {len(rows)} scenes are not judged: {'; '.join(unjudged)}")
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} scenes end wrongly: {'; '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def accuracy(
+    *,
+    quick: bool = False,
+    out: Path | None = None,
+    minutes: float | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
+
+    Parameters
+    ----------
+    quick
+        Two designs at level quick only: half a minute instead of an hour, against a rougher reference.
+    out
+        Folder of accuracy.csv, ACCURACY.md and a picture, and of the solves, from which a stopped run goes on.
+    minutes
+        Begin no further solve after this time, and report what there is.
+    """
+    asked = command(accuracy, locals())
+    if minutes is not None and not minutes >= 0:
+        raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
+    from studies.output.provenance import versions
+    from studies.validation import error_statistics
+    from studies.validation import error_study as work
+
+    origin = versions()
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(
+            quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
+        )
+        if folder is not None:
+            error_statistics.write(folder, rows, origin, asked, quick=quick)
+    for name, table in (("Estimates", error_statistics.shares(rows)), ("Levels", error_statistics.summary(rows))):
+        console.report(
+            table,
+            as_json=as_json,
+            title=name,
+            first=("scene", "quantity", "states", "median_percent", "coverage"),
+            wide=wide,
+        )
+    missed = error_statistics.verdicts(rows)
+    if missed:
+        console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
+    return FAILED if missed else GOOD
+
+
+def crosscheck(
+    *,
+    accuracy: AccuracyName = "quick",
+    count: Whole = 12,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """The harmonic model beside tetrahedra on twelve designs; status 3 where they differ by more than both estimates.
+
+    Parameters
+    ----------
+    accuracy
+        Of both models.
+    count
+        How many of the twelve designs, 1 to 12.
+    out
+        Folder of crosscheck.csv and CROSSCHECK.md.
+    """
+    asked = command(crosscheck, locals())
+    from studies.output.provenance import versions
+    from studies.validation import error_study_cases
+    from studies.validation import model_crosscheck as work
+
+    if not 1 <= count <= error_study_cases.DESIGNS:
+        raise BadInput(f"count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(accuracy, count, progress):
+            rows.append(row)
+            if as_json:
+                print(atomic_files.json_line(row), flush=True)
+        if folder is not None:
+            work.write(folder, rows, versions(), asked)
+    if not as_json:
+        brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
+        console.report(brief, as_json=False, title="Harmonic against half model", wide=wide)
+        for remark in console.remarks(rows, ("design",)):
+            console.note(remark)
+    failed = [f"design {row['design']}" for row in rows if not row["agree"]]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} designs disagree: {', '.join(failed)}")
+    return FAILED if failed else GOOD
+
+
+def ladder(
+    *,
+    accuracy: AccuracyName = "quick",
+    count: Whole = 10,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
+
+    Parameters
+    ----------
+    accuracy
+        Of the finite elements.
+    count
+        How many of the ten designs, 1 to 10.
+    out
+        Folder of ladder.csv, LADDER.md and ladder.png.
+    """
+    asked = command(ladder, locals())
+    from studies.output.provenance import versions
+    from studies.validation import formula_levels as work
+
+    most = len(work.designs())
+    if not 1 <= count <= most:
+        raise BadInput(f"count must lie between 1 and {most}; got {count}")
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = []
+        for row in work.run(accuracy, count, progress):
+            rows.append(row)
+            if as_json:
+                print(atomic_files.json_line(row), flush=True)
+        if folder is not None:
+            work.write(folder, rows, versions(), asked)
+    if not as_json:
+        console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square", wide=wide)
+    return GOOD
+
+
+def bench(
+    *,
+    quick: bool = False,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
+
+    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+
+    Parameters
+    ----------
+    quick
+        Medians of 3 runs instead of 5, up to 50 000 unknowns.
+    peers
+        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        The program CalculiX.
+    out
+        Folder of bench.csv, BENCH.md and size.png.
+    """
+    asked = command(bench, locals())
+    from studies.benchmarks import benchmark_tables
+    from studies.benchmarks import solver_benchmark as work
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
+    console.report(rows, as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide)
+    for row in rows:
+        if row["message"]:
+            console.say(f"magtip: {row['case']}: {row['message']}")
+    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
+    if missed:
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
+    return GOOD

@@ -1,0 +1,1 @@
+"""Many designs: sweeps over fields of the design and the load."""

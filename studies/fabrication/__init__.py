@@ -1,0 +1,1 @@
+"""Things to make: parts, moulds, drawings, pictures and casting recipes in folders."""

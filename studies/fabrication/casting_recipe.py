@@ -1,0 +1,288 @@
+"""The README.md of an exported folder: what to print, how to cast, and how much silicone each pour takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from geometry.base import Plan
+from geometry.design import Design
+from geometry.mold import pours, sizes
+
+if TYPE_CHECKING:
+    from studies.fabrication.sensor_parts import Making
+
+MARK = "# Magnetic force sensor, D = "
+"""How the file begins; a README.md that begins otherwise is not ours."""
+
+WASTE = 0.5
+"""Share that is mixed over what fills the mould: vents, rim, and what stays in the cup."""
+
+CUP = 2000.0
+"""And what every mixing cup keeps, mm³."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a mould is printed from, and the temperature that it gives way from, °C."""
+
+    process: str
+    name: str
+    limit: float
+
+
+MATERIALS = (
+    Material("fdm", "PLA", 55.0),
+    Material("fdm", "PETG", 70.0),
+    Material("fdm", "ABS or ASA", 90.0),
+    Material("sla", "standard resin", 60.0),
+    Material("sla", "high-temperature resin", 200.0),
+)
+"""Heat deflection temperatures as vendors commonly state them, rounded down; a maker's own data sheet goes first."""
+
+MAGNET_LIMIT = 80.0
+"""Working limit of common sintered NdFeB, grade N without a further letter, °C; grades M, H and SH stand more."""
+
+MARGIN = 10.0
+"""A cure stays this far below what mould and magnet stand, K."""
+
+PAPER_CURE = 80.0
+"""Of the paper, for 1 h, °C; no cure is hotter."""
+
+
+def cure(limit: float) -> float:
+    """The hottest cure for what stands `limit`, °C.
+
+    >>> cure(55.0), cure(200.0)
+    (45.0, 80.0)
+    """
+    return min(PAPER_CURE, limit - MARGIN)
+
+
+def facts(design: Design, making: Making) -> dict[str, Any]:
+    """What the recipe says of temperatures and dowels, under the names of the command line."""
+    found = [material for material in MATERIALS if material.process == making.mold.process]
+    magnet = MAGNET_LIMIT if design.shape.has_magnet else None
+    cures = [
+        {
+            "mold_material": material.name,
+            "mold_limit_C": material.limit,
+            "first_cure_C": cure(material.limit),
+            "second_cure_C": None if magnet is None else cure(min(material.limit, magnet)),
+        }
+        for material in found
+    ]
+    dowels = None
+    if making.mold.split:
+        s = sizes(design, making.mold)
+        dowels = {"count": 2, "diameter_mm": s.dowel, "length_mm": s.floor}
+    return {"magnet_limit_C": magnet, "cures": cures, "dowels": dowels}
+
+
+def size(record: Mapping[str, Any]) -> str:
+    """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
+    if record["assembled_size_mm"] is None:
+        return f"No base, so no assembled size; the beam is {_sides(record['beam_size_mm'])} mm (x, y, z)."
+    leads = record["leads_below_base_mm"]
+    out = f"; the leads, as drawn, stand out {leads:.4g} mm below" if leads else ""
+    return (
+        f"Assembled, with base and Hall elements: {_sides(record['assembled_size_mm'])} mm (x, y, z), the last the "
+        f"total height from the base's underside{out}."
+    )
+
+
+def _sides(size: Sequence[float]) -> str:
+    return " x ".join(f"{side:.4g}" for side in size)
+
+
+def text(
+    design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str, command: str
+) -> str:
+    """The recipe for one design, which such a command makes."""
+    d = design
+    lines = [
+        f"{MARK}{d.D:g} mm, L = {d.L:g} mm",
+        "",
+        f"Written by `{command}`. Lengths are mm.",
+        "",
+        size(record),
+        "",
+        *([f"![the sensor, cut open]({picture})", ""] if picture else []),
+        *_files(record, plan),
+        *_printing(design, making, plan),
+        *_casting(design, making, record["recipe"]),
+        *_assembly(design, plan),
+        *_checks(record),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _files(record: Mapping[str, Any], plan: Plan | None) -> list[str]:
+    frames = {"beam": "outer form", "silicone": "beam less magnet", "magnet": "", "base": "print", "mold_a": "print"}
+    lines = [
+        "## Files",
+        "",
+        "| part (.step, .stl, .3mf) | for | volume (mm³) | error of the triangles' volume |",
+        "|---|---|---:|---:|",
+    ]
+    for part in record["parts"]:
+        use = frames.get(part["name"], "print") or "buy"
+        lines.append(f"| {part['name']} | {use} | {part['volume_mm3']:.6g} | {part['relative_error']:.1e} |")
+    lines += ["", "Parts to print lie as they are printed, on z = 0; the others are in the sensor's frame."]
+    lines.append("`mold.step` shows the closed mould, `mold.svg` its drawing.")
+    if plan:
+        lines.append("`assembly.step` shows the whole sensor with named, coloured parts; `sensor.svg` and `base.svg`")
+        lines.append("are dimensioned drawings on A4.")
+    return [*lines, ""]
+
+
+def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
+    m = making.mold
+    b = "both halves of B" if m.split else "B (mold_b)"
+    lines = [
+        "## Print",
+        "",
+        f"- Process: {m.printing.name}. No supports: A (mold_a) with its lid down, {b} on the foot"
+        + (", the base with its underside down." if plan else "."),
+        "- Layers of 0.1 mm or finer in the cavity: every step of it shows on the sensor's skin.",
+    ]
+    if m.process == "sla":
+        lines.append(
+            "- Platinum silicone does not cure on most fresh resins: wash, cure under UV, bake for some hours at "
+            "the temperature of the first cure below, and varnish the mould; try a drop first."
+        )
+    lines.append("- The cure decides the material: see the temperatures under Cast.")
+    if m.split:
+        s = sizes(design, m)
+        lines.append(
+            f"- Two dowels of Ø{s.dowel:.3g} mm, {s.floor:.3g} mm long (flush with the foot, below A's skirt), stand "
+            "in the foot, in the plane of the split; a rubber band round the foot holds the halves."
+        )
+    return [*lines, ""]
+
+
+def _casting(design: Design, making: Making, facts: Mapping[str, Any]) -> list[str]:
+    m = making.mold
+    count = m.columns * m.rows
+    volumes = [count * volume for volume in pours(design, m)]
+    lines = [
+        "## Cast",
+        "",
+        f"{count} {'cavity' if count == 1 else 'cavities'}. What to mix holds {100 * WASTE:g} % for vents and",
+        f"spills, and {CUP / 1000:g} mL that the cup keeps.",
+        "",
+        "| pour | stays in the parts (mL) | mix (mL) | mix (g) |",
+        "|---|---:|---:|---:|",
+    ]
+    for name, volume in zip(("first: the beam round the pin", "second: over the magnet"), volumes, strict=True):
+        if volume > 0:
+            mix = (1 + WASTE) * volume + CUP
+            lines.append(f"| {name} | {volume / 1e3:.3f} | {mix / 1e3:.2f} | {mix * design.density / 1e6:.2f} |")
+    mixing = (
+        "Mix the silicone's parts by its data sheet (Dragon Skin 30: 1 to 1), degas until it has risen and fallen."
+    )
+    release = "Spray release agent into B and onto A's underside and pin; let it dry."
+    steps = [release, mixing]
+    steps.append(
+        "Fill B to its rim, then press A on slowly, until the lid lies on the rim: air and surplus leave by the "
+        f"{m.vents} vents of each cavity."
+    )
+    steps.append("Degas again in the vacuum chamber; top up through the vents.")
+    steps.append("First cure: 16 h at room temperature, or in the oven at no more than the table below allows.")
+    opening = "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B."
+    if design.shape.has_magnet:
+        steps.append(opening)
+        steps.append(
+            "Wipe release agent out of the pocket with isopropanol. Degrease the magnet, coat it with a silane "
+            "primer for platinum (addition-cure) silicone, and let it dry: silicone does not bond to nickel plating "
+            "by itself, and the finite elements take magnet and silicone as bonded all round."
+        )
+        steps.append(
+            f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
+            "pocket with a drop of the same silicone, its north pole up, out of the mould: it points to the base "
+            "later. Glues of tin-cured silicone or amine-cured epoxy keep platinum silicone from curing."
+        )
+        steps.append(
+            "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "
+            "which is the base plane."
+        )
+        steps.append(
+            "Second cure, with the magnet: 16 h at room temperature, or in the oven at no more than the table below "
+            "allows."
+        )
+    else:
+        steps.append(opening)
+    out = "take the halves of B apart sideways" if m.split else "pull the cast straight up out of B"
+    steps.append(
+        f"Cut the nubs of the vents, and {out}" + (" (first cut the nub of the tip)." if m.tip_vent else ".")
+    )
+    if not m.split:
+        steps[-1] += (
+            " The cavity has no draft, for it is the beam: pulled, silicone thins and lets go of the wall. Where it "
+            "sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
+        )
+    lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
+    lines += _temperatures(facts)
+    shrink = (
+        f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
+    )
+    lines += [f"{shrink} of linear shrinkage; the fit of A on B is not scaled.", ""]
+    return lines
+
+
+def _temperatures(facts: Mapping[str, Any]) -> list[str]:
+    """How hot each cure may be."""
+    limit = facts["magnet_limit_C"]
+    second = "" if limit is None else " second cure, at most |"
+    lines = [
+        f"| mould of | gives way from about | first cure, at most |{second}",
+        f"|---|---:|---:|{second and '---:|'}",
+    ]
+    for row in facts["cures"]:
+        last = "" if limit is None else f" {row['second_cure_C']:g} °C |"
+        lines.append(f"| {row['mold_material']} | {row['mold_limit_C']:g} °C | {row['first_cure_C']:g} °C |{last}")
+    bounds = (
+        f"Each is {MARGIN:g} K below what mould and magnet stand, and at most the paper's {PAPER_CURE:g} °C (1 h); "
+        "how long a cooler cure takes, the silicone's data sheet says. The mould's figures are common ones: your "
+        "material's data sheet goes first."
+    )
+    lines += ["", bounds]
+    if limit is not None:
+        lines.append(
+            f"The magnet: common sintered NdFeB of grade N works up to {limit:g} °C and loses field for good above, "
+            "a flat one somewhat earlier; grades M, H and SH stand 100, 120 and 150 °C."
+        )
+    return [*lines, ""]
+
+
+def _assembly(design: Design, plan: Plan | None) -> list[str]:
+    if plan is None:
+        return []
+    lines = ["## Assemble", ""]
+    if design.hall_layout == "three":
+        lines.append("1. S1 goes into the pocket under the base, marked face up, its leads in the channel.")
+        lines.append("2. S2 (on x) and S3 (on y) go into their slots, marked face to the beam, down to the ledge.")
+        lines.append(
+            "   Their output may fall where the model's rises: the sign of the part's gain decides; check it."
+        )
+    else:
+        where = f", {design.chip_x:g} mm from the axis on x" if design.chip_x else ""
+        lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}.")
+        lines.append("2. Its z axis must point down as in the model, or change the sign.")
+    lines.append("3. Glue the beam onto the middle of the base with silicone glue; it must hold the whole disc.")
+    lines.append("   The finite elements take it as bonded there: prime the base as the glue's data sheet says.")
+    lines.append("")
+    lines.append("Bodies of the elements and the depth of their plates are partly unchecked figures")
+    return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]
+
+
+def _checks(record: Mapping[str, Any]) -> list[str]:
+    lines = ["## Checks", "", "| check | value | bound | unit |", "|---|---:|---:|---|"]
+    for check in record["checks"]:
+        unit = {"1": "-", "mm2": "mm²", "mm3": "mm³"}.get(check["unit"], check["unit"])
+        lines.append(
+            f"| {check['name']} | {check['value']:.3g} | {check['bound'].replace('|', chr(92) + '|')} | {unit} |"
+        )
+    lines += ["", *(f"Warning: {warning}." for warning in record["warnings"])]
+    return lines

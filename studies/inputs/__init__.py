@@ -1,0 +1,1 @@
+"""What users give: designs, axes and studies, CSV tables, JSON lines."""

@@ -1,0 +1,1 @@
+"""What leaves the program: files, tables, plots, pictures, progress, provenance, kept answers."""

@@ -1,0 +1,312 @@
+"""PyVista pictures of solutions, drawn off-screen: the deformed section with its magnet and the plate.
+
+Lengths in mm, in the plane of the shear (y = 0 without one), which is named, with its direction to the right.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import Design
+from geometry.loads import Magnet, Response
+from studies.output.atomic_files import atomic
+from studies.output.section_picture import Cut, Quantity, cut_of, lines, surface
+
+if TYPE_CHECKING:
+    from fem.solution import Solution
+
+Array = NDArray[np.float64]
+
+SIZE = (1500, 1200)
+"""Width and height of a picture, pixels."""
+
+TEXT = 36
+"""Size of a picture's letters, pixels."""
+
+PLATE = 0.06
+"""Thickness that the plate is drawn with, in units of D."""
+
+WIDE = 0.71
+"""Share of the picture's width that is for the section; the scalar bar and its title take the rest."""
+
+NEAR = 0.5
+"""Silicone this close below the plate, in units of the tip radius, has some of the plate drawn above it."""
+
+_TITLES = {"displacement": "displacement (mm)", "pressure": "pressure (MPa)"}
+_DARK, _GREY, _PLATE = "#222222", "#8a8a8a", "#c9ced6"
+
+
+def section_picture(
+    path: str | Path,
+    design: Design,
+    solution: Solution,
+    *,
+    magnet: Magnet = "rigid",
+    quantity: Quantity = "displacement",
+) -> None:
+    """Draw the section of a solution along its shear, or y = 0 without one, into a PNG file.
+
+    Parameters
+    ----------
+    magnet : "rigid" draws it where it has gone to, as the rigid body that it is.
+    quantity : what the colour shows, the magnitude of the displacement or the pressure.
+    """
+    import pyvista as pv
+
+    quiet()
+    cut = cut_of(solution, quantity)
+    slope, plane = _slope(solution), plane_name(solution)
+    solution = _seen(solution)
+    span = plate_span(design, solution, cut.moved, slope)
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.set_background("white")
+    reach = _reach(design, solution, slope, span)
+    ticks = _ticks(cut, quantity)
+    actor = plotter.add_mesh(
+        surface(cut.moved, cut.value),
+        scalars="value",
+        cmap="viridis" if quantity == "displacement" else "cividis",
+        clim=(ticks[0], ticks[-1]),
+        lighting=False,
+        show_scalar_bar=False,
+        interpolate_before_map=True,
+    )
+    plotter.add_mesh(lines(cut.edges[:, 0], 0.02), color=_GREY, line_width=3, lighting=False)
+    plotter.add_mesh(lines(cut.edges[:, 1], 0.03), color=_DARK, line_width=4, lighting=False)
+    if magnet == "rigid":
+        _add_magnet(plotter, design, solution.response, reach)
+    if solution.load.grip is None:
+        _add_plate(plotter, design, solution, slope, span, reach)
+    _add_ground(plotter, design, plane, reach)
+    top = design.L + max(0.0, PLATE * design.D - solution.load.depth)
+    _label(plotter, (0.0, top + 0.06 * reach), "at rest", _GREY)
+    _add_bar(plotter, _TITLES[quantity], actor.mapper, len(ticks))
+    _aim(plotter, design, solution, slope, span, reach)
+    with atomic(path) as temporary:
+        plotter.screenshot(temporary)
+    plotter.close()
+
+
+def _seen(solution: Solution) -> Solution:
+    """The solution with what the section shows of it as motion along x and rotation about y."""
+    from fem.results.revolved_body import bearing
+
+    (c, s), load, response = bearing(solution), solution.load, solution.response
+    x, y, z = response.shift
+    load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
+    response = replace(
+        response, shift=(c * x + s * y, 0.0, z), tilt=c * response.tilt + s * response.tilt_y, tilt_y=0.0
+    )
+    return replace(solution, load=load, response=response)
+
+
+def plane_name(solution: Solution) -> str:
+    """Which section is shown, by the direction that points to the right: along x, y, or as 0.6 x - 0.8 y."""
+    from fem.results.revolved_body import bearing
+
+    c, s = bearing(solution)
+    parts = [f"{size:.2g} {axis}".removeprefix("1 ") for size, axis in ((c, "x"), (abs(s), "y")) if size > 0.005]
+    return f"section along {(' - ' if s < 0 else ' + ').join(parts)}"
+
+
+def _slope(solution: Solution) -> float:
+    """How steeply the plate falls along the section."""
+    from fem.results.revolved_body import bearing
+
+    return bearing(solution)[0] * math.tan(solution.load.plate_tilt)
+
+
+def quiet() -> None:
+    """Keep VTK from warning that there is no display before it draws without one."""
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+
+
+def _ticks(cut: Cut, quantity: Quantity) -> Array:
+    """Round numbers over the range of the colours.
+
+    A pressure's range leaves out 0.5 % of the area at either end: the peaks at the rim and the magnet's edges.
+    """
+    low, high = 0.0, float(cut.value.max())
+    if quantity == "pressure":
+        sides = cut.rest[:, 1:3] - cut.rest[:, :1]
+        area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        middle = cut.value.mean(axis=1)
+        order = np.argsort(middle)
+        share = np.cumsum(area[order]) / area.sum()
+        low, high = np.interp([0.005, 0.995], share, middle[order]).tolist()
+    if not high > low:
+        high = low + 1.0
+    step = _round_length((high - low) / 3)
+    ticks = np.arange(math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9) + 1)
+    return np.asarray(step * ticks, dtype=np.float64)
+
+
+def _in_section(outline: Array, towards: float) -> Array:
+    """Points (n, 2) of the section in space, `towards` mm nearer to the eye."""
+    return np.insert(outline, 1, -towards, axis=1)
+
+
+def _polygon(outline: Array, towards: float) -> Any:
+    import pyvista as pv
+
+    return pv.PolyData(_in_section(outline, towards), faces=[len(outline), *range(len(outline))])
+
+
+def _loop(plotter: Any, outline: Array, towards: float, **look: Any) -> None:
+    import pyvista as pv
+
+    plotter.add_mesh(pv.lines_from_points(_in_section(outline, towards), close=True), lighting=False, **look)
+
+
+def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) -> None:
+    """The magnet's section, turned by the tilt about y and moved by the shift."""
+    a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
+    turn = np.linspace(0, math.pi / 2, 9)
+    arcs = [
+        np.stack([sx * (a - rho) + rho * np.cos(turn + start), sz * (b - rho) + rho * np.sin(turn + start)], axis=1)
+        for sx, sz, start in ((1, 1, 0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
+    ]
+    local = np.concatenate(arcs)
+    place = _placed(local, design, response)
+    plotter.add_mesh(_polygon(place, 0.04), color="#e4e4e4", lighting=False)
+    _loop(plotter, place, 0.05, color=_DARK, line_width=5)
+    c, s = abs(math.cos(response.tilt)), abs(math.sin(response.tilt))
+    wide, high = 0.26 * reach, 0.1 * reach
+    if design.magnet_diameter > c * wide + s * high and design.magnet_height > s * wide + c * high:
+        _label(plotter, (response.shift[0], design.H + response.shift[2]), "magnet")
+
+
+def _placed(local: Array, design: Design, response: Response) -> Array:
+    c, s = math.cos(response.tilt), math.sin(response.tilt)
+    x = c * local[:, 0] + s * local[:, 1] + response.shift[0]
+    z = -s * local[:, 0] + c * local[:, 1] + response.shift[2] + design.H
+    return np.stack([x, z], axis=1)
+
+
+def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -> tuple[float, float]:
+    """Ends of the plate as it is drawn, beyond its middle and all silicone that lies close below it, mm.
+
+    Parameters
+    ----------
+    solution : with its shear along x, as `_seen`.
+    moved : places (..., 3) of the section's nodes.
+    """
+    x, z = moved[..., 0], moved[..., 2]
+    close = x[z + slope * x > _bottom(design, solution) - NEAR * design.R]
+    middle, half, edge = solution.load.shear_x, 1.25 * design.R, 0.25 * design.R
+    low, high = close.min(initial=middle), close.max(initial=middle)
+    return min(middle - half, float(low) - edge), max(middle + half, float(high) + edge)
+
+
+def _bottom(design: Design, solution: Solution) -> float:
+    """Height of the plate's lower face on the axis, mm."""
+    load = solution.load
+    return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+
+
+def _add_plate(
+    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
+) -> None:
+    bottom, thick = _bottom(design, solution), PLATE * design.D
+    ends = [(x, bottom - slope * x) for x in span]
+    corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
+    plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
+    _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)
+    # at the end that the plate moves to, and beside the body at rest, whose outline would cross it
+    half = 0.09 * reach
+    at = max(span[1] - half, design.R + half)
+    if solution.load.shear_x < 0:
+        at = min(span[0] + half, -design.R - half)
+    _label(plotter, (at, bottom - slope * at + thick + 0.05 * reach), "plate")
+
+
+def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
+    """The clamped base, a bar that gives the scale, and the plane's name."""
+    R, thick = design.R, 0.053 * reach
+    ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
+    plotter.add_mesh(_polygon(ground, -0.01), color="#dddddd", lighting=False)
+    _loop(plotter, ground[:2], 0.06, color=_DARK, line_width=3)
+    length = _round_length(0.35 * reach)
+    bar = np.array([(-1.4 * R, -2.6 * thick), (-1.4 * R + length, -2.6 * thick)])
+    _loop(plotter, bar, 0.06, color=_DARK, line_width=8)
+    _label(plotter, (bar[:, 0].mean(), -4.0 * thick), f"{length:g} mm")
+    _label(plotter, (bar[1, 0] + 0.15 * reach, -4.0 * thick), plane, aligned="left")
+
+
+def _round_length(length: float) -> float:
+    """The largest 1, 2 or 5 times a power of ten that does not exceed a length."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9))
+
+
+def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK, aligned: str = "center") -> None:
+    plotter.add_point_labels(
+        _in_section(np.array([at]), 0.1),
+        [text],
+        font_size=TEXT,
+        text_color=color,
+        shape=None,
+        show_points=False,
+        always_visible=True,
+        justification_horizontal=aligned,
+        justification_vertical="center",
+        bold=False,
+    )
+
+
+def _add_bar(plotter: Any, title: str, mapper: Any, labels: int) -> None:
+    plotter.add_scalar_bar(
+        title,
+        mapper=mapper,
+        vertical=True,
+        position_x=0.83,
+        position_y=0.16,
+        width=0.09,
+        height=0.68,
+        title_font_size=TEXT,
+        label_font_size=TEXT,
+        n_labels=labels,
+        fmt=" %.3g",
+    )
+
+
+def _width(design: Design, span: tuple[float, float]) -> tuple[float, float]:
+    """Least and greatest x in the picture."""
+    edge = 0.05 * design.R
+    return min(-1.4 * design.R, span[0] - edge), max(1.4 * design.R, span[1] + edge)
+
+
+def _top(design: Design, solution: Solution, slope: float) -> float:
+    """Greatest height in the picture."""
+    end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
+    highest = max(design.L, end if slope else 0.0)
+    return max(highest + 0.14 * design.D, 1.06 * highest)
+
+
+def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, float]) -> float:
+    """Half the height of the picture; its lowest 0.28 parts are for the ground and the scale."""
+    left, right = _width(design, span)
+    return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (WIDE * SIZE[0] / SIZE[1]))
+
+
+def _aim(
+    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
+) -> None:
+    """Look along +y at the section, everything in the frame, the scalar bar beside it."""
+    left, right = _width(design, span)
+    centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
+    height = (_top(design, solution, slope) - 0.28 * reach) / 2
+    plotter.enable_parallel_projection()
+    plotter.camera.focal_point = (centre, 0.0, height)
+    plotter.camera.position = (centre, -10 * design.L, height)
+    plotter.camera.up = (0.0, 0.0, 1.0)
+    plotter.camera.parallel_scale = reach
+    plotter.renderer.reset_camera_clipping_range()

@@ -1,0 +1,232 @@
+"""A search for layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
+
+ABOUT, which the report prints, says how.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from geometry.design import BadInput, Design
+from studies.cli.parameters import Basis
+from studies.inputs import user_input
+from studies.output.console import Progress
+from studies.sensing import layout_study
+
+if TYPE_CHECKING:
+    from analytic.inverse.response_surface import Mechanics
+
+ABOUT = """\
+A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
+at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
+saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of poses is
+looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
+and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
+
+Unless told, S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
+side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
+and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
+"""
+
+Row = dict[str, Any]
+Place = tuple[float, ...]
+Score = tuple[float, float]
+
+POSES = (9, 9, 6)
+"""Of the coarse grid."""
+GRID = {1: 21, 2: 21, 3: 10}
+"""Values of each parameter in the first grid, by the number of parameters."""
+STARTS, HALVINGS, FINALISTS = 12, 4, layout_study.MOST_FOUND
+APART_STARTS, APART_FOUND = 1.5, 0.75
+"""Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
+HOPELESS: Score = (2.0, math.inf)
+"""Of a layout that cannot be."""
+
+
+def ranges(design: Design) -> dict[str, tuple[float, float]]:
+    """Where the search looks if it is not told, mm."""
+    D, H = design.D, design.H
+    l0 = {"l0": (H + D / 16, H + D)}
+    if design.hall_layout != "three":
+        return {**l0, "chip_x": (0.0, D)}
+    return {"f": (D / 2, 2 * D), **l0, "c": (-D / 4, H + D)}
+
+
+def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """The ranges of the search with those given as NAME=LOW,HIGH, or NAME=VALUE for a parameter that is fixed.
+
+    >>> parse_ranges(Design(), ["f=5", "c=0,2"])
+    {'f': (5.0, 5.0), 'l0': (5.5, 13.0), 'c': (0.0, 2.0)}
+    """
+    found = ranges(design)
+    for name, values in user_input.pairs("--range", texts, "f=5,8").items():
+        if name not in found:
+            raise BadInput(
+                f"--range takes NAME=LOW,HIGH in mm with NAME one of {', '.join(found)}"
+                f" (the layout is {design.hall_layout}); got {name}={values}"
+            )
+        numbers = user_input.parse_numbers(f"--range {name}", values)
+        if len(numbers) > 2 or not numbers[0] <= numbers[-1]:
+            raise BadInput(f"--range {name} takes LOW,HIGH in order, or one value; got {values!r}")
+        for value in numbers:
+            _with(design, {name: value})
+        found[name] = (numbers[0], numbers[-1])
+    return found
+
+
+def run(
+    design: Design,
+    law: Mechanics,
+    basis: Basis,
+    bounds: Mapping[str, tuple[float, float]],
+    count: int,
+    progress: Progress,
+) -> list[Row]:
+    """The given layout (rank 0), then the best ones found, as many as there are that differ, at most `count`.
+
+    Raises
+    ------
+    BadInput
+        None in these ranges can be read.
+    """
+    names = list(bounds)
+
+    def made(place: Place) -> Design:
+        return _with(design, dict(zip(names, place, strict=True)))
+
+    def score(place: Place) -> Score:
+        return _score(made, place, law, basis)
+
+    given = tuple(getattr(design, name) for name in names)
+    found = _search(score, given, list(bounds.values()), progress)
+    best = sorted((place for place in found if place != given), key=lambda place: found[place])
+    widths = [high - low for low, high in bounds.values()]
+    steps = [width / (GRID[len(names)] - 1) for width in widths]
+    finalists = _distinct([p for p in best if found[p] < HOPELESS], [APART_FOUND * step for step in steps], FINALISTS)
+    if min(found.values(), default=HOPELESS) >= HOPELESS:
+        raise BadInput(
+            "no layout in these ranges leaves a pose that can be read: keep elements out of the beam (larger l0 or f,"
+            " smaller c), and saturation and --clearance in mind"
+        )
+    rows = []
+    for k, place in enumerate(finalists):
+        progress(0.6 + 0.4 * k / len(finalists), "survey of the best")
+        rows.append(_row(made(place), names, law, basis))
+    rows.sort(key=_rank)
+    progress(1.0, "survey of the best")
+    return [{"rank": k, **row} for k, row in enumerate([_row(design, names, law, basis), *rows[:count]])]
+
+
+def _with(design: Design, changes: dict[str, Any]) -> Design:
+    return dataclasses.replace(design, **changes)
+
+
+def _search(
+    score: Callable[[Place], Score],
+    given: Place,
+    bounds: Sequence[tuple[float, float]],
+    progress: Progress,
+) -> dict[Place, Score]:
+    """Scores of all places looked at."""
+    many = GRID[len(bounds)]
+    axes = [
+        [low] if high == low else [_rounded(low + (high - low) * k / (many - 1)) for k in range(many)]
+        for low, high in bounds
+    ]
+    places = list(itertools.product(*axes))
+    found: dict[Place, Score] = {}
+    for k, place in enumerate(places):
+        if k % 50 == 0:
+            progress(0.4 * k / len(places), "grid of layouts")
+        found[place] = score(place)
+    steps = [(high - low) / (many - 1) for low, high in bounds]
+    best = [p for p in sorted(found, key=lambda p: found[p]) if found[p] < HOPELESS]
+    starts = _distinct(best, [APART_STARTS * step for step in steps], STARTS)
+    if all(low <= value <= high for value, (low, high) in zip(given, bounds, strict=True)):
+        found[given] = score(given)
+        starts.append(given)
+    for k, start in enumerate(starts):
+        progress(0.4 + 0.2 * k / len(starts), "compass searches")
+        _compass(score, start, steps, bounds, found)
+    return found
+
+
+def _compass(
+    score: Callable[[Place], Score],
+    place: Place,
+    steps: Sequence[float],
+    bounds: Sequence[tuple[float, float]],
+    found: dict[Place, Score],
+) -> None:
+    """Walk to the better neighbour until there is none, with ever smaller steps."""
+    for halving in range(1, HALVINGS + 1):
+        while True:
+            near = []
+            for k, (step, (low, high)) in enumerate(zip(steps, bounds, strict=True)):
+                for way in (-step, step):
+                    value = _rounded(min(max(place[k] + way / 2**halving, low), high))
+                    near.append((*place[:k], value, *place[k + 1 :]))
+            for other in near:
+                if other not in found:
+                    found[other] = score(other)
+            best = min(near, key=lambda p: found[p])
+            if not found[best] < found[place]:
+                break
+            place = best
+
+
+def _rounded(value: float) -> float:
+    """To three digits, so that what is measured is what is printed."""
+    return float(f"{value:.3g}")
+
+
+def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> list[Place]:
+    """The first of them, leaving out those that are near an earlier one in every parameter."""
+    kept: list[Place] = []
+    for place in places:
+        if len(kept) == most:
+            break
+        if all(any(abs(a - b) > d for a, b, d in zip(place, other, apart, strict=True)) for other in kept):
+            kept.append(place)
+    return kept
+
+
+def _score(made: Callable[[Place], Design], place: Place, law: Mechanics, basis: Basis) -> Score:
+    from analytic import survey
+
+    try:
+        coder, _ = layout_study.prepare(made(place), law, basis, cells=(1, 1, 1))
+        seen = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
+    except BadInput:
+        return HOPELESS
+    usable = seen.usable
+    if not usable.any():
+        return HOPELESS
+    rarer = min(seen.share(usable & (seen.sign > 0)), seen.share(usable & (seen.sign < 0)))
+    failing = 1 - seen.share(usable) + rarer
+    worst = math.inf if seen.folded else float(seen.noise_mm[usable].max())
+    return round(failing, 3), worst
+
+
+def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> Row:
+    row: Row = {f"{name}_mm": getattr(design, name) for name in names}
+    return row | _figures(design, law, basis) | {"settings": layout_study.settings(design, names)}
+
+
+def _figures(design: Design, law: Mechanics, basis: Basis) -> Row:
+    from analytic import survey
+
+    coder, _ = layout_study.prepare(design, law, basis)
+    found = layout_study.figures(survey.survey(coder, layout_study.COUNTS, clearance=basis.clearance))
+    keys = ["unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent", "condition_worst"]
+    keys += ["noise_worst_um", "noise_median_um", "noise_worst_N"]
+    return {key: found[key] for key in keys}
+
+
+def _rank(row: Row) -> Score:
+    worst = row["noise_worst_um"]
+    return round(1 - row["unique_percent"] / 100, 3), math.inf if worst is None else worst

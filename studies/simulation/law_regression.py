@@ -1,0 +1,311 @@
+"""Least squares of every law to a uniaxial test, and their ranking.
+
+The specimen is incompressible with free sides, which gives the nominal stress in closed form. All points weigh the
+same in nominal stress. Each law is fitted in its forms (`FORMS`: Yeoh with two terms or three, Ogden with one or two)
+that have no more constants, E among them, than the test has points at different stretches. The largest stands for its
+law; but if a share of 0 makes it the smaller one, that does. Laws are ranked by Akaike's corrected criterion for n
+points and k parameters, the noise's size among them,
+
+    AICc = n ln(SSE / n) + 2 k + 2 k (k + 1) / (n - k - 1),
+
+which takes errors as independent: a slow drift of the machine makes the larger laws look better than they are.
+Residuals and their differences of less than 1e-9 of the largest stress are rounding, and count as none. Of fits
+that tie, first comes the one that is stable in the wider ranges, then the one that `geometry.design.LAWS` names
+first. Points at stretch 1, where no law has a stress, do not count. Of laws within 2 of the least AICc, which are as
+good, those with fewer constants come first. Where the criterion is not defined for all forms (n <= k + 1), as for the
+two or three values of a data sheet, none is ranked by it: first come forms that leave 2 % of the largest stress or
+less, the fewest constants first, then the others, by what they leave; the best form stands for the law. Numbers at a
+bound of the search are no optimum: their law ranks last.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import LAWS, LEAST_ALPHA, BadInput, Design
+from studies.simulation.law_stability import Ranges, ranges, ranges_of_test
+from studies.simulation.tensile_test import Specimen
+
+Array = NDArray[np.float64]
+Criterion = Literal["AICc", "fewest constants"]
+
+STANDARD = Design()
+
+EXACT = 1e-9
+"""Residual over the largest stress that counts as rounding."""
+
+MISFIT = 0.02
+"""Root mean square of the residual over the largest stress that is worth a warning: tests of one silicone differ by
+more, and the mesh errs by less."""
+
+ALIKE = 2.0
+"""Difference in AICc that does not tell two laws apart (Burnham and Anderson 2002, section 2.6)."""
+
+SMALL_STRAIN = 0.25
+"""Strain up to which a test shows the stiffness at small strain: 99 % of the silicone in the paper's sensor stays
+within it in a press to D/8 (1 mm)."""
+
+AT_BOUND = 1e-6
+"""Distance of a number from its bound, over its range, that counts as none if it makes no difference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A law of which some numbers are fitted and the others keep their defaults.
+
+    Attributes
+    ----------
+    free : names of the numbers that are fitted, beside E.
+    starts : where the search begins, values of `free`.
+    """
+
+    law: str
+    free: tuple[str, ...]
+    starts: tuple[tuple[float, ...], ...]
+
+    @property
+    def constants(self) -> int:
+        """How many constants are fitted, E among them."""
+        return len(self.free) + 1
+
+
+FORMS = (
+    Form("neo-hookean", (), ((),)),
+    Form("mooney-rivlin", ("mooney_share",), ((0.5,), (0.1,), (0.9,))),
+    Form("yeoh", ("yeoh_2",), ((0.0,), (0.1,), (-0.05,))),
+    Form("yeoh", ("yeoh_2", "yeoh_3"), ((0.0, 0.0), (0.1, 0.01), (-0.1, 0.01))),
+    Form("ogden", ("ogden_alpha1",), ((2.5,), (1.0,), (8.0,), (-3.0,))),
+    Form(
+        "ogden",
+        ("ogden_alpha1", "ogden_alpha2", "ogden_share"),
+        (
+            (2.5, -2.5, 0.5),
+            (1.5, 5.0, 0.1),
+            (8.0, -2.0, 0.5),
+            (3.0, 1.0, 0.5),
+            (12.0, 2.0, 0.9),
+            (4.0, -8.0, 0.3),
+        ),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """One law fitted to a test.
+
+    Attributes
+    ----------
+    numbers : of `geometry.design.LAWS`.
+    constants : how many were fitted, E among them.
+    exact : whether the test has no more points than that, so that the misfit says nothing.
+    rms : root mean square of the residual, MPa; `share` is that over the largest stress.
+    small : what the law's stress up to `SMALL_STRAIN` has over the test's, relative (`excess`).
+    aicc : Akaike's corrected criterion, None where it is not defined.
+    criterion : what all laws of the test are ranked by.
+    stable : least and largest stretch of each mode between which the law is stable, 1 among them.
+    bounded : names of the numbers that ended at a bound of the search.
+    """
+
+    law: str
+    E: float
+    numbers: dict[str, float]
+    constants: int
+    exact: bool
+    rms: float
+    share: float
+    small: float
+    aicc: float | None
+    criterion: Criterion
+    stable: Ranges
+    bounded: tuple[str, ...]
+
+
+def nominal_stress(name: str, numbers: tuple[float, ...], stretch: Array) -> Array:
+    """Nominal stress over mu of an incompressible bar, shape of `stretch`.
+
+    >>> float(nominal_stress("neo-hookean", (), np.array(2.0)))
+    1.75
+    """
+    if name == "ogden":
+        a1, a2, share = numbers
+        return (1 - share) * _ogden_term(a1, stretch) + share * _ogden_term(a2, stretch)
+    x = stretch**2 + 2 / stretch - 3
+    slope = np.ones_like(stretch)
+    if name == "mooney-rivlin":
+        slope = 1 - numbers[0] + numbers[0] / stretch
+    elif name == "yeoh":
+        slope = 1 + 2 * numbers[0] * x + 3 * numbers[1] * x**2
+    return np.asarray(slope * (stretch - stretch**-2))
+
+
+def _ogden_term(alpha: float, stretch: Array) -> Array:
+    """2 / alpha (l^(alpha - 1) - l^(-alpha / 2 - 1)), also near alpha = 0."""
+    h = np.log(stretch)
+    if abs(alpha) < 1e-8:
+        return np.asarray(3 * h / stretch)
+    return np.asarray(4 / alpha * np.exp(alpha * h / 4) * np.sinh(0.75 * alpha * h) / stretch)
+
+
+def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
+    """Every law that has no more constants than the test has points, in its better form, the best first.
+
+    Raises
+    ------
+    BadInput
+        nu is not that of a nearly incompressible body, or the stress falls where the stretch grows.
+    """
+    if not 0.49 <= nu <= 0.5:
+        raise BadInput(
+            f"--nu must lie between 0.49 and 0.5, as a fit takes the specimen as incompressible; got {nu:g}"
+        )
+    unit = nominal_stress("neo-hookean", (), data.stretch)
+    mu = float(unit @ data.stress) / float(unit @ unit)
+    if not mu > 0:
+        raise BadInput("the stress falls where the stretch grows: tension must be positive in both columns")
+    telling = data.stretch[data.telling]
+    most = len(set(telling.tolist()))
+    forms = [form for form in FORMS if form.constants <= most]
+    defined = all(len(telling) > form.constants + 2 for form in forms)
+    criterion: Criterion = "AICc" if defined else "fewest constants"
+    best: dict[str, Fit] = {}
+    for form in reversed(forms):
+        found = _fitted(form, data, mu, nu, most, criterion)
+        other = best.get(found.law)
+        if other is None or (_same(other, found) if defined else _order(found, None) < _order(other, None)):
+            best[found.law] = found
+    least = min((found.aicc for found in best.values() if found.aicc is not None and not found.bounded), default=None)
+    return sorted(best.values(), key=lambda found: _order(found, least if defined else None))
+
+
+def _same(larger: Fit, smaller: Fit) -> bool:
+    """Whether a form with a number at a bound, such as a share of 0, is but a smaller one with constants too many."""
+    return bool(larger.bounded) and smaller.rms <= larger.rms * (1 + 1e-6)
+
+
+def _width(stable: Ranges) -> float:
+    """Logarithmic width of the ranges of all modes together, without its rounding."""
+    return round(sum(math.log(high / low) for low, high in stable.values()), 9)
+
+
+def _order(found: Fit, least: float | None) -> tuple[float, ...]:
+    """Sorts fits, the best first; `least` is the least AICc, None where they are not sorted by it."""
+    last, ties = float(bool(found.bounded)), (-_width(found.stable), list(LAWS).index(found.law))
+    if least is not None and found.aicc is not None:
+        alike = found.aicc <= least + ALIKE
+        return (last, 0, found.constants, found.aicc, *ties) if alike else (last, 1, found.aicc, *ties)
+    share = round(found.share / EXACT)
+    if found.share <= MISFIT:
+        return (last, 0, found.constants, share, *ties)
+    return (last, 1, share, found.constants, *ties)
+
+
+def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criterion: Criterion) -> Fit:
+    """One form's least squares from several starts.
+
+    Parameters
+    ----------
+    mu : the neo-Hookean shear modulus, the scale of the search.
+    most : how many constants the test determines.
+    """
+    from scipy.optimize import least_squares
+
+    largest = float(np.abs(data.stress).max())
+    specs = {spec: Design.__dataclass_fields__[spec].metadata for spec in form.free}
+    low = [1e-3, *(spec["low"] for spec in specs.values())]
+    high = [1e3, *(spec["high"] for spec in specs.values())]
+
+    def residual(x: Array) -> Array:
+        model = x[0] * mu * nominal_stress(form.law, _whole(form, x[1:].tolist()), data.stretch)
+        return np.asarray((model - data.stress) / largest)
+
+    tight: dict[str, Any] = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 300}
+    tries = [
+        least_squares(
+            residual, (1.0, *start), bounds=(low, high), jac="3-point", method="dogbox", x_scale="jac", **tight
+        )
+        for start in form.starts
+    ]
+    x = np.array(min(tries, key=lambda found: found.cost).x)
+    x[1:] = _tidy(form, x[1:].tolist())
+    at_end = np.array([False, *(_at_bound(v, a, b) for v, a, b in zip(x[1:], low[1:], high[1:], strict=True))])
+    moved = np.where(at_end, np.clip(np.round(x), low, high), x)
+    # a share of 1e-7 is no bound where the term's exponent makes it large
+    bounded = (
+        at_end if np.linalg.norm(residual(moved)) <= np.linalg.norm(residual(x)) * (1 + 1e-6) else at_end & False
+    )
+    x = np.where(bounded, moved, x)
+    values, left = _whole(form, x[1:].tolist()), residual(x)
+    rms = _told(float(np.sqrt(np.mean(left**2))))
+    near = data.near(SMALL_STRAIN)
+    numbers = dict(zip(LAWS[form.law], values, strict=True))
+    return Fit(
+        law=form.law,
+        E=2 * (1 + nu) * float(x[0]) * mu,
+        numbers=numbers,
+        constants=form.constants,
+        exact=form.constants >= most,
+        rms=largest * rms,
+        share=rms,
+        small=_told(excess(largest * left[near], data.stress[near])),
+        aicc=aicc(
+            int(data.telling.sum()), form.constants + 1, max(float(np.sqrt(np.mean(left[data.telling] ** 2))), EXACT)
+        ),
+        criterion=criterion,
+        stable=ranges(form.law, values, ranges_of_test(data.stretch)),
+        bounded=tuple(name for name, is_bounded in zip(form.free, bounded[1:], strict=True) if is_bounded),
+    )
+
+
+def _told(value: float) -> float:
+    """0 in place of rounding."""
+    return value if abs(value) > EXACT else 0.0
+
+
+def excess(left: Array, stress: Array) -> float:
+    """How much larger a law's stress is than the test's, of all points together: its part along the test's, less 1.
+
+    Parameters
+    ----------
+    left : law less test, shape (n,), MPa.
+    stress : of the test, shape (n,), MPa.
+
+    >>> excess(np.array([0.1, 0.2]), np.array([1.0, 2.0]))
+    0.1
+    """
+    size = float(stress @ stress)
+    return float(left @ stress) / size if size else 0.0
+
+
+def _whole(form: Form, free: list[float]) -> tuple[float, ...]:
+    """All numbers of a form's law: those that are fitted, and the defaults of the others."""
+    given = dict(zip(form.free, free, strict=True))
+    return tuple(given.get(name, getattr(STANDARD, name)) for name in LAWS[form.law])
+
+
+def _at_bound(value: float, low: float, high: float) -> bool:
+    return min(value - low, high - value) <= AT_BOUND * (high - low)
+
+
+def _tidy(form: Form, numbers: list[float]) -> list[float]:
+    """Ogden's terms with the larger exponent first, and none that `Design` would refuse."""
+    if form.law != "ogden":
+        return numbers
+    alphas = [math.copysign(max(abs(alpha), LEAST_ALPHA), alpha) for alpha in numbers[:2]]
+    if len(alphas) == 1 or alphas[0] >= alphas[1]:
+        return [*alphas, *numbers[2:]]
+    return [alphas[1], alphas[0], 1 - numbers[2]]
+
+
+def aicc(n: int, k: int, rms: float) -> float | None:
+    """Akaike's corrected criterion of n points and k parameters; None where it is not defined.
+
+    >>> aicc(10, 2, 1.0)
+    5.714285714285714
+    """
+    return None if n <= k + 1 else 2 * n * math.log(rms) + 2 * k + 2 * k * (k + 1) / (n - k - 1)

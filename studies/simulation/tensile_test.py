@@ -1,0 +1,138 @@
+"""Uniaxial tests in a CSV file: stretch and nominal stress, checked at the door."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import BadInput, closest
+from studies.inputs import table_input
+
+Array = NDArray[np.float64]
+
+STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 0.01)}
+"""Columns of the deformation: stretch = first number + second number * value."""
+
+STRESS = {"nominal_stress_MPa": 1.0, "nominal_stress_kPa": 1e-3, "nominal_stress_Pa": 1e-6}
+"""Columns of the force over the first cross-section, and their unit in MPa."""
+
+LOWEST, HIGHEST, MOST_STRESS = 0.05, 20.0, 1e5
+
+WRONG_SIGN = 0.2
+"""Stress over the largest that may have the other sign than the strain: friction, preload and permanent set stay
+below, a compression with a positive stress does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Specimen:
+    """Points of a uniaxial test, in the file's order: stretch, shape (n,), and nominal stress, shape (n,), MPa.
+
+    `column` is the file's name of the stress.
+    """
+
+    stretch: Array
+    stress: Array
+    column: str = "nominal_stress_MPa"
+
+    @property
+    def telling(self) -> NDArray[np.bool_]:
+        """Points off stretch 1, where laws differ, shape (n,)."""
+        return np.asarray(self.stretch != 1)
+
+    @property
+    def least_strain(self) -> float:
+        """Least size of a strain that is not 0."""
+        return float(np.abs(self.stretch[self.telling] - 1).min())
+
+    def near(self, strain: float) -> NDArray[np.bool_]:
+        """Points with strains up to this size, or where there are none those with the least, shape (n,)."""
+        limit = max(strain, self.least_strain)
+        return np.asarray(self.telling & (np.abs(self.stretch - 1) <= limit * (1 + 1e-9)))
+
+
+def read(path: str) -> Specimen:
+    """The test in a CSV file: a header with one column of `STRETCH` and one of `STRESS`; # begins a comment.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be read, a column is missing or ambiguous, a value is no number or not possible, or there
+        are too few points.
+    """
+    rows = [(line, [cell.strip() for cell in row]) for line, row in table_input.csv_rows(Path(path), comments=True)]
+    line, header = rows.pop(0) if rows else (1, [])
+    if not header:
+        raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
+    along, across = _column(path, line, header, tuple(STRETCH)), _column(path, line, header, tuple(STRESS))
+    offset, factor = STRETCH[header[along]]
+    stretch, stress = [], []
+    for line, row in rows:
+        value = offset + factor * _value(path, line, header, row, along)
+        if not LOWEST <= value <= HIGHEST:
+            raise BadInput(
+                f"{path!r}, line {line}, column {header[along]}: the stretch must lie between {LOWEST:g} and "
+                f"{HIGHEST:g}; got {value:g}: check the column's unit"
+            )
+        force = STRESS[header[across]] * _value(path, line, header, row, across)
+        if not abs(force) <= MOST_STRESS:
+            raise BadInput(
+                f"{path!r}, line {line}, column {header[across]}: the stress must lie within "
+                f"{MOST_STRESS:g} MPa; got {force:g} MPa: check the column's unit"
+            )
+        stretch.append(value)
+        stress.append(force)
+    _check_curve(path, (header[along], header[across]), stretch, stress, [line for line, _ in rows])
+    return Specimen(np.array(stretch), np.array(stress), header[across])
+
+
+def _check_curve(
+    path: str, names: tuple[str, str], stretch: list[float], stress: list[float], lines: list[int]
+) -> None:
+    if all(value == 1 for value in stretch):
+        raise BadInput(f"{path!r} has no point off stretch 1: a fit needs one or more below its header")
+    for name, values in zip(names, (stretch, stress), strict=True):
+        if len(values) > 1 and min(values) == max(values):
+            raise BadInput(f"{path!r}, column {name}: all {len(values)} values are the same: give a curve")
+    largest = max(map(abs, stress))
+    wrong = [(x - 1) * y < 0 for x, y in zip(stretch, stress, strict=True)]
+    for line, x, y, bad in zip(lines, stretch, stress, wrong, strict=True):
+        if bad and not all(wrong) and abs(y) > WRONG_SIGN * largest:
+            raise BadInput(
+                f"{path!r}, line {line}: at a stretch of {x:g} the nominal stress is {y:g} MPa: tension must be "
+                "positive and compression negative in both columns"
+            )
+
+
+def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
+    """Place of the one column with a wanted name."""
+    found = [k for k, name in enumerate(header) if name in wanted]
+    if len(found) > 1:
+        names = " and ".join(header[k] for k in found)
+        raise BadInput(f"{path!r}, line {line}: columns {names} say the same: keep one of them")
+    if found:
+        return found[0]
+    for name in header:
+        units = [other for other in wanted if name and other.casefold().startswith(f"{name.casefold()}_")]
+        if units:
+            raise BadInput(f"{path!r}, line {line}: the column {name!r} lacks its unit: name it {' or '.join(units)}")
+        meant = closest(name, wanted) if name else None
+        if meant:
+            raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean {meant}?")
+    raise BadInput(
+        f"{path!r}, line {line}: the header needs a column {' or '.join(wanted)}; got {', '.join(header)!r:.80}"
+    )
+
+
+def _value(path: str, line: int, header: list[str], row: list[str], column: int) -> float:
+    table_input.check_length(Path(path), line, header, row)
+    value = table_input.number(row[column])
+    if value is None or not math.isfinite(value):
+        raise BadInput(
+            f"{path!r}, line {line}, column {header[column]}: must be a finite number; got {row[column]!r:.40}"
+            f"{table_input.comma_remedy(row[column])}"
+        )
+    return value

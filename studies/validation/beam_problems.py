@@ -1,0 +1,137 @@
+"""Clamped cylinders under a sideways load at the tip, the elastica and Timoshenko's beam, and vibrating.
+
+Fourier elements with two harmonics on a rectangular section, in which rigid rotations of a cross-section are exact.
+Diameter and Young's modulus are 1; the load is a uniform dead traction on the flat end. Rows of rectangles shrink
+towards the clamp.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import skfem
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from fem.discretisation import elements
+from fem.discretisation.elements import Elements
+from fem.discretisation.nonlinear_system import State, System
+from fem.discretisation.symmetry_models import on_axis
+from fem.material import lame
+from fem.modes import eigen
+from studies.validation.solid_problems import SKIN, body, facet_loads, find, ramp
+
+HARMONICS = 2
+AREA, INERTIA = math.pi / 4, math.pi / 64
+GRADING = 1.5
+"""Rows shrink towards the clamp: they end at (i / n)^GRADING of the length."""
+SMALL = 1e-7
+"""Force over E D^2, times (L / D)^2, at small strain."""
+
+
+def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
+    """Deflection w / L and shortening u / L at the tip of a cylinder of L / D under each P L^2 / (E I) in turn.
+
+    Compressible, nu = 0, so that the clamp does not hinder the section's contraction. Shear, the strain's finite
+    size and the section's warping at the clamp move the answer by terms in (D / L)^2, so the elastica is its limit.
+    """
+    system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
+    unit, tip = system.dead * INERTIA / slenderness**2, _tip(e)
+    steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
+    answers = dict(zip(steps, ramp(system, unit, steps), strict=True))
+    moved = [_tip_motion(answers[load].state, tip) for load in loads]
+    return tuple(value / slenderness for w, u in moved for value in (w, -u))
+
+
+def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = True) -> float:
+    """Force over deflection of the tip at small strain, over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
+
+    Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about a diameter
+    of the beam, the more the larger nu is. Unless bonded, the base keeps its plane and its middle alone, and the
+    load's reaction is spread over it.
+    """
+    system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
+    force = SMALL / slenderness**2
+    system.dead = force * system.dead
+    moved = _tip_motion(find(system).state, _tip(e))[0]
+    return force / moved * compliance(slenderness, nu)
+
+
+def vibration(slenderness: int, nu: float, *, rows: int, count: int) -> list[float]:
+    """The lowest bending frequencies over those of Timoshenko's beam, clamped and free."""
+    system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
+    K = system.assemble(system.state(np.zeros(system.size)), None).tangent
+    values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
+    sideways = np.abs([*elements.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
+    bends = np.broadcast_to(sideways, system.free.shape)[system.free]
+    moved = np.abs(vectors[: system.n_free])
+    bending = [float(value) for value, x in zip(values, moved.T, strict=True) if x[bends].max() > x[~bends].max()]
+    return [math.sqrt(a) / b for a, b in zip(bending, frequencies(slenderness, nu, count), strict=False)]
+
+
+def frequencies(slenderness: float, nu: float, count: int) -> list[float]:
+    """Angular frequencies of Timoshenko's clamped and free beam, D = E = rho = 1.
+
+    Along the beam w' = phi + g, phi' = m, m' = -omega^2 phi - kappa G A g / I and g' = -omega^2 w / (kappa G), with
+    w = phi = 0 at the clamp and m = g = 0 at the end. A slender one has 3.516 sqrt(I / A) / L^2:
+
+    >>> round(frequencies(100.0, 0.3, 1)[0] * 1e4 / math.sqrt(INERTIA / AREA), 3)
+    3.516
+    """
+    kappa_G = 6 * (1 + nu) / (7 + 6 * nu) / (2 * (1 + nu))
+    stiff = kappa_G * AREA / INERTIA
+
+    def ends(omega: float) -> float:
+        A = np.array([[0, 1, 0, 1], [0, 0, 1, 0], [0, -(omega**2), 0, -stiff], [-(omega**2) / kappa_G, 0, 0, 0]])
+        return float(np.linalg.det(expm(slenderness * A)[2:, 2:]))
+
+    step = math.sqrt(INERTIA / AREA) / slenderness**2
+    found: list[float] = []
+    omega = step
+    while len(found) < count:
+        if ends(omega) * ends(omega + step) < 0:
+            found.append(float(brentq(ends, omega, omega + step, rtol=1e-12)))
+        omega += step
+    return found
+
+
+def compliance(slenderness: float, nu: float) -> float:
+    """Timoshenko's deflection under a unit load, D = E = 1; kappa = 6 (1 + nu) / (7 + 6 nu), Cowper 1966.
+
+    >>> round(compliance(1e3, 0.5) * 3 * INERTIA / 1e9, 5)
+    1.0
+    """
+    kappa, G = 6 * (1 + nu) / (7 + 6 * nu), 1 / (2 * (1 + nu))
+    return slenderness**3 / (3 * INERTIA) + slenderness / (kappa * G * AREA)
+
+
+def cylinder(
+    slenderness: float, nu: float, *, across: int, along: int, bonded: bool = True
+) -> tuple[System, Elements]:
+    """Cylinder of L / D clamped at z = 0 under a unit load at the end, in so many rectangles across and along."""
+    rows = slenderness * np.linspace(0, 1, along + 1) ** GRADING
+    flat = skfem.MeshTri.init_tensor(np.linspace(0, 0.5, across + 1), rows)
+    mesh = skfem.MeshTri2.from_mesh(flat).with_boundaries(
+        {"end": lambda x: x[1] > slenderness - SKIN, "base": lambda x: x[1] < SKIN}
+    )
+    e = elements.build(mesh, axisymmetric=True, harmonics=HARMONICS)
+    base, axis = e.nodes[:, 1] < SKIN, e.nodes[:, 0] < SKIN
+    fixed = np.repeat(base[:, None], e.angles.fields, axis=1)
+    load = facet_loads(mesh, e, "end", (1 / AREA, 0, 0))
+    if not bonded:
+        load += facet_loads(mesh, e, "base", (-1 / AREA, 0, 0))
+        fixed[base & ~axis, : len(elements.orders(HARMONICS))] = False
+    fixed[np.ix_(axis, ~on_axis(HARMONICS))] = True
+    return body(e, fixed, *lame(1.0, nu), dead=load), e
+
+
+def _tip(e: Elements) -> int:
+    """The node where the axis meets the end."""
+    return int(np.argmax(e.nodes[:, 1] - 1e3 * e.nodes[:, 0]))
+
+
+def _tip_motion(state: State, tip: int) -> tuple[float, float]:
+    """Displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
+    k = list(elements.orders(HARMONICS))
+    return float(state.u[tip, k.index(-1)]), float(state.u[tip, len(k)])

@@ -1,0 +1,63 @@
+"""Contact problems on the paper's beam: Hertz's limit, and what the plate's penalty costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from fem.accuracy import LEVELS
+from fem.contact import plate_contact
+from fem.discretisation import symmetry_models
+from fem.equilibrium import trace
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED, newton
+from geometry.design import paper
+from geometry.loads import Load, Magnet
+from studies.validation.solid_problems import NotSolvedError
+
+
+def hertz(level: str) -> tuple[float, ...]:
+    """Force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and the slope of log F.
+
+    The paper's beam without its magnet, on meshes of an accuracy (quick, standard, fine).
+    """
+    design, depths = paper(), (1e-6, 1e-5, 1e-4)
+    ratios = []
+    for depth in depths:
+        state = trace(design, [Load(depth=depth)], LEVELS[level], magnet="ignored", estimate=False)[0]
+        if state.status != "ok":
+            raise NotSolvedError(state.message)
+        constant = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R)
+        ratios.append(state.response.force[2] / (constant * depth**1.5))
+    slope = 1.5 + math.log(ratios[-1] / ratios[0]) / math.log(depths[-1] / depths[0])
+    return (*ratios, slope)
+
+
+def penalty(level: str, depth: float, magnet: Magnet) -> float:
+    """Force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate, depth over D.
+
+    The force is solved with that times 1, 3 and 10; the rigid plate is the line through them over its inverse at 0.
+    """
+    design, size = paper(), LEVELS[level].section_size
+    shape = design.shape.scaled(1 / design.D)
+    tip = min(size, math.sqrt(shape.R * depth) * size / 2)
+    path = Path(symmetry_models.section(shape, design.nu, magnet, size, tip))
+    forces, factors = [], np.array([1.0, 3.0, 10.0])
+    try:
+        reason = path.go(depth, np.zeros(2))
+        q, plate, skin = path.q, path.plate(), path.skin
+        for factor in factors:
+            harder = replace(plate, stiffness=factor * plate.stiffness)
+            pressed = plate_contact.overlap(skin, path.d.system.state(q).u, plate) > 0
+            answer = newton(path.d.system, path.solver, q, harder, pressed)
+            reason = reason or answer.reason
+            q = answer.state.q
+            pushed = plate_contact.traction(skin, answer.state.u, harder)[0][..., 2]
+            forces.append(float(np.sum(skin.weights * pushed)))
+    finally:
+        path.close()
+    if reason:
+        raise NotSolvedError(STOPPED[reason])
+    return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))

@@ -1,0 +1,67 @@
+"""The study of Coulomb friction: its verdicts, its files, its verb. The physics: tests/test_friction.py."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geometry.loads import Load
+from studies.validation import coulomb_study, robustness_checks
+
+
+@pytest.fixture(scope="module")
+def states():
+    """A press, then a shear to full slip."""
+    loads = [Load(depth=0.5, shear_x=float(x), friction=0.1) for x in np.linspace(0, 0.6, 4)]
+    return coulomb_study._follow(loads, coulomb_study.COARSE, "ignored")
+
+
+@pytest.fixture(scope="module")
+def curve(states):
+    force = [s.response.force for s in states]
+    return coulomb_study.Curve(0.1, [s.load.shear_x for s in states], [f[0] for f in force], [f[2] for f in force])
+
+
+def test_full_slip_is_told_from_a_wrong_coefficient(curve):
+    assert coulomb_study.full_slip(curve)["passed"]
+    wrong = coulomb_study.Curve(0.12, curve.shear_mm, curve.force_N, curve.normal_N)
+    assert not coulomb_study.full_slip(wrong)["passed"]
+
+
+def test_a_way_there_is_no_closed_loop(states):
+    assert not any(row["passed"] for row in coulomb_study.closed([*states, states[0]]))
+
+
+def test_files_of_the_study(tmp_path, curve, states):
+    coulomb_study.write(
+        tmp_path, [coulomb_study.full_slip(curve)], [curve], states, "here", "magtip friction --quick"
+    )
+    report = (tmp_path / "FRICTION.md").read_text()
+    assert "1 of 1 checks hold" in report
+    assert "`magtip friction --quick`" in report
+    assert (tmp_path / "friction.png").stat().st_size > 10_000
+    assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")
+
+
+def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
+    row = coulomb_study._row("onset", "force", 1.1, 1.0, 0.01)
+    monkeypatch.setattr(coulomb_study, "run", lambda **_: [row])
+    status, out, err = run("friction", "--json")
+    assert status == 3
+    assert strict(out) == [row]
+    assert "1 of 1 checks fail" in err
+
+
+def test_the_judge_of_extremes_measures_the_cone():
+    loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
+    scene = robustness_checks.Scene(
+        "small", loads, robustness_checks.cone, 0.01, coulomb_study.COARSE, magnet="ignored"
+    )
+    found = robustness_checks.cone(scene, robustness_checks.path(scene))
+    assert found.solution.slip_share == 1
+    assert found.measured < scene.bound
+
+
+def test_coulombs_law_holds_under_a_tilted_plate():
+    rough = replace(coulomb_study.SOLID, solid_size=0.5, solid_patch=0.15, rub=4.0)
+    assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.5)["passed"]

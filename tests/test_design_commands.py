@@ -1,0 +1,92 @@
+"""The verbs stability and modes."""
+
+from geometry.design import BadInput
+
+
+def test_stability_says_when_and_how_stiff(run, strict):
+    status, out, _ = run("stability", "paper", "--set", "L=24", "--depth", 0.5, "--accuracy", "quick", "--json")
+    assert status == 0
+    (record,) = strict(out)
+    assert 0.8 < record["critical_depth_mm"] < 0.95
+    assert record["guided_critical_depth_mm"] is None or record["guided_critical_depth_mm"] > 1.5
+    assert record["stiffness_N_per_mm"] > 0
+    assert 0 < record["shift_per_mm"] < 1
+    assert 0 < record["tilt_rad_per_mm"] < 0.2
+
+
+def test_modes_are_named_and_judged(run, strict):
+    status, out, _ = run("modes", "paper", "--count", 4, "--accuracy", "quick", "--json")
+    assert status == 0
+    (record,) = strict(out)
+    assert record["shape"] == ["bending", "torsion", "axial", "bending"]
+    assert record["frequency_Hz"] == sorted(record["frequency_Hz"])
+    assert "bending" in record["message"]
+
+
+def test_bad_modes_are_a_sentence(run):
+    for tokens in (
+        ("modes", "paper", "--count", 0),
+        ("modes", "paper", "--depth", 8),
+        ("stability", "paper", "--depth", 0),
+    ):
+        status, out, err = run(*tokens)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, strict, monkeypatch):
+    from fem import modes, stability
+
+    def stops(*_, **__):
+        raise BadInput("the press stops at depth 6.2 mm: take a smaller depth")
+
+    monkeypatch.setattr(stability, "critical", lambda *_, **__: stability.Critical(0.9, 1.0, 0.89, ""))
+    monkeypatch.setattr(stability, "small_shear", stops)
+    monkeypatch.setattr(modes, "modes", stops)
+    for verb, kept in (("stability", "critical_depth_mm"), ("modes", "spring_mass_Hz")):
+        status, out, err = run(verb, "paper", "--depth", 6.99, "--json")
+        (record,) = strict(out)
+        assert (status, record["status"] != "ok") == (3, True)
+        assert record[kept] > 0
+        assert "take a smaller depth" in record["message"]
+        assert "take a smaller depth" in err
+
+
+def test_only_modes_that_were_computed_are_claimed(run, strict):
+    message = strict(run("modes", "paper", "--count", 1, "--accuracy", "quick", "--json")[1])[0]["message"]
+    assert "perhaps more" in message
+
+
+def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
+    from fem import stability
+    from geometry.design import paper
+    from studies.simulation import stability_report
+
+    found = {False: stability.Critical(0.9, 1.0, 0.9, "", 0.01, 0.02), True: stability.Critical(None, None, 3.5, "")}
+    monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
+    monkeypatch.setattr(stability, "small_shear", lambda *_, **__: stability.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
+    said = [stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]
+    assert said[0]["message"] == ""
+    assert (said[0]["critical_depth_error_estimate"], said[0]["critical_force_error_estimate"]) == (0.01, 0.02)
+    assert said[0]["guided_critical_depth_error_estimate"] is None
+    assert "unstable" in said[1]["message"]
+    assert stability_report.shown(said[0])["guided_critical_depth_mm"] == "none up to 3.5"
+
+
+def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
+    from matplotlib.figure import Figure
+
+    from geometry.design import paper
+    from studies.simulation import critical_depth_map
+
+    shown = []
+    real = Figure.legend
+    monkeypatch.setattr(Figure, "legend", lambda self, *a, **k: shown.append(real(self, *a, **k)))
+    names = ("euler", "engesser", "haringx")
+    row = {"status": "ok", "L_over_D": 2.0, "L_mm": 16.0, "critical_depth_mm": 2.0, "critical_force_N": 3.0}
+    row |= {"guided_critical_depth_mm": None, "guided_critical_force_N": None}
+    row |= {f"{name}_{key}": 1.0 for name in names for key in ("N", "depth_mm")}
+    critical_depth_map.picture(tmp_path / "some.png", paper(), [row])
+    critical_depth_map.picture(tmp_path / "none.png", paper(), [{"status": "refused"}])
+    (labels,) = [[text.get_text() for text in legend.get_texts()] for legend in shown]
+    assert "FEM, free tip" in labels
+    assert "FEM, guided tip" not in labels

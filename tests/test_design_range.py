@@ -1,0 +1,98 @@
+"""The study of the range: its samples reach the ends, its rows say what is wrong, it goes on where it stopped."""
+
+import json
+
+import pytest
+
+from studies.validation import design_range
+
+
+def test_samples_reach_the_ends_and_stay_the_same():
+    found = design_range.samples(design_range.COUNT)
+    assert len(found) >= 60
+    assert design_range.samples(5) == found[:5]
+    D = [one["D"] for one in found]
+    assert (min(D), max(D)) == (1, 50)
+    assert min(one["L"] - one["D"] / 2 for one in found) == pytest.approx(design_range.LEAST_STEM)
+    assert max(one["L"] / one["D"] for one in found) == pytest.approx(10, rel=1e-3)
+    assert min(one["magnet_diameter"] for one in found) == design_range.LEAST_DIAMETER
+    ratios = [one["magnet_height"] / one["magnet_diameter"] for one in found]
+    assert 0.0999 < min(ratios) < max(ratios) < 4.001
+
+
+def test_the_largest_magnets_leave_the_wall():
+    made = [
+        design_range.Design(**design_range._sample([x, y, 1.0, z, 0.0]))
+        for x in (0.5, 1)
+        for y in (0.6, 1)
+        for z in (0, 0.5)
+    ]
+    for design in made:
+        assert design_range.WALL - 1e-9 <= design.shape.wall < design_range.WALL + 0.01 * design.D
+
+
+@pytest.mark.parametrize(("number", "ending"), [(3, "impossible"), (20, "ok"), (21, "ok")])
+def test_some_designs(number, ending, tmp_path):
+    """A stem too short for its magnet, a small disc in a beam of 50 mm, one close to the base."""
+    row = design_range.examine(number, design_range.samples(number + 1)[number], tmp_path)
+    assert row["status"] == ending
+    if ending == "impossible":
+        assert "needs 0.1 mm: take a smaller magnet" in row["message"]
+        return
+    assert (row["section"], row["solid_mesh"]) == ("ok", "ok")
+    assert row["solids"] == "ok" or row["message"]
+    assert row["cached_ms"] < 100
+    assert row["least_jacobian"] > 0.04
+
+
+def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch, tmp_path):
+    def broken(design):
+        raise ZeroDivisionError("of the test")
+
+    monkeypatch.setattr(design_range, "_solids", broken)
+    monkeypatch.setattr(design_range, "_solid_mesh", lambda design, cache: {"tetrahedra": 7})
+    row = design_range.examine(18, design_range.samples(19)[18], tmp_path)
+    assert (row["status"], row["solids"], row["section"], row["tetrahedra"]) == ("failed", "failed", "ok", 7)
+    assert row["message"] == "solids: ZeroDivisionError: of the test"
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Rows without work; every third design fails."""
+    done = []
+
+    def examine(number, values, cache):
+        done.append(number)
+        status = "failed" if number % 3 == 2 else "ok"
+        names = ("magnet_diameter", "magnet_height", "D", "L")
+        row = {"design": number} | {f"{name}_mm": values[name] for name in names}
+        return (
+            row | dict.fromkeys(design_range.COLUMNS) | {"status": status, "message": "", "tetrahedra": 10 * number}
+        )
+
+    monkeypatch.setattr(design_range, "examine", examine)
+    return done
+
+
+def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
+    assert run("range", "--count", 2, "--out", "out")[0] == 0
+    status, out, err = run("range", "--count", 4, "--out", "out", "--json")
+    assert quick == [0, 1, 2, 3]
+    assert [row["design"] for row in strict(out)] == [0, 1, 2, 3]
+    assert status == 3
+    assert "1 of 4 designs fail: design 2" in err
+    store = tmp_path / "out" / "rows.jsonl"
+    lines = store.read_text().splitlines()
+    store.write_text("\n".join([lines[0], json.dumps(json.loads(lines[1]) | {"code": "old"}), lines[2][:-9]]))
+    run("range", "--count", 3, "--out", "out")
+    assert quick == [0, 1, 2, 3, 1, 2]
+    text = (tmp_path / "out" / "RANGE.md").read_text()
+    assert "Of 3 designs 2 are good, 0 impossible, 1 failed" in text
+    assert "| tetrahedra | 0 | 10 | 20 |" in text
+    assert len((tmp_path / "out" / "range.csv").read_text().splitlines()) == 4
+
+
+def test_bad_counts(run):
+    for count in (0, -1, 5000):
+        status, out, err = run("range", "--count", count)
+        assert (status, out, err.count("\n")) == (2, "", 1)

@@ -1,0 +1,141 @@
+"""The verbs field and readings, and the export to magpylib."""
+
+import csv
+
+import pytest
+from numpy.testing import assert_allclose
+
+from analytic import hall
+from geometry.design import BadInput, Design, paper
+from studies.sensing import field_readings
+
+POINTS = "x_mm,y_mm,z_mm\n0,0,-2.2\n5, 0,-0.2\n\n0.1,0.2,5\n"
+
+
+def table(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_field_is_added_at_full_precision(run, tmp_path):
+    (tmp_path / "p.csv").write_text(POINTS)
+    status, out, err = run("field", "paper", "--points", "p.csv", "--shift", "0.5,0,-1", "--tilt", "0,0.1")
+    assert (status, err) == (0, "")
+    found = [[float(row[k]) for k in ("Bx_T", "By_T", "Bz_T")] for row in table(out)]
+    expected = hall.field_at([[0, 0, -2.2], [5, 0, -0.2], [0.1, 0.2, 5]], paper(), (0.5, 0, -1), (0, 0.1))
+    assert found == (expected + 0.0).tolist()
+    assert run("field", "paper", "--points", "p.csv", "--shift=.5,0,-1", "--tilt=0,.1", "--out", "b.csv")[:2] == (
+        0,
+        "",
+    )
+    assert (tmp_path / "b.csv").read_text() == out
+
+
+def test_other_columns_stay(run, tmp_path):
+    (tmp_path / "p.csv").write_text('﻿label,x_mm,y_mm,z_mm\n"a, b",1,2,-3\n', encoding="utf-8")
+    (row,) = table(run("field", "paper", "--points", "p.csv", "--level", "dipole")[1])
+    assert row["label"] == "a, b"
+    assert float(row["Bz_T"]) == hall.field_at([[1, 2, -3]], paper(), field="dipole")[0, 2]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("x_mm,z_mm\n1,2\n", "column y_mm is missing"),
+        ("1,2,3\n", "column x_mm is missing"),
+        ("x_mm,z_mm,y_mm\n1,2,3\n", "in the order"),
+        ("x_mm,x_mm,y_mm,z_mm\n1,1,2,3\n", "once each"),
+        ("x_mm,y_mm,z_mm,Bx_T\n1,2,3,4\n", "Bx_T already"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n1,two,3\n", "line 3: y_mm must be a finite number"),
+        ("x_mm,y_mm,z_mm\n1,2,nan\n", "line 2: z_mm must be a finite number"),
+        ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values under 3 columns"),
+        ("x_mm,y_mm,z_mm\n2,0,6\n", "infinite on the magnet's rim"),
+        ('x_mm,y_mm,z_mm\n"1,2,3\n', "line 2 is not CSV"),
+        ("x_mm;y_mm;z_mm\n1,5;2;3\n", "line 1: semicolons separate its columns: save it with commas"),
+        ("x_mm\ty_mm\tz_mm\n1\t2\t3\n", "line 1: tabs separate its columns"),
+        ('x_mm,y_mm,z_mm\n"1,5",2,3\n', "got '1,5': write a point, no comma"),
+        ("x_mm,y_mm,z_mm\n1,5,2,0,3,0\n", "6 values under 3 columns: write a point"),
+    ],
+)
+def test_bad_tables_are_a_sentence(run, tmp_path, text, words):
+    (tmp_path / "p.csv").write_text(text)
+    status, out, err = run("field", "paper", "--points", "p.csv")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert words in err
+
+
+@pytest.mark.parametrize(
+    "tokens",
+    [
+        ("field", "paper", "--points", "none.csv"),
+        ("field", "paper", "--points", "p.csv", "--out", "b.txt"),
+        ("field", "paper", "--points", "p.csv", "--shift", "1,2"),
+        ("field", "paper", "--points", "p.csv", "--tilt", "1,2,nan"),
+        ("field", "paper", "--points", "p.csv", "--level", "best"),
+        ("field", "paper", "--points", "p.csv", "--set", "magnet_diameter=0", "--set", "magnet_height=0"),
+        ("field", "paper", "--points", "p.csv", "--level", "paper", "--shift", "0,0,-7.2"),
+        ("readings", "paper", "--shift", "1,2,x"),
+        ("readings", "paper", "--ambient", "1,2"),
+        ("readings", "paper", "--seed", "-1"),
+        ("readings", "paper", "--set", "hall_layout=four"),
+    ],
+)
+def test_bad_options_are_a_sentence(run, tmp_path, tokens):
+    (tmp_path / "p.csv").write_text(POINTS)
+    status, out, err = run(*tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+def test_an_empty_table_of_points_stays_empty(run, tmp_path):
+    (tmp_path / "p.csv").write_text("x_mm,y_mm,z_mm\n")
+    assert run("field", "paper", "--points", "p.csv")[:2] == (0, "x_mm,y_mm,z_mm,Bx_T,By_T,Bz_T\n")
+
+
+def test_readings_as_json(run, strict):
+    status, out, err = run("readings", "paper", "--shift", "0.5,0,-1", "--tilt", "0,0.05", "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    expected = hall.readings(paper(), shift=(0.5, 0, -1), tilt=(0, 0.05))
+    assert record["readings_T"] == list(expected.B_T)
+    assert record["readings_V"] == list(expected.V)
+    assert record["elements"] == ["S1", "S2", "S3"]
+    assert record["saturated"] == [False] * 3
+
+
+def test_readings_say_what_is_wrong(run, strict):
+    status, out, err = run("readings", "paper", "--shift", "3,0,-2", "--set", "hall_high=3", "--json")
+    (record,) = strict(out)
+    assert status == 0
+    assert any("S2 is saturated" in text for text in record["warnings"])
+    assert any("leans over S2" in text for text in record["warnings"])
+    assert err.count("warning") == len(record["warnings"])
+
+
+def test_readings_of_a_chip_and_of_noise(run, strict):
+    (chip,) = strict(run("readings", "paper", "--set", "hall_layout=tle493d-p2b6", "--json")[1])
+    assert chip["readings_V"] is None
+    assert len(chip["output_T"]) == 3
+    noisy = [
+        strict(run("readings", "paper", "--set", "hall_noise=0.01", "--seed", s, "--json")[1])[0]["readings_V"]
+        for s in (1, 1, 2)
+    ]
+    assert noisy[0] == noisy[1] != noisy[2]
+
+
+@pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
+def test_magpylib_agrees_on_readings(layout):
+    design, shift, tilt = Design(hall_layout=layout), (0.6, -0.3, -1.1), (0.08, 0.15)
+    exported = field_readings.to_magpylib(design, shift, tilt)
+    (magnet,) = exported.sources
+    seen = [sensor.getB(magnet)[2] for sensor in exported.sensors]
+    assert_allclose(seen, hall.readings(design, shift=shift, tilt=tilt).B_T, rtol=1e-10, atol=1e-14)
+    with pytest.raises(BadInput, match="no magnet"):
+        field_readings.to_magpylib(Design(magnet_diameter=0, magnet_height=0))
+    assert_allclose(exported.sensors[0].position, [0, 0, -2.2e-3], atol=1e-15)
+
+
+def test_what_runs_into_a_chip_is_said_once(run, strict):
+    tokens = ("--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4", "--json")
+    (record,) = strict(run("readings", "paper", *tokens)[1])
+    (warning,) = record["warnings"]
+    assert warning == "the beam's wall reaches chip -z by about 1 mm: raise l0 or chip_x"

@@ -1,0 +1,212 @@
+"""The verb layout: its record, its files, the search and what it finds, the claim of uniqueness, bad input."""
+
+import csv
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from analytic import magnet, survey
+from analytic.inverse import nearest_readings
+from geometry.design import Design, paper
+from studies.cli.parameters import Basis
+from studies.sensing import decode_readings, layout_report, layout_search, layout_study, layout_uniqueness
+
+FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Coarse grids: what is said of them is tested, not how fine they are."""
+    monkeypatch.setattr(layout_study, "COUNTS", (7, 7, 5))
+    monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
+    monkeypatch.setattr(layout_search, "STARTS", 2)
+    monkeypatch.setattr(layout_search, "HALVINGS", 2)
+    monkeypatch.setattr(layout_search, "FINALISTS", 3)
+    monkeypatch.setattr(layout_uniqueness, "STEP", 1 / 4)
+    monkeypatch.setattr(layout_uniqueness, "HEIGHTS", (1.0,))
+    monkeypatch.setattr(layout_uniqueness, "BISECTIONS", 1)
+    monkeypatch.setattr(layout_uniqueness, "APART", (1 / 80, 1 / 8))
+    monkeypatch.setattr(layout_uniqueness, "POSES", (5, 5, 4))
+
+
+def test_the_paper_is_unique_and_its_shares_add_up(run, strict, small):
+    status, out, err = run("layout", "paper", "--json")
+    assert (status, err) == (0, "")
+    (record,) = strict(out)
+    assert record["message"] == "no two poses of the workspace read alike"
+    shares = [record[f"{name}_percent"] for name in ("unique", "ambiguous", "saturated", "blocked")]
+    assert sum(shares) == pytest.approx(100)
+    assert record["det_positive_percent"] + record["det_negative_percent"] == pytest.approx(100)
+    assert (record["most_alike"], record["folded"], record["hits"]) == (1, False, [])
+    assert 1 < record["condition_median"] < record["condition_worst"]
+    assert 0 < record["noise_median_um"] < record["noise_worst_um"]
+    assert 0 < record["noise_median_N"] < record["noise_worst_N"]
+    assert "NI 9205" in record["noise_source"]
+
+
+def test_a_folded_layout_says_what_fails(run, strict, small):
+    status, out, err = run("layout", "paper", *FOLDED)
+    assert status == 0
+    assert "ambiguous" in out
+    assert "the magnet" in err
+    assert "S2" in err
+    (record,) = strict(run("layout", "paper", *FOLDED, "--json")[1])
+    assert record["ambiguous_percent"] > 10
+    assert record["saturated_percent"] + record["blocked_percent"] > 10
+    assert record["alike_apart_mm"] > 1
+    assert record["most_alike"] > 1
+    assert record["folded"] is (record["noise_worst_um"] is None)
+
+
+def test_stated_noise_is_used_and_named(run, strict, small):
+    (mine,) = strict(run("layout", "paper", "--set", "hall_noise=0.01", "--json")[1])
+    assert mine["noise_source"] == "the design's"
+    assert mine["noise_of_readings_T"] == [pytest.approx(0.01 / 31.25)] * 3
+    (chip,) = strict(run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--json")[1])
+    assert chip["noise_source"] == "the chip's"
+    assert (chip["f_mm"], chip["c_mm"]) == (None, None)
+    assert chip["condition_worst"] < 3
+
+
+def test_the_map_is_a_table_with_units(run, small, tmp_path):
+    status, _, err = run("layout", "paper", *FOLDED, "--out", "map")
+    assert status == 0
+    assert "layout.csv, pictures and LAYOUT.md" in err
+    assert sorted(p.name for p in (tmp_path / "map").iterdir()) == ["LAYOUT.md", "layout.csv", "layout.png"]
+    with open(tmp_path / "map" / "layout.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 7 * 7 * 5
+    plain = {"known", "blocked", "saturated", "det_sign", "condition", "multiplicity"}
+    assert all(name in plain or name.endswith(("_mm", "_rad", "_mT", "_um", "_N")) for name in rows[0])
+    assert {row["det_sign"] for row in rows} == {"-1", "1"}
+    assert {row["multiplicity"] for row in rows if row["saturated"] == "1"} == {""}
+    text = (tmp_path / "map" / "LAYOUT.md").read_text("utf-8")
+    assert "magtip layout paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
+    assert "infinite" in text or "worst" in text
+    verdict = text.splitlines()[2]
+    assert re.match(r"[\d.]+ % of the workspace is ambiguous: poses up to [\d.]+ mm apart read alike[;.]", verdict)
+
+
+def test_search_ranks_and_its_options_give_what_it_says(run, strict, small):
+    (record,) = strict(run("layout", "paper", "--search", "--count", 2, "--json")[1])
+    given, best, *_ = record["search"]
+    assert (given["rank"], best["rank"]) == (0, 1)
+    assert given["noise_worst_um"] == pytest.approx(record["noise_worst_um"])
+    assert best["unique_percent"] > 99.9
+    assert best["noise_worst_um"] <= given["noise_worst_um"]
+    (again,) = strict(run("layout", "paper", *shlex.split(best["settings"]), "--json")[1])
+    for key in ("unique_percent", "blocked_percent", "noise_worst_um", "condition_worst"):
+        assert again[key] == pytest.approx(best[key])
+    (same,) = strict(run("layout", "paper", "--search", "--count", 2, "--json")[1])
+    assert same["search"] == record["search"]
+
+
+def test_search_keeps_to_its_ranges(run, strict, small):
+    ranges = ("--range", "f=6", "--range", "l0=7,8")
+    (record,) = strict(run("layout", "paper", "--search", *ranges, "--json")[1])
+    for row in record["search"][1:]:
+        assert row["f_mm"] == 6
+        assert 7 <= row["l0_mm"] <= 8
+    chip = ("--set", "hall_layout=tmag5273a1")
+    (record,) = strict(run("layout", "paper", *chip, "--search", "--json")[1])
+    rows = record["search"][1:]
+    assert all(set(row) & {"f_mm", "l0_mm", "c_mm", "chip_x_mm"} == {"l0_mm", "chip_x_mm"} for row in rows)
+    assert rows[0]["noise_worst_um"] < record["noise_worst_um"]
+    (again,) = strict(run("layout", "paper", *chip, *shlex.split(rows[1]["settings"]), "--json")[1])
+    assert again["chip_x_mm"] == rows[1]["chip_x_mm"]
+    assert again["noise_worst_um"] == pytest.approx(rows[1]["noise_worst_um"])
+    (record,) = strict(run("layout", "paper", *chip, "--search", "--range", "chip_x=0", "--json")[1])
+    # under the axis a chip reads best as near as it may come without saturation
+    clear = [row["l0_mm"] for row in record["search"][1:] if row["unique_percent"] > 99.99]
+    assert clear == sorted(clear)
+    assert len(clear) >= 2
+    # the workspace is round about the axis, so any other place is farther from some of it
+    (record,) = strict(run("layout", "paper", *chip, "--search", "--range", "l0=7.2", "--json")[1])
+    rows = sorted(record["search"], key=lambda row: row["chip_x_mm"])
+    worst = [row["noise_worst_um"] for row in rows]
+    assert len(rows) >= 3
+    assert worst == sorted(worst)
+
+
+def test_the_claim_and_where_it_fails(run, strict, small, tmp_path):
+    status, out, _ = run("layout", "paper", "--claim", "--out", "claim", "--json")
+    assert status == 0
+    (record,) = strict(out)
+    claim = record["claim"]
+    assert [row["alike_percent"] for row in claim["forms"]] == [0, 0, 0]
+    for row in claim["forms"]:
+        assert 0 < row["difference_at_0.1_mm_over_noise"] < row["difference_at_1_mm_over_noise"]
+    assert max(row["alike_percent"] for row in claim["heights"] if row["readings"] == "B.n, no tilt") > 30
+    text = (tmp_path / "claim" / "LAYOUT.md").read_text("utf-8")
+    assert "the claim holds" in text
+    assert "B.n, no tilt, over c: fails" in text
+    names = {path.name for path in (tmp_path / "claim").iterdir()}
+    assert {"claim.csv", "claim.png"} <= names
+
+
+def test_least_difference_is_that_of_the_slopes_for_near_poses():
+    """Nearby, readings differ by the distance over the noise of the pose there."""
+    coder = layout_uniqueness.coder_of(paper(), "B.n, no tilt", decode_readings.of_level(paper(), "paper"))
+    seen = survey.survey(coder, (9, 9, 6), multiplicity=False)
+    least = nearest_readings.least_difference(coder, seen, 0.001)
+    assert least == pytest.approx(0.001 / seen.noise_mm.max(), rel=0.05)
+
+
+def test_a_taller_magnet_reads_the_same_at_rest():
+    for design in layout_uniqueness._magnets(paper()):
+        b = magnet.cylinder_field(np.array([[0, 0, design.l0]]), 2.0, design.magnet_height, design.remanence)
+        assert b[0, 2] == pytest.approx(0.01184, rel=0.01)
+
+
+def test_a_design_without_a_clear_pose_is_judged(tmp_path):
+    design = Design(l0=5.01, c=0.0, f=2.0)
+    coder, noise = layout_study.prepare(design, decode_readings.of_level(design, "paper"), Basis())
+    seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
+    record = layout_study.record(coder, seen, noise, "paper")
+    assert record["message"].startswith("no pose")
+    assert record["noise_worst_um"] is None
+    assert layout_report.shown(record)
+    layout_report.write(tmp_path, coder, seen, record, "magtip layout", 50.0)
+    assert (tmp_path / "layout.png").stat().st_size > 10000
+
+
+def test_ranges_without_a_layout_are_a_sentence(run, small):
+    status, out, err = run("layout", "paper", "--search", "--range", "l0=1.5,2", "--range", "c=0", "--json")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "no layout in these ranges" in err
+
+
+@pytest.mark.parametrize(
+    ("tokens", "word"),
+    [
+        (("--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
+        (("--set", "l0=3", "--set", "c=0"), "inside the beam"),
+        (("--mode", "magnitude", "--set", "hall_layout=tmag5273a1"), "chip"),
+        (("--claim", "--set", "hall_layout=tmag5273a1"), "three elements"),
+        (("--clearance", "-1"), "--clearance"),
+        (("--range", "f=5"), "--search"),
+        (("--search", "--range", "g=5"), "--range"),
+        (("--search", "--range", "f=6,5"), "order"),
+        (("--search", "--range", "l0=0.1,5"), "l0"),
+        (("--search", "--count", "0"), "--count"),
+        (("--level", "best"), "level"),
+    ],
+)
+def test_bad_input_is_a_sentence(run, tokens, word):
+    status, out, err = run("layout", "paper", *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1), err
+    assert word in err
+
+
+def test_options_in_vain_are_said(run, small):
+    err = run("layout", "paper", "--count", 3, "--json")[2]
+    assert err == (
+        "magtip: warning: --count has no effect: it says how many layouts a search gives, and there is no --search\n"
+    )
+    err = run("layout", "paper", "--ignore-tilt", "--json")[2]
+    assert err == "magtip: warning: --ignore-tilt has no effect: the magnet does not tilt in these mechanics\n"
+    assert run("layout", "paper", "--ignore-tilt", "--level", "finite", "--json")[2] == ""
+    err = run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--set", "c=1", "--json")[2]
+    assert err == "magtip: warning: c has no effect: hall_layout is tmag5273a1\n"

@@ -1,0 +1,51 @@
+"""The harmonic model beside tetrahedra; the two meet in test_equilibrium too."""
+
+from dataclasses import replace
+
+import pytest
+
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from geometry.design import paper
+from geometry.loads import Load
+from studies.validation import model_crosscheck
+
+
+@pytest.fixture(scope="module")
+def solutions():
+    load = Load(depth=0.8, shear_x=0.4, friction="stick")
+    level = replace(QUICK, section_size=0.16, section_patch=0.03)
+    return [solve(paper(), load, replace(level, harmonics=n)) for n in (2, 1, 3)]
+
+
+@pytest.mark.parametrize("name", model_crosscheck.QUANTITIES)
+def test_answers_agree_within_both_estimates(solutions, name):
+    row = model_crosscheck._compared(name, *solutions)
+    both = row[f"{name}_harmonic_estimate_percent"] + row[f"{name}_half_estimate_percent"]
+    assert row[f"{name}_agree"] == (row[f"{name}_difference_percent"] <= both)
+    assert 0 < row[f"{name}_one_harmonic_more_percent"] < 1
+
+
+def test_answers_of_other_loads_do_not_agree(solutions):
+    one, other, richer = solutions
+    far = replace(other, response=replace(other.response, tilt=2 * other.response.tilt))
+    row = model_crosscheck._compared("tilt", one, far, richer)
+    assert not row["tilt_agree"]
+    assert row["tilt_difference_percent"] == pytest.approx(100, rel=0.1)
+
+
+def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
+    where = {"design": 0, "magnet": "rigid", "depth_mm": 1.0, "shear_mm": 1.0}
+    row = where | {"status": "not_converged", "message": "half: stopped", "agree": False}
+    monkeypatch.setattr(model_crosscheck, "_row", lambda *_: row)
+    status, _, err = run("crosscheck", "--count", 2, "--out", tmp_path)
+    assert status == 3
+    assert "2 of 2 designs disagree: design 0, design 0" in err
+    assert "0 of 2 designs agree" in (tmp_path / "CROSSCHECK.md").read_text()
+
+
+@pytest.mark.parametrize("count", [0, 13])
+def test_a_count_out_of_range_is_a_sentence(run, count):
+    status, out, err = run("crosscheck", "--count", count)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "between 1 and 12" in err

@@ -1,0 +1,22 @@
+"""Which code kept answers depend on."""
+
+from pathlib import Path
+
+from studies.output import result_store
+
+
+def test_a_digest_of_packages_covers_their_sub_packages(tmp_path, monkeypatch):
+    """An edit of a solver, however deep its folder, must void what it solved before."""
+    solver = tmp_path / "fem" / "solvers" / "newton.py"
+    solver.parent.mkdir(parents=True)
+    (tmp_path / "fem" / "stability.py").write_text("a = 1\n")
+    solver.write_text("b = 1\n")
+    monkeypatch.setattr(result_store, "ROOT", tmp_path)
+    before = result_store.digest(result_store.modules("fem"))
+    solver.write_text("b = 2\n")
+    assert result_store.digest(result_store.modules("fem")) != before
+
+
+def test_the_packages_of_the_product_are_found():
+    names = {Path(file).name for file in result_store.modules("geometry", "fem")}
+    assert {"newton.py", "section.py", "design.py"} <= names

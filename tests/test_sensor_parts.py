@@ -1,0 +1,410 @@
+"""What `magtip cad` makes, says and leaves alone."""
+
+import dataclasses
+import math
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geometry import base, mold
+from geometry.base import Base, plan
+from geometry.design import BadInput, paper
+from geometry.fabrication.printability import Check
+from geometry.mold import Mold
+from studies.exploration.sweep import varied
+from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts
+from studies.output import console
+
+PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
+SHEETS = {"sensor.svg", "base.svg", "mold.svg", "assembly.step", "mold.step", "assembly.png", "README.md"}
+
+
+def files_of(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The paper's sensor in a folder whose name has spaces and letters beyond ASCII, and which holds a file."""
+    from studies.cli import entry_point
+
+    folder = tmp_path_factory.mktemp("cad") / "Ördner mit Leerzeichen 磁石"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    assert entry_point.main(["cad", "paper", "--out", str(folder), "--json"]) == 0
+    return folder
+
+
+def test_every_file_is_there_and_others_stay(made):
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(made) == written | SHEETS | {"notes.txt"}
+    assert (made / "notes.txt").read_text() == "mine"
+    assert all((made / name).stat().st_size > 1000 for name in written | SHEETS)
+
+
+def test_the_recipe_names_files_volumes_and_checks(made):
+    text = (made / "README.md").read_text(encoding="utf-8")
+    assert text.startswith(casting_recipe.MARK)
+    assert text.splitlines()[2].startswith("Written by `magtip cad paper --out ")
+    for name in (*PARTS, "assembly.png", "assembly.step", "mold.step", "sensor.svg", "base.svg", "mold.svg"):
+        assert name in text
+    # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet
+    assert "| first: the beam round the pin | 0.310 | 2.46 | 2.66 |" in text
+    assert "| second: over the magnet | 0.050 | 2.08 | 2.24 |" in text
+    assert "north pole up" in text
+    assert "nan" not in text
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
+    facts = casting_recipe.facts(paper(), sensor_parts.Making(Mold(process=process)))
+    assert facts["magnet_limit_C"] == 80
+    for row in facts["cures"]:
+        assert 20 < row["first_cure_C"] < row["mold_limit_C"]
+        assert 20 < row["second_cure_C"] < min(row["mold_limit_C"], facts["magnet_limit_C"])
+    bare = dataclasses.replace(paper(), magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
+    facts = casting_recipe.facts(bare, sensor_parts.Making(Mold(process=process)))
+    assert facts["magnet_limit_C"] is None
+    assert all(row["second_cure_C"] is None for row in facts["cures"])
+
+
+def test_the_recipe_says_what_magnet_and_mould_need(made):
+    text = (made / "README.md").read_text(encoding="utf-8")
+    assert "| PLA | 55 °C | 45 °C | 45 °C |" in text
+    assert "| ABS or ASA | 90 °C | 80 °C | 70 °C |" in text
+    assert "grade N works up to 80 °C" in text
+    assert "silane primer" in text
+    assert "17.74 x 17.74 x 12.27 mm" in text
+
+
+def test_dowels_fill_their_holes_in_the_foot():
+    making = sensor_parts.Making(Mold(split=1, floor=4.5))
+    made = sensor_parts.things(paper(), making)
+    dowels = casting_recipe.facts(paper(), making)["dowels"]
+    whole = sensor_parts.Making(Mold(floor=4.5))
+    drilled = sensor_parts.things(paper(), whole).B.volume - sum(
+        made.mold[name].volume for name in ("mold_b1", "mold_b2")
+    )
+    assert drilled == pytest.approx(2 * math.pi / 4 * dowels["diameter_mm"] ** 2 * dowels["length_mm"], rel=1e-9)
+    assert dowels["length_mm"] == 4.5
+
+
+def test_assembly_and_mould_are_named_and_coloured(made):
+    import build123d as bd
+
+    sensor, mold = (bd.import_step(made / f"{name}.step") for name in ("assembly", "mold"))
+    assert [child.label for child in sensor.children] == ["silicone", "magnet", "base", "S1", "S2", "S3"]
+    assert [child.label for child in mold.children] == ["mold_a", "mold_b"]
+    for child in (*sensor.children, *mold.children):
+        assert child.color is not None
+    # printed parts stand on the bed, A turned over
+    stood = bd.import_step(made / "mold_a.step")
+    assert min(vertex.Z for vertex in stood.vertices()) == pytest.approx(0, abs=1e-9)
+    assert stood.volume == pytest.approx(mold.children[0].volume, rel=1e-12)
+    assert stood.label == "mold_a"
+    red = next(iter(bd.Color("goldenrod")))
+    assert f"COLOUR_RGB('',{red:.5f}"[:-1] in (made / "mold_a.step").read_text()
+
+
+def test_the_picture_shows_the_sensor_in_colour(made):
+    from matplotlib.image import imread
+
+    image = imread(made / "assembly.png")[..., :3]
+    tall, wide, _ = image.shape
+    assert assembly_picture.SIZE[0] / 2 < wide <= assembly_picture.SIZE[0]
+    assert assembly_picture.SIZE[1] / 2 < tall <= assembly_picture.SIZE[1]
+    # a white rim all round, and no more than that
+    rim = assembly_picture.RIM
+    frame = image[rim:-rim, rim:-rim].min(axis=2) < 1
+    assert (image[[0, -1]] == 1).all()
+    assert all(side.any() for side in (frame[0], frame[-1], frame[:, 0], frame[:, -1]))
+    assert 0.1 < (image.min(axis=2) < 0.95).mean() < 0.8
+
+
+def test_the_picture_names_each_element(made):
+    """Each name's leader line ends at a dot, the only black area into which a square of 7 pixels fits."""
+    from matplotlib.image import imread
+    from scipy.ndimage import binary_opening, label
+
+    ink = np.abs(imread(made / "assembly.png")[..., :3] - 0x11 / 255).max(axis=2) < 1e-3
+    assert label(binary_opening(ink, np.ones((7, 7))))[1] == 3
+
+
+def test_a_picture_that_cannot_be_drawn_costs_the_picture_only(run, tmp_path, monkeypatch, strict):
+    ends = "import os, sys; print('no driver', file=sys.stderr); sys.stdin.buffer.read(); os._exit(7)"
+    monkeypatch.setattr(assembly_picture, "COMMAND", (sys.executable, "-c", ends))
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 0
+    assert "warning: no picture: drawing ended with exit code 7 (no driver)" in err
+    assert strict(out)[0]["warnings"]
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts") == written | SHEETS - {"assembly.png"}
+    assert "assembly.png" not in (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
+
+
+def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp_path):
+    (tmp_path / "README.md").write_text("# My project\n")
+    status, out, err = run("cad", "paper", "--out", tmp_path)
+    assert (status, out) == (2, "")
+    assert "was not written by magtip cad and would be replaced" in err
+    assert files_of(tmp_path) == {"README.md"}
+    shutil.copy(made / "README.md", tmp_path)
+    sensor_parts.refuse_foreign(tmp_path / "README.md")
+
+
+def test_files_of_an_earlier_run_are_named(tmp_path):
+    old, new = tmp_path / "old", tmp_path / "new"
+    for folder in (old, new):
+        folder.mkdir()
+        (folder / "mold_b.stl").write_text("")
+    (old / "mold_b1.step").write_text("")
+    (old / "my.stl").write_text("")
+    assert sensor_parts.left_over(new, new) == []
+    (warning,) = sensor_parts.left_over(old, new)
+    assert warning == "mold_b1.step: left by an earlier run, not of this sensor: remove them"
+
+
+def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
+    options = ("--mold", "split=1", "--process", "sla", "--set", "L=12")
+    status, out, err = run("cad", "paper", "--out", "parts", "--json", *options)
+    assert status == 0
+    assert "warning: no base and no assembly: l0 must be at least 9.1" in err
+    (record,) = strict(out)
+    assert {"status", "message", "folder", "parts", "checks", "warnings"} <= set(record)
+    assert (record["assembled_size_mm"], record["beam_size_mm"]) == (None, [8, 8, 12])
+    assert record["recipe"]["dowels"] == {"count": 2, "diameter_mm": 1.05, "length_mm": 2.0}
+    text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
+    assert "No base, so no assembled size; the beam is 8 x 8 x 12 mm" in text
+    assert "Two dowels of Ø1.05 mm, 2 mm long" in text
+    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
+    assert [part["name"] for part in record["parts"]] == names
+    assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
+    assert all(check["passed"] for check in record["checks"])
+    written = {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts") == written | {"README.md", "mold.step", "mold.svg"}
+    # who asks for a certain base gets it or a reason
+    status, _, err = run("cad", "paper", "--out", "other", "--base", "screw=3", *options)
+    assert status == 2
+    assert "l0 must be at least 9.1" in err
+
+
+def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
+    from geometry.fabrication import mold_checks
+
+    failed = [Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
+    monkeypatch.setattr(mold_checks, "checks", lambda *_: failed)
+    status, out, err = run("cad", "paper", "--out", "parts", "--json")
+    assert status == 3
+    assert strict(out)[0]["status"] == "failed"
+    assert "overlap of A and B, closed" in err
+    assert not (tmp_path / "parts").exists()
+
+
+def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
+    status, out, err = run("cad", "paper", "--out", "parts", "--axis", "D=3,8", "--axis", "L=10", "--json")
+    records = strict(out)
+    assert status == 3
+    assert [(record["D"], record["L"], record["status"]) for record in records] == [
+        (3, 10, "bad_input"),
+        (8, 10, "ok"),
+    ]
+    assert "leaves a wall of" in records[0]["message"]
+    assert f"magtip: variant D3_L10: {records[0]['message']}\nmagtip: 1 of 2 variants failed\n" in err
+    assert files_of(tmp_path / "parts") == {"D8_L10"}
+    written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
+    assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
+    text = (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
+    assert "assembly.png" not in text
+    assert "Written by `magtip cad paper --out parts --axis D=3,8 --axis L=10`." in text
+
+
+def test_sentences_of_a_batch_name_the_variants():
+    good = {"status": "ok", "message": "", "warnings": ["a small vent"]}
+    bad = {"status": "bad_input", "message": "no wall", "warnings": []}
+    records = [{**record, "folder": Path("out", name)} for name, record in (("D7", good), ("D8", good), ("D3", bad))]
+    assert design_variants.said(records) == [
+        "warning: variant D7, D8: a small vent",
+        "variant D3: no wall",
+        "1 of 3 variants failed",
+    ]
+
+
+def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11,12,13,14,15,16"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    options = {"cwd": tmp_path, "env": environment, "start_new_session": True, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, *tokens], **options) as process:
+        while process.poll() is None and not (tmp_path / "parts" / "L9" / "README.md").exists():
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read().decode()
+        assert process.wait() == 130
+    assert said.splitlines()[-1] == "magtip: interrupted; files that are complete stay"
+    assert "Traceback" not in said
+    folders = [path for path in (tmp_path / "parts").iterdir() if path.name != "L9"]
+    assert len(folders) < 7
+    assert all((folder / "README.md").exists() for folder in folders)
+    assert not list(tmp_path.rglob(".writing-*"))
+
+
+def cad_with_a_slow_kernel(tmp_path, code, *options):
+    """The verb cad in a process of its own, in the folder "work", where the kernel is a module of such code."""
+    slow, work = tmp_path / "slow", tmp_path / "work"
+    slow.mkdir()
+    work.mkdir()
+    (slow / "build123d.py").write_text(code)
+    paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
+    command = [sys.executable, "-m", "studies.cli", "cad", "paper", "--out", "parts", *options]
+    settings = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **settings)
+
+
+def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing(tmp_path):
+    """The kernel takes seconds to load; here something of its name takes a minute."""
+    work = tmp_path / "work"
+    with cad_with_a_slow_kernel(tmp_path, "import time\ntime.sleep(60)\n") as process:
+        assert "solids and mould" in process.stderr.readline()
+        time.sleep(0.3)
+        begin = time.perf_counter()
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "magtip: interrupted; files that are complete stay\n"
+        assert process.wait() == 130
+        assert time.perf_counter() - begin < 20
+    assert list(work.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_at_once(tmp_path):
+    """Here something of the kernel's name takes a minute to load. Workers write to the same standard error."""
+    work = tmp_path / "work"
+    code = "import sys, time\nprint('loading', file=sys.stderr)\ntime.sleep(60)\n"
+    with cad_with_a_slow_kernel(tmp_path, code, "--axis", "L=9,10,11") as process:
+        assert process.stderr.readline() == "loading\n"
+        begin = time.perf_counter()
+        os.killpg(process.pid, signal.SIGINT)
+        # the pipe ends when the last process that may write into it is gone
+        said = [line for line in process.stderr.read().splitlines() if line != "loading"]
+        assert time.perf_counter() - begin < 10
+        assert said == ["magtip: interrupted; files that are complete stay"]
+    assert list(work.iterdir()) == []
+
+
+def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
+    code = (
+        "import os; from studies.fabrication import design_variants as variants\n"
+        "def made(job):\n"
+        "    if job[1]['L'] == 9: os._exit(7)\n"
+        "    return {'status': 'ok', 'folder': job[2]}\n"
+        "variants.made = made; variants.main()\n"
+    )
+    monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    axes = {"L": [9.0, 10.0, 11.0, 12.0]}
+    records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
+    assert [record["status"] for record in records] == ["failed", "ok", "ok", "ok"]
+    assert "exit code 7" in records[0]["message"]
+
+
+def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
+    code = (
+        "from studies.fabrication import design_variants as variants\n"
+        "def made(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
+        "variants.made = made; variants.main()\n"
+    )
+    monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        list(
+            design_variants.batch(paper(), {"L": [9.0, 10.0]}, tmp_path / "parts", design_variants.silent, workers=2)
+        )
+    assert caught.value.filename == "x.stl"
+
+
+def test_a_module_that_cannot_be_loaded_says_so():
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        console.load("no_such_module")
+
+
+@pytest.mark.parametrize(("option", "ranges"), [("--mold", mold.RANGES), ("--base", base.RANGES)])
+@pytest.mark.parametrize("value", ["1e9", "-1e9", "nan", "inf", "9" * 400, "", "three"])
+def test_a_choice_out_of_its_range_names_the_range(option, ranges, value):
+    for name, bounds in ranges.items():
+        texts = {"--mold": [], "--base": [], option: [f"{name}={value}"]}
+        with pytest.raises(BadInput) as caught:
+            sensor_parts.making_of("fdm", texts["--mold"], texts["--base"], None)
+        assert str(caught.value).startswith(f"{name} must ")
+        assert all(f"{bound:g}" in str(caught.value) for bound in (bounds.low, bounds.high))
+
+
+def test_a_count_may_be_written_as_any_whole_number():
+    assert sensor_parts.making_of("fdm", ["columns=3.0", "rows=1e0", "wall=2"], [], None).mold == Mold(
+        columns=3, wall=2
+    )
+    with pytest.raises(BadInput, match=r"^columns must be a whole number from 1 to 10; got 2\.5$"):
+        sensor_parts.making_of("fdm", ["columns=2.5"], [], None)
+
+
+def test_the_elements_of_a_batch_stay_in_the_base():
+    one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
+    assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
+    assert one.seats["S2"].corner == pytest.approx(other.seats["S2"].corner, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tokens", "text"),
+    [
+        (("--mold", "vent_diameter=2"), "vent_diameter must not exceed 0.8 of the annulus"),
+        (("--mold", "pocket_gap=2"), "pocket_gap = 2 mm"),
+        (("--mold", "skirt=9"), "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
+        (("--mold", "wal=3"), "did you mean wall?"),
+        (("--mold", "wall"), "--mold takes KEY=VALUE"),
+        (("--mold", "wall=1", "--mold", "wall = 2"), "--mold wall is given twice, as 1 and 2: give it once"),
+        (("--set", "L=9", "--set", "L=10"), "--set L is given twice"),
+        (("--mold", "vents=2.5"), "vents must be a whole number"),
+        (("--mold", "process=sla"), "give --process"),
+        (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),
+        (("--process", "cnc"), '"fdm"'),
+        (("--tolerance", "0"), "tolerance must lie between"),
+        (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),
+        (("--axis", "depth=1"), "there is no axis 'depth'"),
+        (("--axis", "D=nan"), "must be a finite number"),
+    ],
+)
+def test_impossible_requests_name_parameter_and_bound(run, tmp_path, tokens, text):
+    status, out, err = run("cad", "paper", "--out", "parts", "--json", *tokens)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert text in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("limit", [1_000, 300_000])
+def test_a_full_disk_is_a_sentence_and_leaves_nothing(run, tmp_path, limit):
+    """The system refuses files longer than a limit, as a full disk would: in STEP, 3MF, STL or drawings."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    (tmp_path / "mine.txt").write_text("mine")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        status, out, err = run("cad", "paper", "--out", ".", "--json")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "choose another folder" in err
+    assert os.listdir(tmp_path) == ["mine.txt"]
+
+
+def test_axes_that_change_no_solid_are_named():
+    axes = {"D": [8.0, 9.0], "E": [1.0, 2.0], "f": [5.0, 6.0]}
+    assert [name for name, _ in design_variants.idle(paper(), axes)] == ["E"]
+    chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
+    assert design_variants.idle(chip, axes)[1] == ("f", "hall_layout is tmag5273a1")
+    assert design_variants.idle(chip, {"E": [1.0]}) == []
