@@ -1,0 +1,68 @@
+"""How a study's typed record becomes the flat row that tables, CSV files and JSON show.
+
+Each study has one frozen slotted dataclass for its rows. Its fields are the columns, in order, and a field's name is
+that of its column, with the unit: `depth_mm`, `force_N`. Where a column's name is no identifier, the field's metadata
+have it. A field whose metadata have a prefix holds another record, or None: that record's columns stand in its place,
+with the prefix before their names, or none at all.
+
+    @dataclass(frozen=True, slots=True)
+    class Part:
+        name: str
+        step_error: float = field(metadata={"column": "STEP read back"})
+        response: Motion | None = field(metadata={"prefix": "fem_"})
+
+        def row(self) -> FlatRow:
+            return records.flat(self)
+
+Whoever computes uses the fields (`part.step_error`, `part.response.force_N`); whoever prints or writes uses `row`. A
+study whose rows leave out columns without a value has `records.known(records.flat(self))` there. A record of plain
+fields is read back from JSON by `Part(**answer)`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+FlatRow = dict[str, Any]
+"""Column name with its unit -> value."""
+
+
+def flat(record: DataclassInstance) -> FlatRow:
+    """The row of a record, its columns in the order of its fields.
+
+    >>> from dataclasses import dataclass, field
+    >>> @dataclass(frozen=True, slots=True)
+    ... class Press:
+    ...     depth_mm: float
+    ...     force_N: float | None
+    >>> @dataclass(frozen=True, slots=True)
+    ... class Case:
+    ...     name: str = field(metadata={"column": "the case"})
+    ...     press: Press | None = field(metadata={"prefix": "fem_"})
+    >>> flat(Case("first", Press(0.5, None)))
+    {'the case': 'first', 'fem_depth_mm': 0.5, 'fem_force_N': None}
+    >>> flat(Case("second", None))
+    {'the case': 'second'}
+    """
+    row: FlatRow = {}
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        if "prefix" not in field.metadata:
+            row[field.metadata.get("column", field.name)] = value
+        elif value is not None:
+            row |= {f"{field.metadata['prefix']}{name}": part for name, part in flat(value).items()}
+    return row
+
+
+def known(row: Mapping[str, Any]) -> FlatRow:
+    """The row without the columns that hold None.
+
+    >>> known({"depth_mm": 0.0, "force_N": None})
+    {'depth_mm': 0.0}
+    """
+    return {name: value for name, value in row.items() if value is not None}
