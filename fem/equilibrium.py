@@ -25,7 +25,8 @@ from fem.accuracy import QUICK, STANDARD, Accuracy, coarser, estimates
 from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
 from fem.material import law
-from fem.solution import Solution, along, coulomb, read, slides
+from fem.results.postprocess import read
+from fem.solution import Solution, along, coulomb, slides
 from fem.solvers.depth_ranges import graded_depth, parts
 from fem.solvers.load_stepping import FIRST_TOUCH, Path
 from geometry.design import BadInput, Design

@@ -26,7 +26,7 @@ from fem.discretisation.symmetry_models import Discretisation
 from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
 from fem.material import law
 from fem.results.lateral_stiffness import at_rest, lateral, normal_force
-from fem.solution import pose
+from fem.results.postprocess import pose
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED

@@ -1,27 +1,19 @@
-"""What is known of a state: read off a path, told in words, printed as keys."""
-
-from dataclasses import replace
+"""What is known of a state: gathered from a path, printed as keys."""
 
 import numpy as np
 import pytest
 
 from fem.discretisation import symmetry_models
 from fem.results import diagnostics
-from fem.results.diagnostics import Facts
-from fem.solution import read
-from fem.solvers import load_stepping
+from fem.results.postprocess import read
+from fem.solution import Facts
 from fem.solvers.load_stepping import Path
-from fem.solvers.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load, Response
 from studies.simulation import load_cases
 
 RESPONSE = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.1), 0.0, 1.0)
 X = np.array([1.0, 0.0])
-
-
-def said(known: Facts, load: Load | None = None) -> str:
-    return diagnostics.sentence(known, paper(), load or Load(depth=1.0), RESPONSE, None, "axisymmetric")
 
 
 @pytest.fixture
@@ -53,40 +45,6 @@ def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
     pressed.unstable, pressed.onset = 0, (np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04]))
     found = diagnostics.gather(pressed, 8.0, Load(depth=0.4), "", RESPONSE, None, watch=False)
     assert (found.onset, found.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
-    assert "past it now" in said(found)
-
-
-@pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
-def test_a_stop_says_where_why_and_what_to_try(stop):
-    known = Facts(stop, 1, "depth", (0.5, 0.6))
-    text = said(known, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
-    assert diagnostics.status(known) == "not_converged"
-    assert text.startswith(f"stopped at depth 0.75 mm, shear 0.5 mm: {STOPPED[stop]}; try a smaller load")
-    assert "unstable since a depth between 0.5 and 0.6 mm" in text
-
-
-def test_what_is_inside_out_is_told_of_a_state_of_any_status():
-    for known in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
-        assert "2e-05 of the silicone is inside out" in said(replace(known, inside_out_share=2e-5))
-        assert "inside out" not in said(replace(known, inside_out_share=1e-7)).partition("first guess")[0]
-
-
-def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
-    """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
-    from fem.accuracy import QUICK
-    from fem.equilibrium import trace
-
-    real = load_stepping.newton
-
-    def stubborn(system, solver, q, plate, *more, **options):
-        answer = real(system, solver, q, plate, *more, **options)
-        return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
-
-    monkeypatch.setattr(load_stepping, "newton", stubborn)
-    load = Load(depth=1.0, shear_x=0.5, friction="stick")
-    (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
-    assert (state.status, state.load.shear_x) == ("not_converged", 0.0)
-    assert "shear" not in state.message.partition(":")[0]
 
 
 @pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])
@@ -107,3 +65,21 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
             f"at about {state.facts.critical_depth:.3g} mm, give or take a tenth (now {depth:.4g} mm)"
             in state.message
         )
+
+
+@pytest.mark.parametrize("harmonics", [0, 2, None])
+def test_what_is_inside_out_is_counted(harmonics):
+    """With u_z = - z^2 / (2 h) all that lies above h is inside out."""
+    shape, h = paper().shape.without_magnet().scaled(1 / 8), 0.5
+    if harmonics is None:
+        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.25, 0.25, half=True)
+        along = 2
+    else:
+        d = symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics)
+        along = d.elements.angles.fields - harmonics - 1
+    u = np.zeros(d.system.fixed.shape)
+    u[:, along] = -(d.elements.nodes[:, -1] ** 2) / (2 * h)
+    above = (shape.H - h) / 4 + 2 / 3 / 8
+    assert diagnostics.inside_out(d, u) == pytest.approx(above / (shape.H / 4 + 2 / 3 / 8), abs=0.02)
+    assert diagnostics.inside_out(d, 0 * u) == 0
+    assert diagnostics.inside_out(d, 4 * u * h / d.elements.nodes[:, -1:].clip(1e-9)) == pytest.approx(1, abs=1e-9)

@@ -12,7 +12,6 @@ from fem import equilibrium
 from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
-from fem.results.diagnostics import inside_out
 from fem.solvers.load_stepping import Path
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
@@ -341,25 +340,3 @@ def test_the_radius_of_a_sheared_patch_starts_from_that_of_the_press():
     pressed, sheared, far = (s.response.contact_radius for s in trace(paper(), loads, QUICK, estimate=False))
     assert sheared == pytest.approx(pressed, rel=0.02)
     assert far == pytest.approx(pressed, rel=0.1)
-
-
-@pytest.mark.parametrize("harmonics", [0, 2, None])
-def test_what_is_inside_out_is_counted(harmonics):
-    """With u_z = - z^2 / (2 h) all that lies above h is inside out."""
-    shape, h = paper().shape.without_magnet().scaled(1 / 8), 0.5
-    if harmonics is None:
-        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.25, 0.25, half=True)
-        along = 2
-    else:
-        d = symmetry_models.section(shape, 0.4998, "ignored", 0.2, 0.2, harmonics=harmonics)
-        along = d.elements.angles.fields - harmonics - 1
-    u = np.zeros(d.system.fixed.shape)
-    u[:, along] = -(d.elements.nodes[:, -1] ** 2) / (2 * h)
-    above = (shape.H - h) / 4 + 2 / 3 / 8
-    assert inside_out(d, u) == pytest.approx(above / (shape.H / 4 + 2 / 3 / 8), abs=0.02)
-    assert inside_out(d, 0 * u) == 0
-    assert inside_out(d, 4 * u * h / d.elements.nodes[:, -1:].clip(1e-9)) == pytest.approx(1, abs=1e-9)
-
-
-def test_silicone_that_is_inside_out_is_told():
-    assert "of the silicone is inside out" in solve(paper(), Load(depth=3.6), STANDARD).message

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.discretisation import elements, gradient_recovery, rigid_inclusion, symmetry_models
-from fem.solution import pose
-from geometry.design import paper
+from fem.discretisation import elements, gradient_recovery
 
 HEIGHT = 0.45
 CUBIC = np.random.default_rng(4).uniform(-0.1, 0.1, (3, len(gradient_recovery.POWERS)))
@@ -103,18 +101,3 @@ def test_a_patch_of_few_nodes_grows():
     found = weights @ cubic(points[near] + np.array([0, 0, HEIGHT]))
     np.testing.assert_allclose(found[0], CUBIC[:, 0], atol=1e-12)
     np.testing.assert_allclose(found[1:].T, cubic_gradient(), atol=1e-11)
-
-
-@pytest.mark.parametrize("model", ["full", "half", "harmonic"])
-def test_a_body_that_turns_tilts_by_that_angle(model):
-    shape = paper().shape.scaled(1 / 8)
-    motion = np.array([0.1, -0.2, 0.3])
-    if model == "harmonic":
-        d = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2)
-        u = rigid_inclusion.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
-    else:
-        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
-        u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
-    shift, tilt = pose(d, u, np.zeros(d.system.size))
-    np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
-    np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)

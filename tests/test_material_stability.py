@@ -9,7 +9,7 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.material import kinematics, law, strain
 from fem.results import material_stability
-from fem.solution import read
+from fem.results.postprocess import read
 from geometry.design import paper
 from geometry.loads import Load
 

@@ -8,7 +8,7 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from fem.results.diagnostics import Facts
+from fem.solution import Facts
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.cli.parameters import FAILED, GOOD

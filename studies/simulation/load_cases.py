@@ -19,8 +19,7 @@ from studies.sensing import field_readings
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
-    from fem.results.diagnostics import Facts
-    from fem.solution import Solution
+    from fem.solution import Facts, Solution
     from geometry.mesh import Parts
 
 MOST_STEPS = 1000

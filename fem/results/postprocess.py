@@ -1,0 +1,112 @@
+"""From a path to a solution: force, motion of the magnet and field of its present state, in the user's units."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.contact import coulomb_friction, plate_contact
+from fem.discretisation import rigid_inclusion
+from fem.discretisation.symmetry_models import Discretisation
+from fem.results import diagnostics, state_messages
+from fem.solution import Field, Solution, slides
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import Stop
+from geometry.design import Design
+from geometry.loads import Load, Response
+
+Array = NDArray[np.float64]
+
+
+def read(
+    path: Path, design: Design, load: Load, direction: Array, stop: Stop, seconds: float, *, watch: bool = False
+) -> Solution:
+    """The present state of a path that was to reach a load.
+
+    Parameters
+    ----------
+    direction : (2,) unit vector in the user's frame along which the model's x axis points.
+    stop : why the path stopped short; empty if it did not.
+    watch : look whether an axisymmetric press is stable sideways.
+    """
+    D, d = design.D, path.d
+    turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
+    if stop:
+        depth, shear = float(path.position[0]) * D, turn @ path.position[1:] * D
+        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if slides(load) else {}
+        load = replace(load, depth=depth, **moved)
+    state = d.system.state(path.q)
+    plate = path.plate()
+    residual, _, _ = plate_contact.traction(path.skin, state.u, plate)
+    total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
+    shift, tilt = pose(d, state.u, path.q)
+    if d.model == "axisymmetric":
+        total[0] = shift[0] = tilt[0] = 0.0  # radial tractions, and rounding
+    if d.model != "full":
+        total[1] = shift[1] = tilt[1] = 0.0
+    force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
+    radius = plate_contact.patch_radius if path.sheared else plate_contact.contact_radius
+    response = Response(
+        force=(float(force[0]), float(force[1]), float(total[2])),
+        shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
+        tilt=float(tilt_xy[0]),
+        contact_radius=0.0 if path.grip else radius(path.skin, state.u, plate) * D,
+        tilt_y=float(tilt_xy[1]),
+    )
+    slip_share = coulomb_friction.slip_share(path.friction, path.skin.weights) if path.friction is not None else None
+    known = diagnostics.gather(path, D, load, stop, response, slip_share, watch=watch)
+    return Solution(
+        load=load,
+        response=response,
+        energy=path.energy * d.symmetry * design.E * D**3,
+        status=diagnostics.status(known),
+        message=state_messages.sentence(known, design, load, response, slip_share, d.model),
+        model=d.model,
+        error_estimate=None,
+        shift_error_estimate=None,
+        tilt_error_estimate=None,
+        sideways_error_estimate=None,
+        dofs=d.system.size,
+        newton_iterations=path.iterations,
+        seconds=seconds,
+        field=Field(
+            mesh=type(d.mesh)(d.mesh.doflocs * D, d.mesh.t),
+            u=state.u * D,
+            p=state.p * design.E,
+            vertices=d.system.corner_nodes,
+            angles=d.elements.angles,
+        ),
+        facts=known,
+        dissipated=path.dissipated * d.symmetry * design.E * D**3,
+        slip_share=slip_share,
+    )
+
+
+def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
+    """Displacement (3,) of the magnet's centre, and its rotation (2,) as angles that carry z towards x and y.
+
+    Without a rigid magnet: the material point at the centre, and the rotation of the polar decomposition there.
+    """
+    system = d.system
+    if system.rigid:
+        motion = system.motion(q)
+        place = {1: [2], 3: [0, 2], 6: [0, 1, 2]}[len(motion)]
+        shift = np.zeros(3)
+        shift[place] = motion[: len(place)]
+        return shift, _angles(rigid_inclusion.axis(motion))
+    shift, G = d.centre(u)
+    return shift, np.zeros(2) if d.model == "axisymmetric" else _angles(_rotation(G)[:, 2])
+
+
+def _rotation(G: Array) -> Array:
+    """Rotation (3, 3) of the polar decomposition of 1 + G."""
+    U, _, Vt = np.linalg.svd(np.eye(3) + G)
+    return np.asarray(U @ Vt)
+
+
+def _angles(axis: Array) -> Array:
+    """Rotation (2,) that carries z to a direction (3,): towards x, towards y."""
+    across = float(np.hypot(axis[0], axis[1]))
+    return np.zeros(2) if across == 0 else np.arctan2(across, axis[2]) * axis[:2] / across

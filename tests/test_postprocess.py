@@ -1,0 +1,44 @@
+"""What is read from a path: motion of the magnet, and the load that a state really carries."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.accuracy import QUICK
+from fem.discretisation import rigid_inclusion, symmetry_models
+from fem.equilibrium import trace
+from fem.results.postprocess import pose
+from fem.solvers import load_stepping
+from geometry.design import paper
+from geometry.loads import Load
+
+
+@pytest.mark.parametrize("model", ["full", "half", "harmonic"])
+def test_a_body_that_turns_tilts_by_that_angle(model):
+    shape = paper().shape.scaled(1 / 8)
+    motion = np.array([0.1, -0.2, 0.3])
+    if model == "harmonic":
+        d = symmetry_models.section(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2)
+        u = rigid_inclusion.section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
+    else:
+        d = symmetry_models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
+        u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
+    shift, tilt = pose(d, u, np.zeros(d.system.size))
+    np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
+    np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)
+
+
+def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
+    """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
+    real = load_stepping.newton
+
+    def stubborn(system, solver, q, plate, *more, **options):
+        answer = real(system, solver, q, plate, *more, **options)
+        return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
+
+    monkeypatch.setattr(load_stepping, "newton", stubborn)
+    load = Load(depth=1.0, shear_x=0.5, friction="stick")
+    (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
+    assert (state.status, state.load.shear_x) == ("not_converged", 0.0)
+    assert "shear" not in state.message.partition(":")[0]
