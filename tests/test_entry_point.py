@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.cli import parameters
+from studies.inputs import exit_status
 from studies.output import atomic_files, console
 from studies.simulation import load_cases
 
@@ -190,7 +190,7 @@ def test_interrupt_keeps_what_was_reached(tmp_path, strict):
         first = run.stdout.readline()
         run.send_signal(signal.SIGINT)
         rest, err = run.communicate()
-    assert (run.returncode, err) == (parameters.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
+    assert (run.returncode, err) == (exit_status.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
     reached = strict(first + rest)
     assert 1 <= len(reached) < 39
     assert {state["status"] for state in reached} == {"ok"}
@@ -269,7 +269,7 @@ def test_a_reader_that_goes_away():
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
-    assert process.returncode == parameters.BROKEN_PIPE
+    assert process.returncode == exit_status.BROKEN_PIPE
 
 
 def test_json_line_has_no_nan(strict):

@@ -10,7 +10,7 @@ from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
 from geometry.design import paper
 from studies.cli import entry_point
-from studies.cli.parameters import FAILED
+from studies.inputs.exit_status import FAILED
 from studies.validation import error_statistics, error_study, error_study_cases
 from studies.validation.error_study import QUANTITIES, Task
 

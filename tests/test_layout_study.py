@@ -10,7 +10,7 @@ import pytest
 from analytic import magnet, survey
 from analytic.inverse import nearest_readings
 from geometry.design import Design, paper
-from studies.cli.parameters import Basis
+from studies.inputs.option_groups import Basis
 from studies.sensing import decode_readings, layout_report, layout_search, layout_study, layout_uniqueness
 
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")

@@ -14,8 +14,8 @@ from analytic import beam
 from geometry import design_digest
 from geometry.design import paper
 from geometry.loads import Load
-from studies.cli import parameters
-from studies.cli.parameters import Method, Motion
+from studies.inputs import option_groups
+from studies.inputs.option_groups import Method, Motion
 from studies.simulation import load_cases
 
 SOLVE_KEYS = {
@@ -252,7 +252,7 @@ def test_choices_match_the_solver():
     from fem import equilibrium
     from studies.inputs.user_input import AccuracyName
 
-    assert get_args(parameters.Model) == get_args(equilibrium.Model)
+    assert get_args(option_groups.Model) == get_args(equilibrium.Model)
     assert set(get_args(AccuracyName)) == set(accuracy_levels.LEVELS)
 
 

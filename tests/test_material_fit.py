@@ -8,7 +8,7 @@ import pytest
 
 from fem.material import cofactor, kinematics, law, strain
 from geometry.design import LAWS, SILICONE_E, BadInput
-from studies.cli.parameters import LawName
+from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import read_design
 from studies.simulation import law_regression, law_remarks, law_selection
 from studies.simulation import material_fit as work

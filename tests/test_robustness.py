@@ -11,7 +11,7 @@ from fem.equilibrium import solve
 from fem.solution import Facts
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
-from studies.cli.parameters import FAILED, GOOD
+from studies.inputs.exit_status import FAILED, GOOD
 from studies.validation import robustness, robustness_checks
 from studies.validation.robustness_checks import Scene, press
 

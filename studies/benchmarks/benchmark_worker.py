@@ -100,7 +100,7 @@ def first(spec: Answer) -> Answer:
     begin = time.perf_counter()
     import fem.equilibrium  # noqa: F401
     from studies.cli import entry_point
-    from studies.cli.parameters import GOOD
+    from studies.inputs.exit_status import GOOD
     from studies.simulation import load_cases  # noqa: F401
 
     imported = time.perf_counter()

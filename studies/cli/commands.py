@@ -18,7 +18,7 @@ from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, UnusedCl
 
 from geometry.design import BadInput
 from studies.cli import design_commands, exploration_commands, mesh_commands, sensing_commands, validation_commands
-from studies.cli.parameters import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
+from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
 
 NEGATIVE = re.compile(r"-[\d.]\S*,")

@@ -8,30 +8,24 @@ from typing import Annotated, Any, Literal
 
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.cli.parameters import (
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, judged
+from studies.cli.printed_command import command
+from studies.inputs import user_input
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.input_warnings import say_no_effect
+from studies.inputs.option_groups import (
     ACCURACY,
     DEPTH,
-    FAILED,
-    GOOD,
     LEVEL,
     MAGNET,
     SHEAR,
     SHEAR_Y,
-    AsJson,
     FieldLevel,
     Method,
     Motion,
     Pose,
-    Sets,
-    Source,
     Whole,
-    Wide,
-    design_of,
-    judged,
-    say_no_effect,
 )
-from studies.cli.printed_command import command
-from studies.inputs import user_input
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 from studies.sensing import field_readings

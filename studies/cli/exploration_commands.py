@@ -9,21 +9,12 @@ from cyclopts import Parameter
 
 from geometry.design import Design
 from geometry.loads import Magnet
-from studies.cli.parameters import (
-    FAILED,
-    GOOD,
-    AsJson,
-    LawName,
-    Sets,
-    Source,
-    Wide,
-    design_of,
-    judged,
-    say_no_effect,
-    say_what_is_idle,
-)
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, judged
 from studies.cli.printed_command import command
 from studies.exploration import sweep_axes
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.input_warnings import say_no_effect, say_what_is_idle
+from studies.inputs.option_groups import LawName
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 

@@ -8,20 +8,11 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import (
-    FAILED,
-    GOOD,
-    AsJson,
-    Basis,
-    Sets,
-    Source,
-    Whole,
-    Wide,
-    design_of,
-    judged,
-    say_no_effect,
-)
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, judged
 from studies.cli.printed_command import command
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.input_warnings import say_no_effect
+from studies.inputs.option_groups import Basis, Whole
 from studies.output import atomic_files, console
 from studies.sensing import decode_readings, lookup_table
 

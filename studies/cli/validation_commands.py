@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 
 from geometry.design import BadInput
-from studies.cli.parameters import FAILED, GOOD, AsJson, Whole, Wide
+from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
-from studies.cli import parameters
-from studies.inputs import state_files, user_input
+from studies.inputs import input_warnings, state_files, user_input
 from studies.output import atomic_files, console
 from studies.sensing.field_readings import read_rows
 
@@ -125,7 +124,7 @@ def gap_of(coder: Decoder, level: str, found: Decoded) -> Gap | None:
 def say_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
     """A warning where a tilt is to be ignored and there is none."""
     if ignore_tilt and law is not None and not law.tau.any():
-        parameters.say_no_effect("--ignore-tilt", "the magnet does not tilt in these mechanics")
+        input_warnings.say_no_effect("--ignore-tilt", "the magnet does not tilt in these mechanics")
 
 
 def of_level(design: Design, level: str) -> Mechanics:

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
-from studies.cli import parameters
-from studies.cli.parameters import FieldLevel, Pose
-from studies.inputs import table_input, user_input
+from studies.inputs import input_warnings, table_input, user_input
+from studies.inputs.option_groups import FieldLevel, Pose
 from studies.output import atomic_files
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed
     bx, by, bz = vector("--ambient", ambient, 3)
     noise = None if seed is None else np.random.default_rng(_seed(seed))
     if noise is not None and not any(element.noise for element in of_design(design)):
-        parameters.say_no_effect("--seed", "hall_noise is 0")
+        input_warnings.say_no_effect("--seed", "hall_noise is 0")
     return Sensing(level, mode, (bx, by, bz), noise)
 
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from studies.cli.parameters import Basis
 from studies.inputs import user_input
+from studies.inputs.option_groups import Basis
 from studies.output.console import Progress
 from studies.sensing import layout_study
 

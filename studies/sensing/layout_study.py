@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
-from studies.cli.parameters import Basis
+from studies.inputs.option_groups import Basis
 from studies.output.console import Progress
 from studies.sensing import decode_readings
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import STEEPEST, Load, Magnet, Response
-from studies.cli.parameters import Method, Motion
 from studies.inputs import user_input
+from studies.inputs.option_groups import Method, Motion
 from studies.output import atomic_files, console
 from studies.output.console import Progress
 from studies.sensing import field_readings
