@@ -10,7 +10,7 @@ from fem.contact.plate_contact import Plate
 from fem.discretisation import elements, rigid_inclusion, symmetry_models
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import lame
-from fem.solvers.direct_solver import Pattern, Side, Solver, have_pardiso
+from fem.solvers.direct_solver import Solver
 from fem.solvers.newton import newton
 from geometry.design import Design
 from geometry.section import section
@@ -196,19 +196,6 @@ def test_rigid_motion_derivatives(kind):
         np.testing.assert_allclose(body.curvature(q, force)[i], curve, atol=1e-8)
 
 
-def test_both_linear_solvers_agree():
-    system, flat = plate("sensor", 0.1)
-    q = smooth(system)
-    here = system.assemble(system.state(q), flat)
-    answers = []
-    for pardiso in {False, have_pardiso()}:
-        solver = Solver(pardiso=pardiso)
-        solver.factorise(here.tangent)
-        answers.append(solver.solve(here.residual))
-        solver.close()
-    np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
-
-
 def stiff_or_rigid(magnet, angles, depth):
     """The paper's sensor, pressed: the magnet rigid ("hole") or silicone 1e5 times stiffer ("meshed"), one mesh."""
     shape = Design().shape.scaled(1 / 8)
@@ -270,22 +257,3 @@ def test_a_magnet_that_turns_about_its_axis_keeps_its_distances():
     arms = np.abs(RNG.normal(size=(4, 2)))
     u = rigid_inclusion.section(arms, elements.twisting()).displacement(np.array([0.3, 2.0]))
     np.testing.assert_allclose(np.hypot(arms[:, 0] + u[:, 0], u[:, 1]), arms[:, 0], rtol=1e-14)
-
-
-def test_a_pattern_sums_pieces_of_elements_like_dense_matrices():
-    """Two elements with three nodes of two fields; a field's own piece is symmetric, the other belongs to both."""
-    numbers = np.array([[0, 1], [-1, 2], [3, 4], [5, -1]])  # two fields are eliminated
-    cells = np.array([[0, 1, 2], [3, 2, 1]])
-    first, second = Side.pieces(numbers, cells, np.array([0, 0, 1])), Side.pieces(numbers, cells, np.array([0, 1, 1]))
-    pattern = Pattern([(first, second)], (numbers >= 0).sum(axis=1))
-    K = RNG.normal(size=(2, 3, 3, 3))
-    K[:, [0, 2]] += np.swapaxes(K[:, [0, 2]], 2, 3)
-    dense = np.zeros((6, 6))
-    for cell, pieces in zip(cells, K, strict=True):
-        for (f, g), piece in zip([(0, 0), (0, 1), (1, 1)], pieces, strict=True):
-            rows, columns = np.broadcast_arrays(numbers[cell, f][:, None], numbers[cell, g])
-            kept = (rows >= 0) & (columns >= 0)
-            np.add.at(dense, (rows[kept], columns[kept]), piece[kept])
-            if f != g:
-                np.add.at(dense, (columns[kept], rows[kept]), piece[kept])
-    np.testing.assert_allclose(pattern.assemble([K]).toarray(), np.triu(dense), atol=1e-14)

@@ -28,7 +28,7 @@ from fem.contact.plate_contact import Plate
 from fem.discretisation import element_integrals
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.rigid_inclusion import RigidBody
-from fem.solvers.direct_solver import Pattern, Side
+from fem.solvers.sparse_pattern import Pattern, Side
 
 CHUNK = 4096
 """Integration points that are treated at a time, so that their tensors stay in the processor's cache."""

@@ -1,0 +1,211 @@
+"""The pattern of a sparse symmetric matrix that is summed from element matrices again and again.
+
+The places of all entries are found once; a matrix is then one weighted count over them. Unknowns come in blocks,
+those of a node (or the rigid magnet's), and blocks are coupled whole: so the pattern follows from pairs of blocks, of
+which there are far fewer than pairs of unknowns.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+CHUNK = 1 << 16
+"""Entries of element matrices whose places are found at a time, so that they stay in the processor's cache."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """Rows or columns of a group of m element matrices, each in s pieces of k unknowns that lie in b blocks.
+
+    Attributes
+    ----------
+    unknowns : (m, s, k) their numbers; -1 marks an eliminated one.
+    blocks : (m, b) numbers of the blocks, which are coupled whole.
+    local : (k,) which of the b blocks an unknown lies in.
+    """
+
+    unknowns: Index
+    blocks: Index
+    local: Index
+
+    @classmethod
+    def pieces(cls, numbers: Index, cells: Index, fields: Index, first: int = 0) -> Side:
+        """A piece for each of some `fields`.
+
+        Parameters
+        ----------
+        numbers : (nodes, fields) of the unknowns.
+        cells : (m, a) nodes.
+        first : block of the first node.
+        """
+        return cls(np.swapaxes(numbers[cells][..., fields], 1, 2), first + cells, np.arange(cells.shape[1]))
+
+    @classmethod
+    def whole(cls, numbers: Index, cells: Index, first: int = 0) -> Side:
+        """One piece of all fields, the fields first, as `pieces`."""
+        (m, a), fields = cells.shape, numbers.shape[1]
+        unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(m, 1, fields * a)
+        return cls(unknowns, first + cells, np.tile(np.arange(a), fields))
+
+    def beside(self, other: Side) -> Side:
+        """These unknowns and after them others, whose one element belongs to all."""
+        m, b = self.blocks.shape
+        unknowns = np.broadcast_to(other.unknowns, (m, 1, other.unknowns.shape[2]))
+        blocks = np.broadcast_to(other.blocks, (m, other.blocks.shape[1]))
+        return Side(
+            np.concatenate([self.unknowns, unknowns], axis=2),
+            np.hstack([self.blocks, blocks]),
+            np.append(self.local, b + other.local),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """Where the entries of an upper triangle lie, row after row, in each row one block after the other.
+
+    Entry (i, k), i <= k, of the j-th pair of blocks has the number `diagonal[i] + offset[j] + inside[k]`.
+
+    Attributes
+    ----------
+    empty : the matrix, of zeros.
+    offset : (pairs,) where a pair of blocks begins, counted from the first row's diagonal block.
+    inside : (n,) number of an unknown in its block.
+    diagonal : (n,) where the diagonal block would begin in a row, were it whole.
+    """
+
+    empty: sp.csr_matrix
+    offset: Index
+    inside: Index
+    diagonal: Index
+
+
+def _layout(keys: Index, sizes: Index) -> _Layout:
+    """The layout of a matrix in which the pairs of blocks `keys` (one number each, see `_pair_keys`) are coupled."""
+    count, first = len(sizes), np.cumsum(sizes) - sizes
+    # sorted keys are rows of blocks, and in each row the columns in rising order
+    unique, inverse = np.unique(keys, return_inverse=True)
+    rows, columns = np.divmod(unique, count)
+    begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
+    start = np.cumsum(width) - width
+    offset = (start - start[begin[rows]])[inverse]
+    block = np.repeat(np.arange(count), sizes)
+    inside = np.arange(len(block)) - first[block]
+    length = np.add.reduceat(width, begin)[block] - inside
+    ends = np.cumsum(length)
+    # the rows of a block share their columns, less those below the diagonal
+    shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
+    place = np.repeat(start[begin[block]] + inside - ends + length, length) + np.arange(int(length.sum()))
+    # PARDISO and SuperLU take 32-bit structures
+    indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
+    empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
+    return _Layout(empty, offset, inside, ends - length - inside)
+
+
+class Pattern:
+    """The upper triangle of a symmetric sparse matrix assembled from dense element matrices.
+
+    Where the rows of a piece are its columns, its upper triangle counts; of any other piece all counts, on this side
+    of the diagonal or the other.
+
+    Parameters
+    ----------
+    groups : rows and columns of each group of elements.
+    sizes : (blocks,) numbers of unknowns of the blocks, which are numbered one block after the other.
+    """
+
+    def __init__(self, groups: list[tuple[Side, Side]], sizes: Index) -> None:
+        count = len(sizes)
+        pairs = [_pair_keys(row.blocks[:, :, None], column.blocks[:, None, :], count) for row, column in groups]
+        # every block is coupled with itself, so that no row of the matrix is empty
+        layout = _layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
+        self._empty, self.size = layout.empty, len(layout.inside)
+        self._places: list[Index] = []
+        entries, done = [], count
+        for (row, column), pair in zip(groups, pairs, strict=True):
+            offset = layout.offset[done : done + pair.size].reshape(pair.shape)
+            done += pair.size
+            places, numbers = _placed(row, column, offset, layout)
+            self._places.append(places)
+            entries.append(numbers)
+        self._entries = np.concatenate(entries)
+
+    def assemble(self, blocks: list[Array | None]) -> sp.csr_matrix:
+        """Sum element matrices, one array (m, s, k, l) per group, None for zeros, into the upper triangle."""
+        values = np.concatenate(
+            [
+                np.zeros(len(at)) if block is None else block.ravel()[at]
+                for block, at in zip(blocks, self._places, strict=True)
+            ]
+        )
+        upper = copy.copy(self._empty)  # it shares the structure; to make it anew is what would take longest
+        upper.data = np.bincount(self._entries, weights=values, minlength=self._empty.nnz)
+        return upper
+
+    def unfolded(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
+        """All of the matrix whose upper triangle is given, where the last group's element matrices are unsymmetric.
+
+        Parameters
+        ----------
+        last : (m, k, k) matrices of the last group, whose rows and columns are the same.
+        """
+        source, below, columns, pointers = self._mirror
+        # `upper` holds their upper triangles: below the diagonal, what their lower ones exceed these by is added
+        skew = (np.swapaxes(last, 1, 2) - last).ravel()[self._places[-1]]
+        excess = np.bincount(self._entries[len(self._entries) - len(skew) :], weights=skew, minlength=len(upper.data))
+        data = upper.data[source]
+        data[below] += excess[source[below]]
+        return sp.csr_matrix((data, columns, pointers), shape=upper.shape)
+
+    @functools.cached_property
+    def _mirror(self) -> tuple[Index, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
+        """Of the whole matrix: its entries' places in the upper triangle, which are below the diagonal, structure."""
+        upper = copy.copy(self._empty)
+        # numbers in place of values, from 1 on, as a sparse sum may drop a 0
+        upper.data = np.arange(1, upper.nnz + 1)
+        whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
+        whole.sort_indices()
+        rows = np.repeat(np.arange(self.size), np.diff(whole.indptr))
+        return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
+
+
+def _placed(row: Side, column: Side, offset: Index, layout: _Layout) -> tuple[Index, Index]:
+    """Which numbers of a group's element matrices count, and to which entries of the matrix they are added.
+
+    Parameters
+    ----------
+    offset : (m, b, c) of the pairs of blocks, see `_Layout`.
+    """
+    m, b, c = offset.shape
+    offset = offset.reshape(m, b * c)
+    local = row.local[:, None] * c + column.local
+    same = np.zeros(row.unknowns.shape[1], dtype=bool)
+    if row.unknowns.shape == column.unknowns.shape:
+        same = (row.unknowns == column.unknowns).all(axis=(0, 2))
+    entries_each = len(same) * local.size
+    step = max(CHUNK // max(entries_each, 1), 1)
+    places, entries = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for at in range(0, m, step):
+        i, k = row.unknowns[at : at + step, :, :, None], column.unknowns[at : at + step, :, None, :]
+        above = k >= i
+        # of a symmetric piece one triangle is enough; -1 marks eliminated unknowns
+        wanted = (above | ~same[:, None, None]) & (i >= 0) & (k >= 0)
+        # an entry below the diagonal is that of its transpose
+        entry = np.where(above, layout.diagonal[i] + layout.inside[k], layout.inside[i] + layout.diagonal[k])
+        entry += offset[at : at + step].take(local.ravel(), axis=1).reshape(len(i), 1, *local.shape)
+        places.append(at * entries_each + np.flatnonzero(wanted))
+        entries.append(entry[wanted])
+    return np.concatenate(places), np.concatenate(entries)
+
+
+def _pair_keys(a: Index, b: Index, count: int) -> Index:
+    """One number for each unordered pair of numbers below `count`."""
+    return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))

@@ -1,0 +1,73 @@
+"""Factorisations of sparse indefinite matrices: both libraries, against dense algebra."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fem.contact.plate_contact import Plate
+from fem.discretisation import symmetry_models
+from fem.solvers.direct_solver import SingularMatrixError, Solver, have_pardiso
+from geometry.design import Design
+
+RNG = np.random.default_rng(3)
+LIBRARIES = sorted({False, have_pardiso()})
+
+
+@pytest.fixture(params=LIBRARIES, ids=lambda pardiso: "pardiso" if pardiso else "superlu")
+def solver(request):
+    solver = Solver(pardiso=request.param)
+    yield solver
+    solver.close()
+
+
+def saddle():
+    """A symmetric matrix (7, 7) with five positive and two negative eigenvalues."""
+    A, B = RNG.normal(size=(5, 5)), RNG.normal(size=(2, 5))
+    return np.block([[A @ A.T + np.eye(5), B.T], [B, -0.1 * np.eye(2)]])
+
+
+def upper(matrix):
+    """The upper triangle; its pattern has all of the diagonal."""
+    return sp.csr_matrix(np.triu(matrix))
+
+
+def test_both_linear_solvers_agree():
+    system = symmetry_models.section(
+        Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04)
+    ).system
+    q = np.zeros(system.size)
+    q[system.n_free + system.n_rigid :] = 0.1 * RNG.normal(size=system.n_pressure)
+    here = system.assemble(system.state(q), Plate(1.125 - 0.1, 50.0, np.zeros(2)))
+    answers = []
+    for pardiso in LIBRARIES:
+        solver = Solver(pardiso=pardiso)
+        solver.factorise(here.tangent)
+        answers.append(solver.solve(here.residual))
+        solver.close()
+    np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
+
+
+def test_one_solver_takes_matrices_of_a_pattern_one_after_the_other(solver):
+    b = RNG.normal(size=(7, 2))
+    for matrix in (saddle(), saddle()):
+        solver.factorise(upper(matrix))
+        np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
+
+
+def test_an_unsymmetric_matrix_is_taken_whole_and_says_nothing_of_its_eigenvalues(solver):
+    matrix, b = saddle() + np.triu(RNG.normal(size=(7, 7))), RNG.normal(size=7)
+    solver.factorise(sp.csr_matrix(matrix), symmetric=False)
+    np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
+    assert solver.negative() is None
+
+
+def test_negative_eigenvalues_are_counted(solver):
+    solver.factorise(upper(np.diag([1.0, -2.0, 3.0, -4.0, -5.0]) + 0.1))
+    assert solver.negative() == 3
+
+
+def test_a_matrix_that_is_not_finite_is_refused(solver):
+    matrix = saddle()
+    matrix[0, 1] = np.nan
+    with pytest.raises(SingularMatrixError, match="not finite"):
+        solver.factorise(upper(matrix))
