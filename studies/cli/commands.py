@@ -14,10 +14,17 @@ import os
 import re
 import sys
 
-from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Group, Parameter, UnknownOptionError, UnusedCliTokensError
 
 from geometry.design import BadInput
-from studies.cli import design_commands, exploration_commands, mesh_commands, sensing_commands, validation_commands
+from studies.cli import (
+    benchmark_commands,
+    design_commands,
+    exploration_commands,
+    sensing_commands,
+    simulation_commands,
+    validation_commands,
+)
 from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
 
@@ -39,34 +46,45 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for verb in (
-    design_commands.design,
-    design_commands.cad,
-    design_commands.mesh,
-    design_commands.solve,
-    design_commands.analytic,
-    design_commands.field,
-    design_commands.readings,
-    sensing_commands.decode,
-    sensing_commands.table,
-    sensing_commands.layout,
-    design_commands.stability,
-    design_commands.modes,
-    exploration_commands.demo,
-    exploration_commands.compare,
-    exploration_commands.sweep,
-    exploration_commands.fit,
-    validation_commands.verify,
-    validation_commands.friction,
-    validation_commands.extremes,
-    validation_commands.accuracy,
-    validation_commands.crosscheck,
-    validation_commands.ladder,
-    validation_commands.bench,
-    mesh_commands.cache,
-    mesh_commands.range_,
-):
-    app.command(verb)
+VERBS = {
+    "Design": (design_commands.design, design_commands.cad, design_commands.mesh, design_commands.cache),
+    "Simulation": (
+        simulation_commands.solve,
+        simulation_commands.analytic,
+        simulation_commands.compare,
+        simulation_commands.stability,
+        simulation_commands.modes,
+        simulation_commands.fit,
+        simulation_commands.demo,
+    ),
+    "Sensing": (
+        sensing_commands.field,
+        sensing_commands.readings,
+        sensing_commands.decode,
+        sensing_commands.table,
+        sensing_commands.layout,
+    ),
+    "Exploration": (exploration_commands.sweep,),
+    "Validation": (
+        validation_commands.verify,
+        validation_commands.friction,
+        validation_commands.extremes,
+        validation_commands.accuracy,
+        validation_commands.crosscheck,
+        validation_commands.ladder,
+        validation_commands.range_,
+        benchmark_commands.bench,
+    ),
+}
+"""Groups of verbs, and the verbs of each, in the order of `--help`."""
+
+for title, verbs in VERBS.items():
+    group = Group.create_ordered(title)
+    for place, verb in enumerate(verbs):
+        app.command(verb, group=group, sort_key=place)
+options = Group.create_ordered("Options")
+for name in ("--help", "--version"):
+    app[name].group = options
 
 
 def _joined(tokens: list[str]) -> list[str]:

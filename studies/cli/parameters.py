@@ -1,17 +1,15 @@
-"""Parameters that several verbs take, and the status that their records give."""
+"""Parameters that several verbs take."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from geometry.design import Design
 from geometry.loads import Magnet
 from studies.inputs import input_warnings, user_input
-from studies.inputs.exit_status import FAILED, GOOD
-from studies.output import console
 
 Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
 Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
@@ -29,11 +27,3 @@ def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid")
     found = user_input.read_design(source, sets or [], magnet=magnet)
     input_warnings.say_what_is_idle(found)
     return found
-
-
-def judged(records: Sequence[dict[str, Any]]) -> int:
-    """0 if every record is good, else 3 and a sentence."""
-    failed = [record for record in records if record.get("status", "ok") != "ok"]
-    if failed:
-        console.say(f"magtip: {failed[-1].get('message') or 'the solve failed: ' + failed[-1]['status']}")
-    return FAILED if failed else GOOD

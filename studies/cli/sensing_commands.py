@@ -1,4 +1,4 @@
-"""The verbs that go back from readings, and that judge how well this can be done: decode, table, layout."""
+"""The verbs of the field and of the Hall elements: field, readings, decode, table, layout."""
 
 from __future__ import annotations
 
@@ -8,13 +8,83 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of, judged
+from studies.cli.command_output import judged, print_record
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
-from studies.inputs.option_groups import Basis, Whole
+from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
 from studies.output import atomic_files, console
-from studies.sensing import decode_readings, lookup_table
+from studies.sensing import decode_readings, field_readings, lookup_table
+
+
+def field(
+    source: Source,
+    /,
+    *,
+    points: Path,
+    pose: Pose = Pose(),
+    level: Annotated[FieldLevel, LEVEL] = "exact",
+    out: Path | None = None,
+    sets: Sets = None,
+) -> int:
+    """Add the magnet's field to a table of points in the sensor's frame (base plane z = 0, beam along z).
+
+    Parameters
+    ----------
+    points
+        A .csv file with the columns x_mm,y_mm,z_mm.
+    out
+        The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
+    """
+    given = design_of(source, sets)
+    atomic_files.check_apart([out], [source, points])
+    with atomic_files.sole_writer(out):
+        field_readings.add_field(given, points, pose, level, out)
+    return GOOD
+
+
+def readings(
+    source: Source,
+    /,
+    *,
+    pose: Pose = Pose(),
+    level: Annotated[FieldLevel, LEVEL] = "exact",
+    mode: Literal["component", "magnitude"] = "component",
+    ambient: str = "0,0,0",
+    seed: Whole | None = None,
+    responses: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """What the Hall elements read when the magnet has moved, with saturation and clearance.
+
+    Parameters
+    ----------
+    mode
+        B.n as an element reads it, or the paper's |B|.
+    ambient
+        Uniform field that is added, Bx,By,Bz in T.
+    seed
+        Draw one sample of the elements' noise with this seed; none by default.
+    responses
+        States printed by `magtip solve --json` (or `analytic --json`), a line each: a row of readings for each,
+        without --shift and --tilt.
+    """
+    given = design_of(source, sets)
+    sensing = field_readings.sensing_of(given, level, mode, ambient, seed)
+    if responses is None:
+        shift, tilt = field_readings.pose_of(pose)
+        print_record(field_readings.at(given, shift, tilt, sensing), "Readings", (), as_json=as_json)
+        return GOOD
+    if pose != Pose():
+        raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
+    from studies.sensing import state_readings
+
+    rows = state_readings.of_states(given, responses, sensing)
+    state_readings.show(rows, as_json=as_json, wide=wide)
+    return GOOD if any(row["status"] == "ok" for row in rows) else FAILED
 
 
 def decode(

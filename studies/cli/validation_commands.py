@@ -1,4 +1,4 @@
-"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, ladder, bench."""
+"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, ladder, range."""
 
 from __future__ import annotations
 
@@ -228,41 +228,34 @@ def ladder(
     return GOOD
 
 
-def bench(
-    *,
-    quick: bool = False,
-    peers: Path = Path("out/peers"),
-    ccx: str = "ccx",
-    out: Path | None = None,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
-    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
-
-    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
+    """Solids, mould and meshes of designs sampled over the whole range; status 3 if one fails without a reason.
 
     Parameters
     ----------
-    quick
-        Medians of 3 runs instead of 5, up to 50 000 unknowns.
-    peers
-        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
-    ccx
-        The program CalculiX.
+    count
+        How many of the sampled designs, 1 to 1024; 64 take some minutes, 4 a quarter of one.
     out
-        Folder of bench.csv, BENCH.md and size.png.
+        Folder of range.csv, RANGE.md and rows.jsonl, from which a stopped run goes on.
     """
-    asked = command(bench, locals())
-    from studies.benchmarks import benchmark_tables
-    from studies.benchmarks import solver_benchmark as work
+    asked = command(range_, locals())
+    from studies.output.provenance import versions
+    from studies.validation import design_range as work
 
+    if not 1 <= count <= 1024:
+        raise BadInput(f"count must lie between 1 and 1024; got {count}")
+    origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
-    console.report(rows, as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide)
-    for row in rows:
-        if row["message"]:
-            console.say(f"magtip: {row['case']}: {row['message']}")
-    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
-    if missed:
-        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
-    return GOOD
+        rows = []
+        for row in work.run(count, folder, progress):
+            rows.append(row)
+            if as_json:
+                print(atomic_files.json_line(row), flush=True)
+        if folder is not None:
+            work.write(folder, rows, origin, asked)
+    if not as_json:
+        console.report(work.summary(rows), as_json=False, title="Range of designs", wide=wide)
+    failed = [f"design {row['design']}" for row in rows if row["status"] == "failed"]
+    if failed:
+        console.say(f"magtip: {len(failed)} of {len(rows)} designs fail: {', '.join(failed)}")
+    return FAILED if failed else GOOD

@@ -1,0 +1,50 @@
+"""The verb that measures cost: bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from studies.cli.parameters import AsJson, Wide
+from studies.cli.printed_command import command
+from studies.inputs.exit_status import GOOD
+from studies.output import atomic_files, console
+
+
+def bench(
+    *,
+    quick: bool = False,
+    peers: Path = Path("out/peers"),
+    ccx: str = "ccx",
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
+
+    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+
+    Parameters
+    ----------
+    quick
+        Medians of 3 runs instead of 5, up to 50 000 unknowns.
+    peers
+        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
+    ccx
+        The program CalculiX.
+    out
+        Folder of bench.csv, BENCH.md and size.png.
+    """
+    asked = command(bench, locals())
+    from studies.benchmarks import benchmark_tables
+    from studies.benchmarks import solver_benchmark as work
+
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
+    console.report(rows, as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide)
+    for row in rows:
+        if row["message"]:
+            console.say(f"magtip: {row['case']}: {row['message']}")
+    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
+    if missed:
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
+    return GOOD

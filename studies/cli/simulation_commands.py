@@ -1,0 +1,326 @@
+"""The verbs that solve: solve, analytic, stability, modes, compare; fit, for the material; demo, for all of it."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from geometry.design import BadInput, Design
+from geometry.loads import Magnet
+from studies.cli.command_output import judged, print_record, print_remarks, say_what_is_ignored
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
+from studies.cli.printed_command import command
+from studies.exploration import sweep_axes
+from studies.inputs import user_input
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.input_warnings import say_no_effect
+from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, LawName, Method, Motion, Whole
+from studies.inputs.user_input import AccuracyName
+from studies.output import atomic_files, console
+from studies.simulation import load_cases, modal_report, stability_report
+
+COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
+Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
+
+
+def solve(
+    source: Source,
+    /,
+    *,
+    motion: Motion = Motion(),
+    method: Method = Method(),
+    out: Path | None = None,
+    picture: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Force, shift and tilt of the magnet by finite elements, each state as soon as it is reached.
+
+    If a solve stops short, the last good state is given, and the exit status is 3.
+
+    Parameters
+    ----------
+    out
+        A .vtu file for the deformed body of the last state.
+    picture
+        A .png file for the deformed section of the last state.
+    """
+    given = design_of(source, sets, method.magnet)
+    atomic_files.check_apart([out, picture], [source, method.mesh])
+    loads = load_cases.loads_of(motion)
+    for option, reason in load_cases.in_vain(motion, method):
+        say_no_effect(option, reason)
+    title, keys = "Finite elements", load_cases.columns(loads)
+    with console.progress(as_json=as_json) as progress:
+        reached = load_cases.solve(given, loads, method, out=out, picture=picture, progress=progress)
+        with contextlib.closing(reached):
+            records = console.stream(
+                reached,
+                as_json=as_json,
+                title=title,
+                keys=keys,
+                count=len(loads),
+                brief=load_cases.UNSHOWN,
+                first=load_cases.FIRST,
+                wide=wide,
+            )
+    if len(loads) > 1 and not as_json:
+        for remark in console.remarks(records, load_cases.MOVED):
+            console.note(remark)
+    return judged(records)
+
+
+def analytic(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float, DEPTH],
+    shear: Annotated[float, SHEAR] = 0.0,
+    shear_y: Annotated[float, SHEAR_Y] = 0.0,
+    level: str = "paper",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Force, shift of the magnet and readings by formulas; the tip sticks to a plate that shears.
+
+    Parameters
+    ----------
+    level
+        Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
+    """
+    given = design_of(source, sets)
+    if level == "paper" and given.law != "neo-hookean":
+        say_no_effect("law", "the paper's formulas know E only")
+    record = load_cases.analytic(given, depth, (shear, shear_y), level)
+    print_record(record, "Formulas", load_cases.UNSHOWN, as_json=as_json)
+    return GOOD
+
+
+def stability(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float | None, DEPTH] = None,
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    slenderness: str | None = None,
+    out: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """At which depth a press gives way sideways, free or guided; at a depth, small shear about it.
+
+    Parameters
+    ----------
+    slenderness
+        L/D as numbers a,b,c: the critical depths of beams of these lengths, beside Euler, Engesser and Haringx.
+    out
+        Folder of their table, plot and STABILITY.md.
+    """
+    asked = command(stability, locals())
+    given = design_of(source, sets, magnet)
+    if slenderness is not None:
+        if depth is not None:
+            raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
+        if "L" in user_input.pairs("--set", sets or [], "D=10"):
+            say_no_effect("L", "--slenderness gives the lengths")
+        return _stability_map(source, given, magnet, accuracy, slenderness, out, asked, as_json=as_json, wide=wide)
+    if out is not None:
+        raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
+    with console.progress(as_json=as_json) as progress:
+        record = stability_report.run(given, magnet, accuracy, depth, progress)
+    console.report([record if as_json else stability_report.shown(record)], as_json=as_json, title="Stability")
+    return judged([record])
+
+
+def _stability_map(
+    source: str,
+    given: Design,
+    magnet: Magnet,
+    accuracy: str,
+    slenderness: str,
+    out: Path | None,
+    asked: str,
+    *,
+    as_json: bool,
+    wide: bool,
+) -> int:
+    ratios = user_input.parse_numbers("--slenderness", slenderness)
+    if not min(ratios) > 0.5:
+        raise BadInput(f"--slenderness must exceed 0.5, for L exceeds the tip radius D/2; got {min(ratios):g}")
+    longest = Design.__dataclass_fields__["L"].metadata["high"]
+    if not min(ratios) * given.D <= longest:
+        raise BadInput(
+            f"--slenderness must be at most {longest / given.D:g} with D = {given.D:g} mm, for L is at most"
+            f" {longest:g} mm; got {min(ratios):g}"
+        )
+    from studies.output.provenance import versions
+    from studies.simulation import critical_depth_map as work
+
+    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [source])
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        rows = list(work.run(given, magnet, accuracy, ratios, progress))
+        if folder is not None:
+            work.write(folder, given, rows, versions(), asked)
+    console.report(
+        rows,
+        as_json=as_json,
+        title="Stability over slenderness",
+        first=("L_over_D", "status", "critical_depth_mm", "critical_force_N"),
+        wide=wide,
+    )
+    if not as_json:
+        for remark in console.remarks(rows, ("L_over_D",)):
+            console.note(remark)
+    return judged(rows)
+
+
+def modes(
+    source: Source,
+    /,
+    *,
+    count: Whole = 8,
+    depth: Annotated[float, DEPTH] = 0.0,
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    sets: Sets = None,
+    as_json: AsJson = False,
+) -> int:
+    """Natural frequencies and shapes of the free sensor, or of one pressed against a plate that it sticks to.
+
+    Parameters
+    ----------
+    count
+        How many, pairs of bending or ovalling modes counted once.
+    """
+    given = design_of(source, sets, magnet)
+    with console.progress(as_json=as_json) as progress:
+        record = modal_report.run(given, magnet, count, depth, accuracy, progress)
+    console.report([record], as_json=as_json, title="Natural frequencies")
+    return judged([record])
+
+
+def compare(
+    source: Source,
+    /,
+    *,
+    out: Path | None = None,
+    accuracy: AccuracyName = "standard",
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Finite elements and formulas side by side, in press and in shear.
+
+    A press in 12 steps to a depth of 3 D/8, or of 0.6 of the silicone on the axis if that is less; at a third of that
+    depth a shear in 6 steps to 3 D/8. For other depths there is magtip sweep --axis depth=a,b,c.
+
+    Parameters
+    ----------
+    out
+        Folder of tables and plots.
+    accuracy
+        Of the finite elements.
+    """
+    given = design_of(source, sets)
+    from fem.accuracy import LEVELS
+    from studies.simulation import compare as work
+
+    say_what_is_ignored(given)
+    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [source])
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        summary = work.run(given, folder, accuracy=LEVELS[accuracy], progress=progress)
+    if as_json:
+        console.report([summary], as_json=True)
+    else:
+        for name in ("press", "shear"):
+            sweep_axes.show(summary[name], name.capitalize(), wide=wide)
+            print_remarks(summary[name], sweep_axes.CASE)
+    return judged([*summary["press"], *summary["shear"]])
+
+
+def fit(
+    data: Data,
+    /,
+    *,
+    law: LawName | None = None,
+    out: Path | None = None,
+    nu: float = 0.4998,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
+
+    Two or three values of a data sheet will do for the laws with as few constants.
+
+    Parameters
+    ----------
+    law
+        The law to choose. Default: of those that hit the test and are stable in it, the best that is stable in a
+        press to 3/8 D too.
+    out
+        Folder of the table, the plot and design.toml, which holds the chosen law.
+    nu
+        Poisson's ratio that E is for.
+    """
+    asked = command(fit, locals())
+    from studies.simulation import material_fit as work
+    from studies.simulation.law_remarks import reasons
+
+    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [data])
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        records = work.run(data, nu, folder, law, progress, asked)
+    if as_json:
+        console.report(records, as_json=True)
+    else:
+        _print_laws([work.flat(record) for record in records], wide=wide)
+        for reason in filter(None, map(reasons, records)):
+            console.note(f"{reason}.")
+    chosen = [record for record in records if record["chosen"]]
+    for record in chosen or records:
+        for warning in record["warnings"]:
+            console.say(f"Warning: {warning}.")
+    if not chosen:
+        console.say("magtip: no law is chosen and there is no design.toml, for no E is one that a design may have")
+        return FAILED
+    return GOOD
+
+
+def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
+    """Tables that a terminal of 80 columns holds, or a single one with all columns."""
+    how = "by AICc" if rows[0]["ranked_by"] == "AICc" else "by fewest constants (too few points for AICc)"
+    title = f"Laws, the best first {how}"
+    if wide:
+        console.report(rows, as_json=False, title=title, wide=True)
+        return
+    fits = ("law", "chosen", "AICc", "rms_percent", "small_strain_excess_percent", "E_MPa")
+    ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
+    for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges)):
+        console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
+
+
+def demo(*, out: Path = Path("out/demo")) -> int:
+    """The main job on the paper's sensor: CAD, mould, mesh, finite elements, formulas, comparison, report.
+
+    Parameters
+    ----------
+    out
+        Folder of the results.
+    """
+    asked = command(demo, locals())
+    from studies import demo as work
+
+    with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
+        found = work.run(folder, command=asked, progress=progress)
+    for sentence in found["summary"]["sentences"]:
+        console.note(f"- {sentence}")
+    console.note(f"All results are in {out}; start with REPORT.md.")
+    if found["status"] != "ok":
+        console.say(f"magtip: not all of it succeeded: {found['message']}")
+        return FAILED
+    return GOOD

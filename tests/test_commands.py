@@ -1,0 +1,18 @@
+"""The verbs of the command, as `--help` lists them."""
+
+import re
+
+ORDER = """
+    Design: design cad mesh cache
+    Simulation: solve analytic compare stability modes fit demo
+    Sensing: field readings decode table layout
+    Exploration: sweep
+    Validation: verify friction extremes accuracy crosscheck ladder range bench
+    Options: --help --version
+"""
+
+
+def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
+    text = run("--help")[1]
+    listed = re.findall(r"^╭─ (\w+) |^│ ([-\w]+)", text, re.MULTILINE)
+    assert [title + ":" if title else verb for title, verb in listed] == ORDER.split()
