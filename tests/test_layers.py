@@ -42,6 +42,62 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
+STUDIES = [
+    {"output"},
+    {"inputs"},
+    {"sensing"},
+    {"simulation"},
+    {"exploration"},
+    {"fabrication"},
+    {"demo", "validation"},
+    {"benchmarks"},
+    {"cli"},
+]
+"""Sub-packages of `studies` (and its program `demo`) from below: each imports only those below it."""
+
+
+def module_name(path):
+    """The dotted name of a module, or of a package.
+
+    >>> module_name(ROOT / "fem" / "__init__.py")
+    'fem'
+    """
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported_modules(tree, modules):
+    """Those of some modules that a module imports, inside functions too; what a package defines is the package's."""
+    imported = set()
+    for node in imports(tree):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        else:
+            whole = {f"{node.module}.{alias.name}" for alias in node.names}
+            imported |= (whole & modules) | ({node.module} if whole - modules else set())
+    return imported & modules
+
+
+def circles(graph):
+    """Groups of modules that import each other, directly or through others; the graph names what each imports."""
+    reached = {name: {name} for name in graph}
+    changed = True
+    while changed:
+        changed = False
+        for name, nexts in graph.items():
+            more = set().union(*(reached[other] for other in nexts)) - reached[name] if nexts else set()
+            reached[name] |= more
+            changed = changed or bool(more)
+    groups = {frozenset(other for other in reached[name] if name in reached[other]) for name in graph}
+    return sorted(sorted(group) for group in groups if len(group) > 1)
+
+
+def import_graph():
+    """What each module of the four packages imports of them."""
+    names = {module_name(path): path for path in FILES}
+    return {name: imported_modules(ast.parse(path.read_text("utf-8")), set(names)) for name, path in names.items()}
+
+
 def imports(tree):
     return [node for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))]
 
@@ -63,6 +119,33 @@ def at_import_time(body):
 def test_imports_run_one_way(path):
     ours = {package for node in imports(ast.parse(path.read_text("utf-8"))) for package in top(node)} & set(ALLOWED)
     assert ours <= ALLOWED[path.relative_to(ROOT).parts[0]]
+
+
+def test_no_imports_run_in_a_circle():
+    assert circles(import_graph()) == []
+
+
+def test_a_circle_of_imports_is_seen():
+    modules = {"a.x", "a.y", "a.z", "a"}
+    source = "from a.y import thing\ndef f():\n    from a import z\n    import numpy\n"
+    assert imported_modules(ast.parse(source), modules) == {"a.y", "a.z"}
+    assert imported_modules(ast.parse("from a import thing"), modules) == {"a"}
+    graph = {"a.x": {"a.y", "a.z"}, "a.y": {"a.z"}, "a.z": {"a.x"}, "a": set(), "b": {"a.x"}}
+    assert circles(graph) == [["a.x", "a.y", "a.z"]]
+    assert circles(graph | {"a.z": set()}) == []
+
+
+def test_sub_packages_of_studies_import_only_those_below():
+    level = {part: k for k, parts in enumerate(STUDIES) for part in parts}
+    upwards = [
+        (name, other)
+        for name, others in import_graph().items()
+        for other in others
+        if name.startswith("studies.") and other.startswith("studies.")
+        for ours, theirs in [(name.split(".")[1], other.split(".")[1])]
+        if ours != theirs and level[theirs] >= level[ours]
+    ]
+    assert upwards == []
 
 
 @pytest.mark.parametrize("path", FILES, ids=name)

@@ -11,7 +11,7 @@ from analytic import magnet, survey
 from analytic.inverse import nearest_readings
 from geometry.design import Design, paper
 from studies.inputs.option_groups import Basis
-from studies.sensing import decode_readings, layout_report, layout_search, layout_study, layout_uniqueness
+from studies.sensing import decode_readings, layout_metrics, layout_report, layout_search, layout_uniqueness
 
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 
@@ -19,7 +19,7 @@ FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 @pytest.fixture
 def small(monkeypatch):
     """Coarse grids: what is said of them is tested, not how fine they are."""
-    monkeypatch.setattr(layout_study, "COUNTS", (7, 7, 5))
+    monkeypatch.setattr(layout_metrics, "COUNTS", (7, 7, 5))
     monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
     monkeypatch.setattr(layout_search, "STARTS", 2)
     monkeypatch.setattr(layout_search, "HALVINGS", 2)
@@ -162,9 +162,9 @@ def test_a_taller_magnet_reads_the_same_at_rest():
 
 def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     design = Design(l0=5.01, c=0.0, f=2.0)
-    coder, noise = layout_study.prepare(design, decode_readings.of_level(design, "paper"), Basis())
+    coder, noise = layout_metrics.prepare(design, decode_readings.of_level(design, "paper"), Basis())
     seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
-    record = layout_study.record(coder, seen, noise, "paper")
+    record = layout_metrics.record(coder, seen, noise, "paper")
     assert record["message"].startswith("no pose")
     assert record["noise_worst_um"] is None
     assert layout_report.shown(record)

@@ -58,7 +58,7 @@ def _processor() -> str:
 def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, text: str) -> None:
     """bench.csv, BENCH.md and size.png."""
     from studies.output import table_plots
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     write_table(folder / "bench.csv", [dict(row) for row in rows], digits=6)
     sizes = [row for row in rows if row["case"].startswith("cost against size") and row["dofs"]]

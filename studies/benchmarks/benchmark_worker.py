@@ -18,6 +18,7 @@ import contextlib
 import json
 import os
 import resource
+import runpy
 import sys
 import time
 from typing import Any
@@ -98,14 +99,20 @@ def linearised(spec: Answer) -> Answer:
 def first(spec: Answer) -> Answer:
     """Imports and one command line, as a user waits for them: by the clock on the wall."""
     begin = time.perf_counter()
+    import cyclopts  # noqa: F401
+
     import fem.equilibrium  # noqa: F401
-    from studies.cli import entry_point
     from studies.inputs.exit_status import GOOD
     from studies.simulation import load_cases  # noqa: F401
 
     imported = time.perf_counter()
+    # by its name, as Python starts it: the command line imports the benchmarks, not they it
+    sys.argv = ["magtip", *spec["command"]]
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-        status = entry_point.main(spec["command"])
+        try:
+            runpy.run_module("studies.cli", run_name="__main__")
+        except SystemExit as end:
+            status = end.code
     return {
         "status": "ok" if status == GOOD else "failed",
         "message": "" if status == GOOD else f"exit status {status}",

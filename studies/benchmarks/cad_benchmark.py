@@ -114,12 +114,12 @@ def deviation(mesh: Any) -> float:
 def extremes(folder: Path) -> list[Row]:
     """Everything for designs at the edge of what is allowed."""
     from geometry.mold import Mold
-    from studies.fabrication import sensor_parts
+    from studies.fabrication import sensor_parts, sensor_solids
 
     rows = []
     for k, (name, (fields, choices)) in enumerate(EXTREMES.items()):
         start = time.process_time()
-        making = sensor_parts.Making(mold=Mold(**choices))
+        making = sensor_solids.Making(mold=Mold(**choices))
         try:
             record = sensor_parts.build(Design(**fields), folder / str(k), _silent, making)
         except BadInput as error:

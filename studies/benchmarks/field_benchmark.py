@@ -247,7 +247,7 @@ def _us(value: float) -> str:
 
 def main(out: str) -> None:
     """Measure, and write field.csv and FIELD.md into a folder."""
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     with atomic_files.filled(out) as folder:
         about = benchmark_tables.machine()

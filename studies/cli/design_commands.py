@@ -55,11 +55,11 @@ def cad(
         Largest distance of the STL's facets from the surface, mm; D/2000 by default.
     """
     asked = command(cad, locals())
-    from studies.fabrication import design_variants, sensor_parts
+    from studies.fabrication import design_variants, sensor_parts, sensor_solids
 
     given = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
-    making = sensor_parts.making_of(process, mold or [], base or [], tolerance)
+    making = sensor_solids.making_of(process, mold or [], base or [], tolerance)
     axes = design_variants.axes_of(axis or [])
     for name, reason in design_variants.idle(given, axes):
         say_no_effect(f"axis {name}", reason)

@@ -232,6 +232,7 @@ def layout(
     """
     asked = command(layout, locals())
     from studies.sensing import layout_report as texts
+    from studies.sensing import layout_search
     from studies.sensing import layout_study as work
 
     given = design_of(source, sets)
@@ -241,7 +242,9 @@ def layout(
         say_no_effect("--count", "it says how many layouts a search gives, and there is no --search")
     atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        job = work.Job(given, basis, search, tuple(ranges or ()), work.USUAL if count is None else count, claim)
+        job = work.Job(
+            given, basis, search, tuple(ranges or ()), layout_search.USUAL if count is None else count, claim
+        )
         found = work.run(job, progress, folder, asked)
     if as_json:
         console.report([found], as_json=True)

@@ -24,10 +24,11 @@ from fem.accuracy import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
 from studies.output import result_store
+from studies.output.csv_tables import write_table
 from studies.output.result_store import Kept
 from studies.sensing.field_readings import columns
 from studies.simulation import compare
-from studies.simulation.compare import NAN, Progress, Row, follow, formulas, part, percent, reading, write_table
+from studies.simulation.compare import NAN, Progress, Row, follow, formulas, part, percent, reading
 
 DIGITS = 12
 """Decimal digits of lengths over D that must agree for two cases to be one problem."""

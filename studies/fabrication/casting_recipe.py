@@ -11,7 +11,7 @@ from geometry.design import Design
 from geometry.mold import pours, sizes
 
 if TYPE_CHECKING:
-    from studies.fabrication.sensor_parts import Making
+    from studies.fabrication.sensor_solids import Making
 
 MARK = "# Magnetic force sensor, D = "
 """How the file begins; a README.md that begins otherwise is not ours."""

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
-from studies.fabrication.sensor_parts import Making, build
+from studies.fabrication.sensor_parts import build
+from studies.fabrication.sensor_solids import Making
 from studies.inputs import user_input
 from studies.output import atomic_files, console, provenance
 from studies.output.console import Progress

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from studies.output import atomic_files
 from studies.output.provenance import made, versions
-from studies.sensing import layout_plots, layout_search, layout_study, layout_uniqueness
+from studies.sensing import layout_metrics, layout_plots, layout_search, layout_uniqueness
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -22,11 +22,11 @@ FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LA
 
 def write(folder: Path, coder: Decoder, seen: Survey, found: Row, command: str, room: float) -> None:
     """layout.csv, layout.png, LAYOUT.md and, of the claim, claim.csv and claim.png, into an existing folder."""
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     # before a file of the repository changes
     origin = versions()
-    write_table(folder / "layout.csv", layout_study.table(coder, seen))
+    write_table(folder / "layout.csv", layout_metrics.table(coder, seen))
     layout_plots.maps(folder / "layout.png", coder, seen, room)
     if "search" in found:
         write_table(folder / "search.csv", found["search"])
@@ -49,7 +49,7 @@ def text(found: Row, command: str, origin: str) -> str:
         lines += _claim(found["claim"])
     if "search" in found:
         lines += ["## Other layouts, the best first", "", *_search(found["search"]), ""]
-    lines += ["## How it was made", "", *layout_study.ABOUT.splitlines()]
+    lines += ["## How it was made", "", *layout_metrics.ABOUT.splitlines()]
     if "search" in found:
         lines += ["", *layout_search.ABOUT.splitlines()]
     return "\n".join([*lines, "", made(command, origin)]) + "\n"

@@ -15,7 +15,7 @@ from geometry.design import BadInput, Design
 from studies.inputs import user_input
 from studies.inputs.option_groups import Basis
 from studies.output.console import Progress
-from studies.sensing import layout_study
+from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:
     from analytic.inverse.response_surface import Mechanics
@@ -33,6 +33,9 @@ and from D/4 below S1 to H + D above it. Where that would put an element into th
 """
 
 Row = dict[str, Any]
+MOST_FOUND, USUAL = 16, 10
+"""Layouts that a search gives, at most and by default."""
+
 Place = tuple[float, ...]
 Score = tuple[float, float]
 
@@ -40,7 +43,7 @@ POSES = (9, 9, 6)
 """Of the coarse grid."""
 GRID = {1: 21, 2: 21, 3: 10}
 """Values of each parameter in the first grid, by the number of parameters."""
-STARTS, HALVINGS, FINALISTS = 12, 4, layout_study.MOST_FOUND
+STARTS, HALVINGS, FINALISTS = 12, 4, MOST_FOUND
 APART_STARTS, APART_FOUND = 1.5, 0.75
 """Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
 HOPELESS: Score = (2.0, math.inf)
@@ -199,7 +202,7 @@ def _score(made: Callable[[Place], Design], place: Place, law: Mechanics, basis:
     from analytic import survey
 
     try:
-        coder, _ = layout_study.prepare(made(place), law, basis, cells=(1, 1, 1))
+        coder, _ = layout_metrics.prepare(made(place), law, basis, cells=(1, 1, 1))
         seen = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
     except BadInput:
         return HOPELESS
@@ -212,16 +215,25 @@ def _score(made: Callable[[Place], Design], place: Place, law: Mechanics, basis:
     return round(failing, 3), worst
 
 
+def settings(design: Design, names: Sequence[str]) -> str:
+    """Options that make another design of the same file or preset this one.
+
+    >>> settings(Design(f=6.5), ("f", "l0"))
+    '--set f=6.5 --set l0=7.2'
+    """
+    return " ".join(f"--set {name}={getattr(design, name):g}" for name in names)
+
+
 def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> Row:
     row: Row = {f"{name}_mm": getattr(design, name) for name in names}
-    return row | _figures(design, law, basis) | {"settings": layout_study.settings(design, names)}
+    return row | _figures(design, law, basis) | {"settings": settings(design, names)}
 
 
 def _figures(design: Design, law: Mechanics, basis: Basis) -> Row:
     from analytic import survey
 
-    coder, _ = layout_study.prepare(design, law, basis)
-    found = layout_study.figures(survey.survey(coder, layout_study.COUNTS, clearance=basis.clearance))
+    coder, _ = layout_metrics.prepare(design, law, basis)
+    found = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
     keys = ["unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent", "condition_worst"]
     keys += ["noise_worst_um", "noise_median_um", "noise_worst_N"]
     return {key: found[key] for key in keys}

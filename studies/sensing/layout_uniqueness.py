@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from studies.output.console import Progress
-from studies.sensing import layout_study
+from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,7 +140,7 @@ def _mm(key: str) -> str:
 
 def law_of(design: Design, form: str) -> Mechanics:
     """The mechanics of a form of the readings; the elements' places are nothing to it."""
-    return layout_study.mechanics_of(design, FORMS[form][1], None)
+    return layout_metrics.mechanics_of(design, FORMS[form][1], None)
 
 
 def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:

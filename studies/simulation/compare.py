@@ -24,7 +24,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
-from studies.output.atomic_files import atomic
+from studies.output.csv_tables import write_table
 from studies.sensing.field_readings import columns
 from studies.simulation import comparison_findings
 
@@ -120,20 +120,12 @@ def compare(
 
 def write(folder: Path, design: Design, found: Comparison) -> None:
     """Write press.csv, shear.csv, press.png and shear.png into an existing folder."""
-    from studies.output import table_plots
+    from studies.simulation import comparison_plots
 
     write_table(folder / "press.csv", found.press)
     write_table(folder / "shear.csv", found.shear)
-    table_plots.press(folder / "press.png", design, found.press)
-    table_plots.shear(folder / "shear.png", design, found.shear)
-
-
-def write_table(path: Path, rows: Iterable[Row], digits: int = 6) -> None:
-    """Write rows as CSV: names in the first line, significant digits, nothing where there is no figure."""
-    import pandas as pd
-
-    with atomic(path) as temporary:
-        pd.DataFrame(list(rows)).to_csv(temporary, index=False, float_format=f"%.{digits}g", lineterminator="\n")
+    comparison_plots.press(folder / "press.png", design, found.press)
+    comparison_plots.shear(folder / "shear.png", design, found.shear)
 
 
 def part(progress: Progress | None, low: float, high: float, name: str = "") -> Progress | None:

@@ -85,7 +85,7 @@ def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
 def write(folder: Path, design: Design, rows: Sequence[Row], origin: str, command: str) -> None:
     """stability.csv, stability.png and STABILITY.md."""
     from studies.output.atomic_files import write_text
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     write_table(folder / "stability.csv", rows)
     picture(folder / "stability.png", design, rows)

@@ -55,7 +55,7 @@ def run(
     records = [record(found, data) for found in judged]
     if folder is not None:
         from studies.output import table_plots
-        from studies.simulation.compare import write_table
+        from studies.output.csv_tables import write_table
 
         write_table(folder / "fit.csv", [flat(row) for row in records])
         smooth = np.geomspace(min(1.0, data.stretch.min()), max(1.0, data.stretch.max()), 300)

@@ -19,8 +19,8 @@ from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from studies.output.atomic_files import write_text
+from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
-from studies.simulation.compare import write_table
 
 ABOUT = """\
 Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.

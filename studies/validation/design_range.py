@@ -240,7 +240,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """range.csv with all columns, RANGE.md to read."""
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     write_table(folder / "range.csv", rows, digits=6)
     count = {status: sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")}

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.output.atomic_files import atomic, write_text
+from studies.output.csv_tables import write_table
 from studies.output.provenance import made
-from studies.simulation.compare import write_table
 from studies.validation import error_study, error_study_cases
 from studies.validation.error_study import CLEAR, COVERAGE, GOALS, QUANTITIES, RESPONSES, SHARP, SHARPNESS, WIDER, Row
 

@@ -188,7 +188,7 @@ def by_design(rows: Sequence[Row], level: str) -> list[Row]:
 def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """ladder.csv, ladder.png and LADDER.md."""
     from studies.output.atomic_files import write_text
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     write_table(folder / "ladder.csv", rows)
     picture(folder / "ladder.png", rows)

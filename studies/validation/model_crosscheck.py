@@ -97,7 +97,7 @@ def _estimate(state: Solution, name: str) -> float:
 def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
     """crosscheck.csv and CROSSCHECK.md."""
     from studies.output.atomic_files import write_text
-    from studies.simulation.compare import write_table
+    from studies.output.csv_tables import write_table
 
     write_table(folder / "crosscheck.csv", rows)
     agree = sum(row["agree"] for row in rows)

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from geometry.design import BadInput
 from studies.output.atomic_files import write_text
+from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
-from studies.simulation.compare import write_table
 from studies.validation import robustness_checks
 from studies.validation.robustness_cases import scenes
 from studies.validation.robustness_checks import Finding, Scene, StoppedError

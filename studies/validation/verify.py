@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.output.atomic_files import write_text
+from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
-from studies.simulation.compare import write_table
 from studies.validation.verify_targets import Quantity, Target, targets
 
 ABOUT = """\

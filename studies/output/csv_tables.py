@@ -1,0 +1,17 @@
+"""Tables as CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from studies.output.atomic_files import atomic
+
+
+def write_table(path: Path, rows: Iterable[Mapping[str, Any]], digits: int = 6) -> None:
+    """Write rows as CSV: names in the first line, significant digits, nothing where there is no figure."""
+    import pandas as pd
+
+    with atomic(path) as temporary:
+        pd.DataFrame(list(rows)).to_csv(temporary, index=False, float_format=f"%.{digits}g", lineterminator="\n")
