@@ -1,0 +1,41 @@
+"""Decode a recording of the three Hall voltages, row after row: where is the magnet, and which force acts?
+
+`recording.csv` holds a press to 1.5 mm and then a shear to 1.2 mm of a plate that sticks, sampled every 50 ms. Tilt
+and force follow from the magnet's shift by the formulas of level finite, which know the rigid magnet.
+`magtip decode paper --file recording.csv --level finite` gives the same as a table.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from analytic import beam
+from analytic.decode import decoder, field_of
+from analytic.inverse import response_surface
+from analytic.parts import of_design
+from analytic.stream import Sample, Stream
+from geometry.design import paper
+
+RECORDING = Path(__file__).with_name("recording.csv")
+
+
+def main() -> list[Sample]:
+    sensor = paper()
+    mechanics = response_surface.of_formula(lambda load: beam.solve(sensor, load, "finite"), depth=3.0, shear=3.0)
+    stream = Stream(decoder(sensor, mechanics))
+
+    samples = []
+    print("time s   shift of the magnet mm     force on the tip N      status")
+    with RECORDING.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            volts = [float(row[name]) for name in ("S1_V", "S2_V", "S3_V")]
+            sample = stream.step(tuple(field_of(of_design(sensor), volts).tolist()))
+            samples.append(sample)
+            shift, force = (" ".join(f"{value:7.3f}" for value in part) for part in (sample.shift, sample.force))
+            print(f"{row['time_s']:>6} {shift}  {force}   {sample.status}")
+    return samples
+
+
+if __name__ == "__main__":
+    main()
