@@ -94,7 +94,7 @@ def outside(design: Design, load: Load, level: str) -> str:
             found.append("less than 0.35 D of silicone lies below the magnet")
     if not load.depth <= deepest * design.D:
         found.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
-    size = math.hypot(load.shear_x, load.shear_y) if load.friction == "stick" or load.grip is not None else 0.0
+    size = load.shear if load.holds else 0.0
     farthest = FARTHEST if level == "finite" else 0.05
     if not size <= farthest * design.D:
         found.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
@@ -158,24 +158,23 @@ def shear_stiffness(design: Design) -> float:
 
 def _share_that_sticks(load: Load, normal: float, stiffness: float) -> float:
     """How much of the plate's or the grip's sideways motion the tip follows, 0 to 1."""
-    if load.grip is not None or load.friction == "stick":
+    if load.holds:
         return 1.0
-    if isinstance(load.friction, str):
+    if load.coulomb is None:
         return 0.0
-    full = stiffness * math.hypot(load.shear_x, load.shear_y)
-    limit = load.friction * normal
+    full, limit = stiffness * load.shear, load.coulomb * normal
     return 1.0 if full <= limit else limit / full
 
 
 def _climbed(design: Design, load: Load, terms: Terms) -> Response:
     """The levels above the paper's."""
-    if not isinstance(load.friction, str) and load.friction > 0 and load.grip is None:
+    if load.coulomb is not None and load.grip is None:
         raise BadInput(
-            f"level paper alone knows Coulomb friction: choose it, or friction none or stick; got {load.friction:g}"
+            f"level paper alone knows Coulomb friction: choose it, or friction none or stick; got {load.coulomb:g}"
         )
     pressed = press(design, load.depth, terms)
-    size = math.hypot(load.shear_x, load.shear_y)
-    if not size or (load.friction != "stick" and load.grip is None):
+    size = load.shear
+    if not size or not load.holds:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
         raise BadInput("a plate that sticks needs a depth above 0: nothing is in contact yet")
@@ -191,7 +190,7 @@ def _climbed(design: Design, load: Load, terms: Terms) -> Response:
 
 
 def _swayed(design: Design, load: Load, terms: Terms) -> Sway:
-    size = math.hypot(load.shear_x, load.shear_y)
+    size = load.shear
     if not terms.tip:
         return cantilever(design, size, press(design, load.depth, terms))
     return sway(design, load.depth, size, terms, load.grip)

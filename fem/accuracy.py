@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fem.solution import coulomb, slides
 from geometry.design import Design
 from geometry.loads import Load, Magnet, Response
 
@@ -180,29 +179,29 @@ def estimates(
     They follow RULES and SIDEWAYS. The load is one of the path's `loads`. None where there is nothing to be in error.
     """
     scene, edge = "press", accuracy.section_size
-    if coulomb(loads) is not None:
+    if loads[0].coulomb is not None:
         scene = "friction"
-    elif any(map(slides, loads)):
-        scene = "pressed" if not slides(load) else "stick" if load.grip is None else "grip"
+    elif any(load.slides for load in loads):
+        scene = "pressed" if not load.slides else "stick" if load.grip is None else "grip"
     scene = _farther(scene, load, magnet, design)
     if model in ("half", "full"):
-        fine = load.plate_tilt or any(map(slides, loads))
+        fine = load.plate_tilt or any(load.slides for load in loads)
         scene, edge = "solid" if fine else "solid press", accuracy.solid_size
     radius = max(one.contact_radius / design.D, LEAST_RADIUS)
     beyond = _beyond(scene, load, loads, magnet, design)
-    if load.imperfection and not slides(load) and one.shift[0] * other.shift[0] < 0:
+    if load.imperfection and not load.slides and one.shift[0] * other.shift[0] < 0:
         other = _mirrored(other)
     # what a second harmonic changes is all missing from an answer with one
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
     pairs = (one.force, other.force), (one.shift, other.shift), ((one.tilt, one.tilt_y), (other.tilt, other.tilt_y))
-    upright = not slides(load) and not load.plate_tilt and not load.imperfection
+    upright = not load.slides and not load.plate_tilt and not load.imperfection
     force, shift, tilt = (
         _estimate(*pair, rule, edge, radius, nothing, sure, beyond)
         for pair, rule, nothing in zip(pairs, RULES[scene, magnet], (0.0, 0.0, NOTHING), strict=True)
     )
-    along, sideways = (_along(one, load), _along(other, load)) if slides(load) else (0.0, 0.0), None
+    along, sideways = (_along(one, load), _along(other, load)) if load.slides else (0.0, 0.0), None
     if along[0]:
-        rule = SIDEWAYS["friction" if coulomb(loads) is not None else scene, magnet]
+        rule = SIDEWAYS["friction" if loads[0].coulomb is not None else scene, magnet]
         share = abs(along[0]) / math.hypot(*one.force)
         sideways = _estimate(along[:1], along[1:], rule, edge, share, 0.0, sure, beyond)
     # what tetrahedra tilt by under an upright press is noise
@@ -233,7 +232,7 @@ def _farther(scene: str, load: Load, magnet: Magnet, design: Design) -> str:
     """The scene, or that of deep presses and far shears in place of it."""
     if scene == "press" and load.depth > ROUNDED * deepest(magnet, design)[0]:
         return "deep"
-    if scene == "stick" and math.hypot(load.shear_x, load.shear_y) > ROUNDED * SHEARED * design.D:
+    if scene == "stick" and load.shear > ROUNDED * SHEARED * design.D:
         return "far"
     return scene
 
@@ -242,8 +241,8 @@ def _beyond(scene: str, load: Load, loads: Sequence[Load], magnet: Magnet, desig
     """By how much more than usual to expect where a load lies beyond those of the study, see DEEPER."""
     first, most = deepest(magnet, design)
     deep = load.depth / (most if scene == "deep" else first)
-    reach = FAR if scene == "far" else SHEARED if coulomb(loads) is None else RUBBED
-    far = math.hypot(load.shear_x, load.shear_y) / (reach * design.D) if slides(load) else 0.0
+    reach = FAR if scene == "far" else SHEARED if loads[0].coulomb is None else RUBBED
+    far = load.shear / (reach * design.D) if load.slides else 0.0
     return math.pow(max(deep, 1.0), DEEPER) * max(far, 1.0)
 
 
@@ -255,8 +254,7 @@ def _mirrored(response: Response) -> Response:
 
 def _along(response: Response, load: Load) -> float:
     """Component of the force along a load's shear, N."""
-    x, y = load.shear_x, load.shear_y
-    return (response.force[0] * x + response.force[1] * y) / math.hypot(x, y)
+    return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
 
 
 def _estimate(

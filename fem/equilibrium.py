@@ -26,7 +26,7 @@ from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
 from fem.material import law
 from fem.results.postprocess import read
-from fem.solution import Solution, along, coulomb, slides
+from fem.solution import Solution
 from fem.solvers.depth_ranges import graded_depth, parts
 from fem.solvers.load_stepping import FIRST_TOUCH, Path
 from geometry.design import BadInput, Design
@@ -58,10 +58,10 @@ def choose_model(loads: Sequence[Load], model: Model) -> symmetry_models.Model:
     >>> choose_model([Load(depth=1.0)], "auto")
     'axisymmetric'
     """
-    sideways = any(slides(load) or load.imperfection for load in loads)
+    sideways = any(load.slides or load.imperfection for load in loads)
     tilted = any(load.plate_tilt for load in loads)
     fixed = {0.0} if tilted or any(load.imperfection for load in loads) else set()
-    turns = len({_axis(load) for load in loads if slides(load)} | fixed) > 1
+    turns = len({load.axis for load in loads if load.slides} | fixed) > 1
     if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
         raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
     if model == "axisymmetric" and sideways:
@@ -199,7 +199,8 @@ def _with_estimates(
 ) -> Solution:
     """The state with the differences to its companion, if that one has reached the same load."""
     seconds = state.seconds + companion.seconds
-    same = (state.load.depth, *_shear(state.load)) == (companion.load.depth, *_shear(companion.load))
+    one, other = state.load, companion.load
+    same = (one.depth, one.imposed_shear) == (other.depth, other.imposed_shear)
     if not same:
         return replace(state, seconds=seconds)
     force, shift, tilt, sideways = estimates(
@@ -215,12 +216,6 @@ def _with_estimates(
     )
 
 
-def _axis(load: Load) -> float:
-    """Angle of the line along which a load shears, in (-90, 90] degrees, rad."""
-    angle = math.atan2(load.shear_y, load.shear_x)
-    return round(angle - math.pi * math.ceil(angle / math.pi - 0.5 - 1e-12), 12) + 0.0
-
-
 def _check_path(loads: Sequence[Load]) -> None:
     first = loads[0]
     if any(
@@ -233,7 +228,7 @@ def _check_path(loads: Sequence[Load]) -> None:
     for load in loads:
         if glued is not None and load.depth != glued:
             raise BadInput(f"the plate is glued since depth {glued:g} mm and cannot come to {load.depth:g} mm")
-        if slides(load) and load.friction == "stick" and load.grip is None:
+        if load.glues:
             if load.depth == 0:
                 raise BadInput("a glued plate needs a depth above 0: nothing is in contact yet")
             glued = load.depth
@@ -255,14 +250,16 @@ def _follow(
     if grip is not None and name in ("half", "full"):
         _check_grip(design, grip, accuracy.solid_patch)
     path = _start(design, loads, accuracy, magnet, name, mesh)
-    sheared = next((load for load in loads if slides(load)), None)
-    direction = np.array([1.0, 0.0] if sheared is None or name == "full" else along(sheared))
+    sheared = next((load for load in loads if load.slides), None)
+    direction = np.array([1.0, 0.0] if sheared is None or name == "full" else sheared.direction)
     turn = np.array([direction, [-direction[1], direction[0]]])
     try:
         for i, load in enumerate(loads):
             if progress is not None:
-                progress(i / len(loads), f"{name}: depth {load.depth:g} mm, shear {math.hypot(*_shear(load)):g} mm")
-            reason = path.go(load.depth / D, turn @ _shear(load) / D)
+                progress(
+                    i / len(loads), f"{name}: depth {load.depth:g} mm, shear {math.hypot(*load.imposed_shear):g} mm"
+                )
+            reason = path.go(load.depth / D, turn @ load.imposed_shear / D)
             end = time.perf_counter()
             state = read(path, design, load, direction, reason, end - begin, watch=watch)
             begin = end
@@ -285,10 +282,10 @@ def _start(
     shape = design.shape.scaled(1 / design.D)
     depths = [graded_depth(load.depth / design.D) for load in loads if load.depth > FIRST_TOUCH * design.D]
     silicone = law(design.law, design.law_numbers)
-    sideways = any(map(slides, loads))
+    sideways = any(load.slides for load in loads)
     grip, tilt = loads[0].grip, loads[0].plate_tilt
     held = None if grip is None else grip / design.D
-    mu, push = coulomb(loads), loads[0].imperfection / (design.E * design.D**2)
+    mu, push = loads[0].coulomb, loads[0].imperfection / (design.E * design.D**2)
     size = accuracy.section_size
     tip = TIP * math.sqrt(shape.R * min(depths, default=1.0))
     build = functools.partial(symmetry_models.section, shape, design.nu, magnet, size, min(tip, 1.0) * size, silicone)
@@ -298,7 +295,7 @@ def _start(
     if sideways and held is not None:
         edge = math.sqrt(held * (2 * shape.R - held)) if held < shape.R else shape.R
     elif sideways and not tilt and mu is None and mesh is None:
-        glued = next(load.depth for load in loads if slides(load)) / design.D
+        glued = next(load.depth for load in loads if load.slides) / design.D
         rough = max(size, QUICK.section_size)
         first = functools.partial(
             symmetry_models.section, shape, design.nu, magnet, rough, min(tip, 1.0) * rough, silicone
@@ -382,7 +379,3 @@ def _check_grip(design: Design, grip: float, patch_size: float) -> None:
         raise BadInput(
             f"grip must be at least {least:.3g} mm at this accuracy, or the mesh misses it; got {grip:g} mm"
         )
-
-
-def _shear(load: Load) -> tuple[float, float]:
-    return (load.shear_x, load.shear_y) if slides(load) else (0.0, 0.0)

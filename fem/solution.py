@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -127,28 +125,3 @@ class Solution:
     facts: Facts
     dissipated: float = 0.0
     slip_share: float | None = None
-
-
-def slides(load: Load) -> bool:
-    """Whether a load moves the tip sideways (a frictionless plate does not)."""
-    rough = load.friction == "stick" if isinstance(load.friction, str) else load.friction > 0
-    return bool(load.shear_x or load.shear_y) and (load.grip is not None or rough)
-
-
-def along(load: Load) -> tuple[float, float]:
-    """Unit vector of the line along which a load shears, with x > 0 or (0, 1); without a shear (1, 0).
-
-    Along an axis it is exact, so that nothing of a response is across it.
-
-    >>> along(Load(shear_y=-2.0)), along(Load(shear_x=-3.0, shear_y=4.0))
-    ((0.0, 1.0), (0.6, -0.8))
-    """
-    x, y = load.shear_x, load.shear_y
-    length = math.copysign(math.hypot(x, y), x or y)
-    return (x / length + 0.0, y / length + 0.0) if length else (1.0, 0.0)
-
-
-def coulomb(loads: Sequence[Load]) -> float | None:
-    """Coefficient of friction of a path's loads, None for a frictionless or glued plate."""
-    mu = loads[0].friction
-    return None if isinstance(mu, str) or mu == 0 else float(mu)

@@ -67,7 +67,7 @@ class Load:
             raise BadInput(f"plate tilt must be within +-{STEEPEST:g} rad; got {self.plate_tilt:g}")
         if not math.isfinite(self.imperfection):
             raise BadInput(f"imperfection must be a finite number of N; got {self.imperfection:g}")
-        if self.imperfection and (self.grip is not None or self.friction not in ("none", "stick", 0)):
+        if self.imperfection and (self.grip is not None or self.coulomb is not None):
             raise BadInput("an imperfection goes with a plate that is frictionless or sticks: leave it out")
         if self.grip is not None:
             if self.plate_tilt:
@@ -76,6 +76,84 @@ class Load:
                 raise BadInput(f"grip must be a positive height in mm; got {self.grip:g}")
             if self.depth:
                 raise BadInput(f"a grip has no plate, so depth must be 0; got {self.depth:g} mm")
+
+    @property
+    def shear(self) -> float:
+        """Length of the sideways motion, mm.
+
+        >>> Load(shear_x=-3.0, shear_y=4.0).shear
+        5.0
+        """
+        return math.hypot(self.shear_x, self.shear_y)
+
+    @property
+    def coulomb(self) -> float | None:
+        """Coefficient of Coulomb friction; None where the plate is frictionless or glued.
+
+        >>> Load(friction=0.3).coulomb, Load(friction=0.0).coulomb, Load(friction="stick").coulomb
+        (0.3, None, None)
+        """
+        return None if isinstance(self.friction, str) or self.friction == 0 else float(self.friction)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the tip follows all of a shear: in a grip, or glued to the plate.
+
+        >>> Load(grip=1.0).holds, Load(friction="stick").holds, Load(friction=0.3).holds
+        (True, True, False)
+        """
+        return self.grip is not None or self.friction == "stick"
+
+    @property
+    def slides(self) -> bool:
+        """Whether the load moves the tip sideways; a frictionless plate does not.
+
+        >>> Load(shear_x=1.0, friction=0.3).slides, Load(shear_x=1.0).slides, Load(friction="stick").slides
+        (True, False, False)
+        """
+        return self.shear > 0 and (self.holds or self.coulomb is not None)
+
+    @property
+    def glues(self) -> bool:
+        """Whether the patch in contact is glued to the plate: once a plate that sticks has sheared.
+
+        >>> Load(1.0, 0.5, friction="stick").glues, Load(shear_x=0.5, grip=1.0).glues
+        (True, False)
+        """
+        return self.slides and self.friction == "stick" and self.grip is None
+
+    @property
+    def imposed_shear(self) -> tuple[float, float]:
+        """Shear (x, y) that reaches the tip, mm: none of it under a frictionless plate.
+
+        >>> Load(shear_y=1.0).imposed_shear, Load(shear_y=1.0, friction="stick").imposed_shear
+        ((0.0, 0.0), (0.0, 1.0))
+        """
+        return (self.shear_x, self.shear_y) if self.slides else (0.0, 0.0)
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Unit vector of the line along which the tip is sheared, with x > 0 or (0, 1); without a shear (1, 0).
+
+        Along an axis it is exact, so that nothing of a response is across it.
+
+        >>> Load(shear_y=-2.0, grip=1.0).direction, Load(shear_x=-3.0, shear_y=4.0, friction="stick").direction
+        ((0.0, 1.0), (0.6, -0.8))
+        """
+        x, y = self.imposed_shear
+        length = math.copysign(self.shear, x or y)
+        return (x / length + 0.0, y / length + 0.0) if x or y else (1.0, 0.0)
+
+    @property
+    def axis(self) -> float:
+        """Angle of that line from the x axis, in (-90, 90] degrees, rad.
+
+        >>> Load(shear_x=-1.0, shear_y=1.0, friction="stick").axis
+        -0.785398163397
+        """
+        x, y = self.imposed_shear
+        angle = math.atan2(y, x)
+        return round(angle - math.pi * math.ceil(angle / math.pi - 0.5 - 1e-12), 12) + 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +220,12 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
         )
     if load.grip is not None and not load.grip < design.L:
         raise BadInput(f"grip must be less than L = {design.L:g} mm; got {load.grip:g} mm")
-    if not math.hypot(load.shear_x, load.shear_y) <= 2 * design.L:
-        raise BadInput(
-            f"shear must not exceed 2 L = {2 * design.L:g} mm; got {math.hypot(load.shear_x, load.shear_y):g} mm"
-        )
+    if not load.shear <= 2 * design.L:
+        raise BadInput(f"shear must not exceed 2 L = {2 * design.L:g} mm; got {load.shear:g} mm")
     if load.imperfection:
         _check_imperfection(design, load.imperfection)
     if load.grip is not None:
-        _check_pull(design, load.grip, math.hypot(load.shear_x, load.shear_y))
+        _check_pull(design, load.grip, load.shear)
 
 
 def _check_imperfection(design: Design, force: float) -> None:

@@ -1,12 +1,14 @@
 """The magnet's rotation: the one place that turns tilts into a rotation vector, held against SciPy."""
 
+import math
+
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from analytic import hall
 from geometry.design import paper
-from geometry.loads import Response, rotation_of, tilts_of
+from geometry.loads import Load, Response, rotation_of, tilts_of
 
 
 @pytest.mark.parametrize(("tilt", "tilt_y"), [(0.3, 0.0), (0.0, 0.3), (0.2, -0.1)])
@@ -25,3 +27,28 @@ def test_a_response_reads_as_its_rotation_vector():
     response = Response((0.0,) * 3, (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
     by_pose = hall.readings(paper(), shift=response.shift, tilt=rotation_of(0.15, -0.08))
     assert hall.readings(paper(), response) == by_pose
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "degrees"), [(1, 0, 0), (-1, 0, 0), (0, 1, 90), (0, -1, 90), (-1, 1, -45), (1, 1, 45), (0, 0, 0)]
+)
+def test_a_shear_and_its_opposite_have_one_line(x, y, degrees):
+    load = Load(depth=1.0, shear_x=x, shear_y=y, friction="stick")
+    angle = math.radians(degrees)
+    assert load.direction == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-15)
+    assert load.axis == pytest.approx(angle, abs=1e-12)
+
+
+def test_a_frictionless_plate_shears_nothing():
+    load = Load(depth=1.0, shear_x=3.0, shear_y=4.0)
+    assert (load.shear, load.slides, load.glues, load.holds) == (5.0, False, False, False)
+    assert (load.imposed_shear, load.direction, load.axis) == ((0.0, 0.0), (1.0, 0.0), 0.0)
+
+
+@pytest.mark.parametrize(("friction", "grip"), [("stick", None), (0.3, None), ("none", 1.0)])
+def test_what_holds_or_rubs_shears_the_tip(friction, grip):
+    load = Load(depth=0.0 if grip else 1.0, shear_y=-2.0, friction=friction, grip=grip)
+    assert load.slides
+    assert load.imposed_shear == (0.0, -2.0)
+    assert load.glues is (friction == "stick")
+    assert load.coulomb == (0.3 if friction == 0.3 else None)

@@ -125,20 +125,9 @@ def test_body_lies_in_the_users_frame():
     load = Load(grip=2.0, shear_x=1.0, shear_y=-1.0)
     (solution,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert solution.model == "harmonic"
-    assert revolved_body.bearing(solution) == pytest.approx((math.sqrt(0.5), -math.sqrt(0.5)))
+    assert solution.load.direction == pytest.approx((math.sqrt(0.5), -math.sqrt(0.5)))
     solid = revolved_body.in_place(solution)
     top = np.argmax(solid.mesh.doflocs[2])
     assert solid.u[top, :2] == pytest.approx([1.0, -1.0], abs=2e-3)
     # the half that is kept lies on one side of the plane of the shear
     assert (solid.mesh.doflocs[:2].sum(axis=0)).min() > -1e-9
-
-
-@pytest.mark.parametrize(
-    ("x", "y", "degrees"), [(1, 0, 0), (-1, 0, 0), (0, 1, 90), (0, -1, 90), (-1, 1, -45), (1, 1, 45), (0, 0, 0)]
-)
-def test_bearing_is_that_of_the_line(x, y, degrees):
-    from types import SimpleNamespace
-
-    given = SimpleNamespace(load=Load(depth=1.0, shear_x=x, shear_y=y, friction="stick"))
-    angle = math.radians(degrees)
-    assert revolved_body.bearing(given) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-15)

@@ -206,7 +206,7 @@ def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array
 
 def _row(load: Load, response: Response) -> list[float]:
     """u, w, tilt, lateral and normal force, depth and shear, lateral values along the shear."""
-    amount = math.hypot(load.shear_x, load.shear_y)
+    amount = load.shear
     e = (load.shear_x / amount, load.shear_y / amount) if amount else (1.0, 0.0)
     shift, force = response.shift, response.force
 

@@ -136,7 +136,7 @@ def _remark(
         return "pulled"
     if pressed and not sheared and not load.plate_tilt and _aside(response, D) > BUCKLED:
         return "leaning" if load.imperfection else "given_way"
-    if (load.shear_x or load.shear_y) and not sheared:
+    if load.shear and not sheared:
         return "slides_over"
     if gives_way:
         return "guided_only"

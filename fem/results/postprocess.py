@@ -11,7 +11,7 @@ from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
-from fem.solution import Field, Solution, slides
+from fem.solution import Field, Solution
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
 from geometry.design import Design
@@ -35,7 +35,7 @@ def read(
     turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
     if stop:
         depth, shear = float(path.position[0]) * D, turn @ path.position[1:] * D
-        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if slides(load) else {}
+        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.slides else {}
         load = replace(load, depth=depth, **moved)
     state = d.system.state(path.q)
     plate = path.plate()

@@ -1,6 +1,6 @@
 """A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures.
 
-The fields of all models but the full one are those of a load along their own x axis; see `bearing`.
+The fields of all models but the full one are those of a load along their own x axis; see `Load.direction`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.discretisation import elements
-from fem.solution import Field, Solution, along, slides
+from fem.solution import Field, Solution
 
 Array = NDArray[np.float64]
 
@@ -30,15 +30,10 @@ class Body:
     vertices: NDArray[np.int64]
 
 
-def bearing(solution: Solution) -> tuple[float, float]:
-    """Unit vector in the user's (x, y) of the line along which a solution's load shears, as `fem.solution.along`."""
-    return along(solution.load) if slides(solution.load) else (1.0, 0.0)
-
-
 def in_place(solution: Solution) -> Body:
     """The body of a solution in the user's frame."""
     found = body(solution.field)
-    return found if solution.model == "full" else turned(found, bearing(solution))
+    return found if solution.model == "full" else turned(found, solution.load.direction)
 
 
 def turned(solid: Body, direction: tuple[float, float]) -> Body:

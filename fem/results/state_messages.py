@@ -39,7 +39,7 @@ def sentence(
 
 def _place(load: Load) -> str:
     """Where the load is."""
-    shear = math.hypot(load.shear_x, load.shear_y)
+    shear = load.shear
     return f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
 
 

@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 
 from fem.discretisation import symmetry_models
-from fem.solution import coulomb, slides
 from fem.solvers.load_stepping import FIRST_TOUCH
 from geometry.loads import Load
 
@@ -36,7 +35,7 @@ def parts(loads: Sequence[Load], D: float, model: symmetry_models.Model) -> list
     """
     found: list[list[Load]] = []
     present = deepest = 0.0
-    remembers = coulomb(loads) is not None
+    remembers = loads[0].coulomb is not None
     straight = model in ("axisymmetric", "harmonic") and loads[0].grip is None
     for load in loads:
         straight = straight and not (remembers and load.depth < deepest)
@@ -46,7 +45,7 @@ def parts(loads: Sequence[Load], D: float, model: symmetry_models.Model) -> list
         else:
             found.append([load])
         present, deepest = graded, load.depth
-        straight = straight and not (remembers and slides(load))
+        straight = straight and not (remembers and load.slides)
     return found
 
 

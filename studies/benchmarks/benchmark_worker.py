@@ -39,7 +39,6 @@ def trace(spec: Answer) -> Answer:
 
     from fem import accuracy as accuracy_levels
     from fem import equilibrium
-    from fem.solution import slides
     from fem.solvers import direct_solver
     from geometry.design import paper
     from geometry.loads import Load
@@ -59,7 +58,7 @@ def trace(spec: Answer) -> Answer:
         "status": bad[0].status if bad else "ok",
         "message": bad[0].message if bad else "",
         "forces_N": [s.response.force for s in found],
-        "tilts_rad": [(s.response.tilt,) for s in found if slides(s.load)],
+        "tilts_rad": [(s.response.tilt,) for s in found if s.load.slides],
         "dofs": found[-1].dofs,
         "iterations": sum(s.newton_iterations for s in found),
         "import_s": before[0],

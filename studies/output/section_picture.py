@@ -38,7 +38,7 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
 
     solid = revolved_body.body(solution.field)
     if solution.model == "full":
-        x, y = revolved_body.bearing(solution)
+        x, y = solution.load.direction
         return _sliced(revolved_body.turned(solid, (x, -y)), quantity)
     u = spatial(solid.u)
     value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)

@@ -95,9 +95,7 @@ def section_picture(
 
 def _seen(solution: Solution) -> Solution:
     """The solution with what the section shows of it as motion along x and rotation about y."""
-    from fem.results.revolved_body import bearing
-
-    (c, s), load, response = bearing(solution), solution.load, solution.response
+    (c, s), load, response = solution.load.direction, solution.load, solution.response
     x, y, z = response.shift
     load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
     response = replace(
@@ -108,18 +106,14 @@ def _seen(solution: Solution) -> Solution:
 
 def plane_name(solution: Solution) -> str:
     """Which section is shown, by the direction that points to the right: along x, y, or as 0.6 x - 0.8 y."""
-    from fem.results.revolved_body import bearing
-
-    c, s = bearing(solution)
+    c, s = solution.load.direction
     parts = [f"{size:.2g} {axis}".removeprefix("1 ") for size, axis in ((c, "x"), (abs(s), "y")) if size > 0.005]
     return f"section along {(' - ' if s < 0 else ' + ').join(parts)}"
 
 
 def _slope(solution: Solution) -> float:
     """How steeply the plate falls along the section."""
-    from fem.results.revolved_body import bearing
-
-    return bearing(solution)[0] * math.tan(solution.load.plate_tilt)
+    return solution.load.direction[0] * math.tan(solution.load.plate_tilt)
 
 
 def quiet() -> None:

@@ -137,7 +137,7 @@ def columns(loads: list[Load]) -> list[str]:
         "tilt_rad": True,
         "tilt_y_rad": aside,
         "contact_radius_mm": loads[0].grip is None,
-        "slip_share": loads[0].friction not in ("none", "stick", 0),
+        "slip_share": loads[0].coulomb is not None,
         "error_estimate": True,
         "shift_error_estimate": True,
         "tilt_error_estimate": True,
@@ -207,7 +207,7 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
     model = equilibrium.choose_model(loads, method.model)
     if model != "harmonic":
         raise BadInput(f"--harmonics goes with model harmonic; these loads get {model}: add --model harmonic")
-    if harmonics == 0 and any(load.shear_x or load.shear_y for load in loads):
+    if harmonics == 0 and any(load.shear for load in loads):
         raise BadInput("--harmonics 0 is a body of revolution, which cannot carry a shear: give 1 or more")
     return replace(level, harmonics=harmonics)
 
