@@ -23,13 +23,13 @@ def curve(states):
 
 
 def test_full_slip_is_told_from_a_wrong_coefficient(curve):
-    assert coulomb_study.full_slip(curve)["passed"]
+    assert coulomb_study.full_slip(curve).passed
     wrong = coulomb_study.Curve(0.12, curve.shear_mm, curve.force_N, curve.normal_N)
-    assert not coulomb_study.full_slip(wrong)["passed"]
+    assert not coulomb_study.full_slip(wrong).passed
 
 
 def test_a_way_there_is_no_closed_loop(states):
-    assert not any(row["passed"] for row in coulomb_study.closed([*states, states[0]]))
+    assert not any(check.passed for check in coulomb_study.closed([*states, states[0]]))
 
 
 def test_files_of_the_study(tmp_path, curve, states):
@@ -44,11 +44,11 @@ def test_files_of_the_study(tmp_path, curve, states):
 
 
 def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
-    row = coulomb_study._row("onset", "force", 1.1, 1.0, 0.01)
-    monkeypatch.setattr(coulomb_study, "run", lambda **_: [row])
+    check = coulomb_study._check("onset", "force", 1.1, 1.0, 0.01)
+    monkeypatch.setattr(coulomb_study, "run", lambda **_: [check])
     status, out, err = run("friction", "--json")
     assert status == 3
-    assert strict(out) == [row]
+    assert strict(out) == [check.row()]
     assert "1 of 1 checks fail" in err
 
 
@@ -64,4 +64,4 @@ def test_the_judge_of_extremes_measures_the_cone():
 
 def test_coulombs_law_holds_under_a_tilted_plate():
     rough = replace(coulomb_study.SOLID, solid_size=0.5, solid_patch=0.15, rub=4.0)
-    assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.5)["passed"]
+    assert coulomb_study.tilted(rough, mu=0.05, depth=0.4, shear=0.5).passed

@@ -58,13 +58,17 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     from studies.validation import coulomb_study as work
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
+        checks = work.run(quick=quick, folder=folder, command=asked, progress=progress)
     console.report(
-        rows, as_json=as_json, title="Friction", first=("quantity", "value", "expected", "passed"), wide=wide
+        [check.row() for check in checks],
+        as_json=as_json,
+        title="Friction",
+        first=("quantity", "value", "expected", "passed"),
+        wide=wide,
     )
-    failed = [row["quantity"] for row in rows if not row["passed"]]
+    failed = [check.quantity for check in checks if not check.passed]
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} checks fail: {'; '.join(failed)}")
+        console.say(f"magtip: {len(failed)} of {len(checks)} checks fail: {'; '.join(failed)}")
     return FAILED if failed else GOOD
 
 

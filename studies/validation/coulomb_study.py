@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,9 +17,11 @@ from fem.equilibrium import Model, trace
 from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Load, Magnet
+from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
+from studies.output.records import FlatRow
 
 ABOUT = """\
 Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.
@@ -35,7 +36,6 @@ Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycl
 - Tilted plate: full slip in the full model, forces along the plate and across it.
 """
 
-Row = dict[str, Any]
 Progress = Callable[[float, str], None]
 
 DEPTH = 1.0
@@ -54,6 +54,30 @@ SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
 @dataclass(frozen=True, slots=True)
+class Check:
+    """One number of the study beside theory.
+
+    Attributes
+    ----------
+    check : the part of the study, as "onset".
+    off : relative difference of the value from what is expected; absolute where 0 is expected.
+    bound : the largest `off` that passes.
+    """
+
+    check: str
+    quantity: str
+    value: float
+    expected: float
+    off: float
+    bound: float
+    passed: bool
+
+    def row(self) -> FlatRow:
+        """Its columns in friction.csv and in JSON."""
+        return records.flat(self)
+
+
+@dataclass(frozen=True, slots=True)
 class Curve:
     """Tangential over normal force along a shear, after a press to DEPTH."""
 
@@ -69,56 +93,52 @@ class StoppedError(RuntimeError):
 
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Row]:
-    """Rows of all checks; friction.csv, FRICTION.md and friction.png too if told where.
+) -> list[Check]:
+    """All checks; friction.csv, FRICTION.md and friction.png too if a folder is given.
 
+    Parameters
+    ----------
     quick : on coarser meshes, and without tetrahedra.
     command : that this is run by.
     """
-    say = progress or (lambda share, text: None)
+    report_progress = progress or (lambda share, text: None)
     origin = versions()
-    say(0.0, "onset")
-    rows = onset(QUICK_ONSET if quick else ONSET)
+    report_progress(0.0, "onset")
+    checks = onset(QUICK_ONSET if quick else ONSET)
     curves = []
     for i, (mu, farthest) in enumerate(MUS.items()):
-        say(0.1 + 0.1 * i, f"mu = {mu:g}")
+        report_progress(0.1 + 0.1 * i, f"mu = {mu:g}")
         curves.append(curve(mu, farthest, 8, COARSE if quick else QUICK))
-        rows.append(full_slip(curves[-1]))
-    say(0.5, "cycle")
+        checks.append(full_slip(curves[-1]))
+    report_progress(0.5, "cycle")
     loop = cycle(0.2, COARSE if quick else QUICK)
-    rows += closed(loop)
+    checks += closed(loop)
     if not quick:
         for i, model in enumerate(SOLID_MODELS):
-            say(0.7 + 0.1 * i, f"{model} model")
-            rows += other_model(model)
-        say(0.9, "tilted plate")
-        rows.append(tilted(SOLID))
+            report_progress(0.7 + 0.1 * i, f"{model} model")
+            checks += other_model(model)
+        report_progress(0.9, "tilted plate")
+        checks.append(tilted(SOLID))
     if folder is not None:
-        write(folder, rows, curves, loop, origin, command)
-    return rows
+        write(folder, checks, curves, loop, origin, command)
+    return checks
 
 
-def _row(check: str, quantity: str, value: float, expected: float, bound: float) -> Row:
+def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Check:
     off = abs(value / expected - 1) if expected else abs(value)
-    return {
-        "check": check,
-        "quantity": quantity,
-        "value": value,
-        "expected": expected,
-        "off": off,
-        "bound": bound,
-        "passed": bool(off <= bound),
-    }
+    return Check(check, quantity, value, expected, off, bound, bool(off <= bound))
 
 
-def _follow(loads: Sequence[Load], level: Accuracy, magnet: Magnet = "rigid", **how: Any) -> list[Solution]:
-    states = trace(paper(), loads, level, magnet=magnet, estimate=False, **how)
+def _follow(
+    loads: Sequence[Load], level: Accuracy, magnet: Magnet = "rigid", model: Model = "auto"
+) -> list[Solution]:
+    states = trace(paper(), loads, level, magnet=magnet, model=model, estimate=False)
     if states[-1].status != "ok":
         raise StoppedError(states[-1].message)
     return states
 
 
-def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
+def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Check]:
     """Tangential force and stick area against Cattaneo and Mindlin, up to full slip and past it."""
     design = paper()
     G, nu, radius = design.E / 2 / (1 + design.nu), design.nu, math.sqrt(design.R * depth)
@@ -126,69 +146,69 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
     full = 3 * mu * normal * (2 - nu) / (16 * G * radius)
     shares = (0.25, 0.5, 0.75, 1.5)
     loads = [Load(depth=depth, shear_x=share * full, friction=mu) for share in (0.0, *shares)]
-    rows = []
+    checks = []
     for share, state in zip(shares, _follow(loads, level, "ignored")[1:], strict=True):
         pull, push = state.response.force[0], state.response.force[2]
         mindlin = 1 - max(1 - share, 0.0) ** 1.5
         where = f"at {share:g} of Mindlin's shear of full slip"
-        rows.append(_row("onset", f"tangential force over mu F_N {where}", pull / (mu * push), mindlin, 0.04))
+        checks.append(_check("onset", f"tangential force over mu F_N {where}", pull / (mu * push), mindlin, 0.04))
         if share >= 0.5:  # below, the annulus is narrower than an element
             stuck, expected = 1 - (state.slip_share or 0.0), max(1 - share, 0.0)
-            rows.append(_row("onset", f"share of the contact that sticks {where}", stuck, expected, 0.15))
-    return rows
+            checks.append(_check("onset", f"share of the contact that sticks {where}", stuck, expected, 0.15))
+    return checks
 
 
 def curve(mu: float, farthest: float, count: int, level: Accuracy) -> Curve:
     """Press, then shear in `count` states."""
-    way = np.linspace(0.0, farthest, count + 1)
-    states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in way], level)
+    shears = np.linspace(0.0, farthest, count + 1)
+    states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
     if states[-1].slip_share != 1:
         raise StoppedError(f"at mu = {mu:g} and a shear of {farthest:g} mm the contact does not slip as a whole")
-    return Curve(mu, way.tolist(), [s.response.force[0] for s in states], [s.response.force[2] for s in states])
+    return Curve(mu, shears.tolist(), [s.response.force[0] for s in states], [s.response.force[2] for s in states])
 
 
-def full_slip(found: Curve) -> Row:
-    """The last state of a curve."""
-    ratio = found.force_N[-1] / found.normal_N[-1]
-    return _row("full slip", f"tangential over normal force, mu = {found.mu:g}", ratio, found.mu, 0.01)
+def full_slip(sheared: Curve) -> Check:
+    """Tangential over normal force in the last state of a curve, where all of the contact slips."""
+    ratio = sheared.force_N[-1] / sheared.normal_N[-1]
+    return _check("full slip", f"tangential over normal force, mu = {sheared.mu:g}", ratio, sheared.mu, 0.01)
 
 
 def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
     """Press, then shear to TURN, to -TURN and back to TURN."""
     up = np.linspace(0, TURN, steps // 2 + 1)
-    way = [*up, *np.linspace(TURN, -TURN, 2 * steps + 1)[1:], *np.linspace(-TURN, TURN, 2 * steps + 1)[1:]]
-    return _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in way], level)
+    shears = [*up, *np.linspace(TURN, -TURN, 2 * steps + 1)[1:], *np.linspace(-TURN, TURN, 2 * steps + 1)[1:]]
+    return _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
 
 
-def closed(states: Sequence[Solution]) -> list[Row]:
-    """Of a cycle: does it close, is the way back the way there mirrored, and is its area dissipated?"""
-    way, force = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
-    turn, back, end = way.index(max(way)), way.index(min(way)), len(way) - 1
+def closed(states: Sequence[Solution]) -> list[Check]:
+    """Checks of a cycle: it closes, its branches mirror each other, and its area is the energy dissipated."""
+    shear, force = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
+    turn, back, end = shear.index(max(shear)), shear.index(min(shear)), len(shear) - 1
     loop = slice(turn, end + 1)
-    area = float(np.trapezoid(force[loop], way[loop]))
+    area = float(np.trapezoid(force[loop], shear[loop]))
     lost = states[end].dissipated - states[turn].dissipated
     return [
-        _row("cycle", "force at its end over that at its begin", force[end] / force[turn], 1.0, 0.005),
-        _row("cycle", "force at the other turn over that at its begin", force[back] / force[turn], -1.0, 0.005),
-        _row("cycle", "energy dissipated over the loop's area", lost / area, 1.0, 0.02),
+        _check("cycle", "force at its end over that at its begin", force[end] / force[turn], 1.0, 0.005),
+        _check("cycle", "force at the other turn over that at its begin", force[back] / force[turn], -1.0, 0.005),
+        _check("cycle", "energy dissipated over the loop's area", lost / area, 1.0, 0.02),
     ]
 
 
-def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Row]:
+def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Check]:
     """Forces of a model of tetrahedra over the harmonic one's, part of the contact slipping and all of it."""
     loads = [Load(depth=0.5, shear_x=shear, friction=mu) for shear in shears]
     solid = _follow(loads, SOLID, "ignored", model=model)
     section = _follow(loads, STANDARD, "ignored", model="harmonic")
-    rows = []
+    checks = []
     for one, other in zip(solid, section, strict=True):
         where = f"at a shear of {one.load.shear_x:g} mm, over the harmonic model's"
         for i, name in ((0, "tangential"), (2, "normal")):
             ratio = one.response.force[i] / other.response.force[i]
-            rows.append(_row(f"{model} model", f"{name} force {where}", ratio, 1.0, 0.02))
-    return rows
+            checks.append(_check(f"{model} model", f"{name} force {where}", ratio, 1.0, 0.02))
+    return checks
 
 
-def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Row:
+def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Check:
     """Full slip under a tilted plate. Forces are those on the tip along x and on the plate along z."""
     (state,) = _follow(
         [Load(depth=depth, shear_x=shear, friction=mu, plate_tilt=TILT)], level, "ignored", model="full"
@@ -198,24 +218,29 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
     if state.slip_share != 1:
         raise StoppedError(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
     name = f"force along the plate over that across it, tilt {TILT:g} rad, mu = {mu:g}"
-    return _row("tilted plate", name, along / across, mu, 0.01)
+    return _check("tilted plate", name, along / across, mu, 0.01)
 
 
 def write(
-    folder: Path, rows: Sequence[Row], curves: Sequence[Curve], loop: Sequence[Solution], origin: str, command: str
+    folder: Path,
+    checks: Sequence[Check],
+    curves: Sequence[Curve],
+    loop: Sequence[Solution],
+    origin: str,
+    command: str,
 ) -> None:
     """friction.csv, FRICTION.md and friction.png."""
     from studies.output import table_plots
 
-    write_table(folder / "friction.csv", rows, digits=9)
+    write_table(folder / "friction.csv", [check.row() for check in checks], digits=9)
     table_plots.friction(folder / "friction.png", curves, loop)
-    passed = sum(row["passed"] for row in rows)
-    lines = ["# Coulomb friction", "", f"{passed} of {len(rows)} checks hold.", ""]
+    passed = sum(check.passed for check in checks)
+    lines = ["# Coulomb friction", "", f"{passed} of {len(checks)} checks hold.", ""]
     lines += ["| check | quantity | value | expected | off | bound | |", "|---|---|---|---|---|---|---|"]
-    for row in rows:
-        numbers = " | ".join(f"{row[key]:.4g}" for key in ("value", "expected", "off", "bound"))
-        verdict = "holds" if row["passed"] else "**fails**"
-        lines.append(f"| {row['check']} | {row['quantity']} | {numbers} | {verdict} |")
+    for check in checks:
+        numbers = " | ".join(f"{value:.4g}" for value in (check.value, check.expected, check.off, check.bound))
+        verdict = "holds" if check.passed else "**fails**"
+        lines.append(f"| {check.check} | {check.quantity} | {numbers} | {verdict} |")
     lines += ["", "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)", ""]
     lines += [*ABOUT.splitlines(), "", made(command, origin)]
     write_text(folder / "FRICTION.md", "\n".join(lines) + "\n")
