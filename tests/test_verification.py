@@ -27,17 +27,17 @@ RNG = np.random.default_rng(3)
 
 @pytest.mark.parametrize("name", [name for name in QUICK if name != BONDED])
 def test_target_on_its_quick_meshes(name):
-    for row in verify.judge(QUICK[name]):
-        assert row["passed"], row
+    for comparison in verify.evaluate(QUICK[name]):
+        assert comparison.passed, comparison
         if name == "Cook's membrane":
-            assert 1.0 < row["order"] < 1.6, "the clamped corner sets the order"
+            assert 1.0 < comparison.order < 1.6, "the clamped corner sets the order"
 
 
 def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_base():
     """The one target that is missed for a reason in the theory: a row in D/L, which a free base does not have."""
-    missed = verify.judge(QUICK[BONDED])
-    assert not any(row["passed"] for row in missed)
-    assert all(row["note"] == verify_targets.BONDED for row in missed)
+    missed = verify.evaluate(QUICK[BONDED])
+    assert not any(comparison.passed for comparison in missed)
+    assert all(comparison.note == verify_targets.BONDED for comparison in missed)
     bonded, free = (
         [beam_problems.tip_stiffness(ratio, 0.4998, rows=3, bonded=way) - 1 for ratio in (6, 12)]
         for way in (True, False)

@@ -28,19 +28,18 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     from studies.validation import verify as work
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, command=asked, progress=progress)
-    printed = rows if as_json else [work.shown(row) for row in rows]
+        comparisons = work.run(quick=quick, folder=folder, command=asked, progress=progress)
     console.report(
-        printed,
+        [comparison.row() if as_json else comparison.printed() for comparison in comparisons],
         as_json=as_json,
         title="Verification",
         brief=work.DETAILS,
         first=("target", "quantity", "computed", "published", "passed"),
         wide=wide,
     )
-    failed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
+    failed = [f"{comparison.target} ({comparison.quantity})" for comparison in comparisons if not comparison.passed]
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} targets are missed: {', '.join(failed)}")
+        console.say(f"magtip: {len(failed)} of {len(comparisons)} targets are missed: {', '.join(failed)}")
     return FAILED if failed else GOOD
 
 

@@ -1,4 +1,4 @@
-"""Published and closed-form targets, each solved on a family of meshes and judged against a fixed tolerance.
+"""Published and closed-form targets, each solved on a family of meshes and held to a fixed tolerance.
 
 ABOUT, which the report prints, says how.
 """
@@ -8,13 +8,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
-from studies.validation.verify_targets import Quantity, Target, targets
+from studies.output.records import FlatRow
+from studies.validation.verify_targets import Judged, Quantity, Target, targets
 
 ABOUT = """\
 Three kinds of judgement: the value on the finest mesh, its Richardson extrapolation, or the order of convergence of
@@ -23,15 +25,55 @@ value stands. Tolerances are promises and are never widened to make a target pas
 """
 
 Progress = Callable[[float, str], None]
-Row = dict[str, Any]
 
 NAN = math.nan
 
 
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A computed quantity beside the published one; NaN where nothing could be computed.
+
+    Attributes
+    ----------
+    computed : on the finest mesh; the order of convergence where that is judged.
+    extrapolated, order : of Richardson's extrapolation.
+    error_percent, tolerance_percent : of the published value.
+    judged : which value is held to the tolerance.
+    seconds : of all meshes of the target.
+    meshes : elements along a side, joined by hyphens.
+    message : why the problem has no solution, or empty.
+    """
+
+    target: str
+    quantity: str
+    published: float
+    computed: float
+    extrapolated: float
+    order: float
+    error_percent: float
+    tolerance_percent: float
+    judged: Judged
+    passed: bool
+    seconds: float
+    meshes: str
+    source: str
+    note: str
+    message: str
+
+    def row(self) -> FlatRow:
+        """Its columns in verify.csv and in JSON."""
+        return records.flat(self)
+
+    def printed(self) -> FlatRow:
+        """Its columns in a printed table, with enough digits of the values."""
+        values = {"published": self.published, "computed": self.computed, "extrapolated": self.extrapolated}
+        return self.row() | {name: _number(value, 6) for name, value in values.items()}
+
+
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> list[Row]:
-    """Solve and judge all targets, and write verify.csv and VERIFY.md if told where.
+) -> list[Comparison]:
+    """Solve all targets, and write verify.csv and VERIFY.md if a folder is given.
 
     Parameters
     ----------
@@ -40,19 +82,24 @@ def run(
 
     Returns
     -------
-    One row per quantity.
+    One comparison per quantity.
     """
     origin, chosen = versions(), targets(quick=quick)
-    rows: list[Row] = []
+    comparisons: list[Comparison] = []
     for i, target in enumerate(chosen):
-        rows += judge(target, i / len(chosen), progress)
+        comparisons += evaluate(target, i / len(chosen), progress)
     if folder is not None:
-        write(folder, rows, origin, command)
-    return rows
+        write(folder, comparisons, origin, command)
+    return comparisons
 
 
-def judge(target: Target, done: float = 0.0, progress: Progress | None = None) -> list[Row]:
-    """Rows of one target; a problem that finds no solution fails with the reason in `message`."""
+def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None) -> list[Comparison]:
+    """Comparisons of one target; a problem that finds no solution fails with the reason in `message`.
+
+    Parameters
+    ----------
+    done : share of the targets solved before, for the progress.
+    """
     begin, message = time.perf_counter(), ""
     values: list[Sequence[float]] = []
     for n in target.meshes:
@@ -64,14 +111,17 @@ def judge(target: Target, done: float = 0.0, progress: Progress | None = None) -
             message = f"mesh {n}: {error}"
             break
     seconds = time.perf_counter() - begin
-    rows = []
-    for i, quantity in enumerate(target.quantities):
-        family = [] if message else [float(row[i]) for row in values]
-        rows.append(_row(target, quantity, family, seconds) | {"message": message})
-    return rows
+    families = [[] if message else [float(answer[i]) for answer in values] for i in range(len(target.quantities))]
+    return [
+        _comparison(target, quantity, family, seconds, message)
+        for quantity, family in zip(target.quantities, families, strict=True)
+    ]
 
 
-def _row(target: Target, quantity: Quantity, family: Sequence[float], seconds: float) -> Row:
+def _comparison(
+    target: Target, quantity: Quantity, family: Sequence[float], seconds: float, message: str
+) -> Comparison:
+    """A quantity's values on the family of meshes, the finest last, beside the published one."""
     computed = family[-1] if family else NAN
     extrapolated, order = richardson(target.meshes, family)
     if target.judged == "order" and family:
@@ -80,22 +130,23 @@ def _row(target: Target, quantity: Quantity, family: Sequence[float], seconds: f
         order = computed
     counts = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
     error = counts - quantity.published
-    return {
-        "target": target.name,
-        "quantity": quantity.name,
-        "published": quantity.published,
-        "computed": computed,
-        "extrapolated": extrapolated,
-        "order": order,
-        "error_percent": 100 * error / quantity.published,
-        "tolerance_percent": 100 * quantity.tolerance / quantity.published,
-        "judged": target.judged,
-        "passed": abs(error) <= quantity.tolerance,
-        "seconds": seconds,
-        "meshes": "-".join(map(str, target.meshes)),
-        "source": target.source,
-        "note": target.note,
-    }
+    return Comparison(
+        target=target.name,
+        quantity=quantity.name,
+        published=quantity.published,
+        computed=computed,
+        extrapolated=extrapolated,
+        order=order,
+        error_percent=100 * error / quantity.published,
+        tolerance_percent=100 * quantity.tolerance / quantity.published,
+        judged=target.judged,
+        passed=abs(error) <= quantity.tolerance,
+        seconds=seconds,
+        meshes="-".join(map(str, target.meshes)),
+        source=target.source,
+        note=target.note,
+        message=message,
+    )
 
 
 def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, float]:
@@ -124,32 +175,24 @@ def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, f
     return float(h + (h - g) * c**-p / (b**-p - c**-p)), p
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
+def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command: str) -> None:
     """verify.csv with every digit, VERIFY.md to read."""
-    write_table(folder / "verify.csv", rows, digits=12)
-    failed = [row for row in rows if not row["passed"]]
-    verdict = f"{len(rows) - len(failed)} of {len(rows)} targets are met."
+    write_table(folder / "verify.csv", [c.row() for c in comparisons], digits=12)
+    passed = sum(c.passed for c in comparisons)
     heads = ["target", "quantity", "published", "computed", "extrapolated", "order", "error %", "allowed %", ""]
-    lines = ["# Verification", "", verdict, ""]
+    lines = ["# Verification", "", f"{passed} of {len(comparisons)} targets are met.", ""]
     lines += ["| " + " | ".join([*heads, "meshes"]) + " |", "|---" * (len(heads) + 1) + "|"]
-    for row in rows:
-        numbers = [_number(row[key], 6) for key in ("published", "computed", "extrapolated")]
-        rest = [_number(row[key], 3) for key in ("order", "error_percent", "tolerance_percent")]
-        verdict = "pass" if row["passed"] else f"**fail** {row['message']}".strip()
-        lines.append(
-            "| " + " | ".join([row["target"], row["quantity"], *numbers, *rest, verdict, row["meshes"]]) + " |"
-        )
+    for c in comparisons:
+        values = [_number(value, 6) for value in (c.published, c.computed, c.extrapolated)]
+        errors = [_number(value, 3) for value in (c.order, c.error_percent, c.tolerance_percent)]
+        verdict = "pass" if c.passed else f"**fail** {c.message}".strip()
+        lines.append("| " + " | ".join([c.target, c.quantity, *values, *errors, verdict, c.meshes]) + " |")
     lines += ["", *ABOUT.splitlines(), "", "Sources:", ""]
-    lines += [f"- {name}: {source}" for name, source in {row["target"]: row["source"] for row in rows}.items()]
+    lines += [f"- {name}: {source}" for name, source in {c.target: c.source for c in comparisons}.items()]
     lines += ["", "Notes:", ""]
-    lines += [f"- {name}: {note}" for name, note in {row["target"]: row["note"] for row in rows}.items() if note]
+    lines += [f"- {name}: {note}" for name, note in {c.target: c.note for c in comparisons}.items() if note]
     lines += ["", made(command, origin)]
     write_text(folder / "VERIFY.md", "\n".join(lines) + "\n")
-
-
-def shown(row: Row) -> Row:
-    """The row with enough digits of its values for a printed table."""
-    return row | {key: _number(row[key], 6) for key in ("published", "computed", "extrapolated")}
 
 
 def _number(value: float, digits: int) -> str:
