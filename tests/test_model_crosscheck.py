@@ -20,24 +20,23 @@ def solutions():
 
 @pytest.mark.parametrize("name", model_crosscheck.QUANTITIES)
 def test_answers_agree_within_both_estimates(solutions, name):
-    row = model_crosscheck._compared(name, *solutions)
-    both = row[f"{name}_harmonic_estimate_percent"] + row[f"{name}_half_estimate_percent"]
-    assert row[f"{name}_agree"] == (row[f"{name}_difference_percent"] <= both)
-    assert 0 < row[f"{name}_one_harmonic_more_percent"] < 1
+    difference = model_crosscheck.difference(name, *solutions)
+    both = difference.harmonic_estimate_percent + difference.half_estimate_percent
+    assert difference.agree == (difference.difference_percent <= both)
+    assert 0 < difference.one_harmonic_more_percent < 1
 
 
 def test_answers_of_other_loads_do_not_agree(solutions):
     one, other, richer = solutions
     far = replace(other, response=replace(other.response, tilt=2 * other.response.tilt))
-    row = model_crosscheck._compared("tilt", one, far, richer)
-    assert not row["tilt_agree"]
-    assert row["tilt_difference_percent"] == pytest.approx(100, rel=0.1)
+    difference = model_crosscheck.difference("tilt", one, far, richer)
+    assert not difference.agree
+    assert difference.difference_percent == pytest.approx(100, rel=0.1)
 
 
 def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
-    where = {"design": 0, "magnet": "rigid", "depth_mm": 1.0, "shear_mm": 1.0}
-    row = where | {"status": "not_converged", "message": "half: stopped", "agree": False}
-    monkeypatch.setattr(model_crosscheck, "_row", lambda *_: row)
+    stopped = model_crosscheck.Crosscheck(0, "rigid", 1.0, 1.0, "not_converged", "half: stopped")
+    monkeypatch.setattr(model_crosscheck, "crosscheck", lambda *_: stopped)
     status, _, err = run("crosscheck", "--count", 2, "--out", tmp_path)
     assert status == 3
     assert "2 of 2 designs disagree: design 0, design 0" in err

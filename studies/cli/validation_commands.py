@@ -174,19 +174,20 @@ def crosscheck(
         raise BadInput(f"count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = []
-        for row in work.run(accuracy, count, progress):
-            rows.append(row)
+        results = []
+        for result in work.run(accuracy, count, progress):
+            results.append(result)
             if as_json:
-                print(atomic_files.json_line(row), flush=True)
+                print(atomic_files.json_line(result.row()), flush=True)
         if folder is not None:
-            work.write(folder, rows, versions(), asked)
+            work.write(folder, results, versions(), asked)
+    rows = [result.row() for result in results]
     if not as_json:
         brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
         console.report(brief, as_json=False, title="Harmonic against half model", wide=wide)
         for remark in console.remarks(rows, ("design",)):
             console.note(remark)
-    failed = [f"design {row['design']}" for row in rows if not row["agree"]]
+    failed = [f"design {result.design}" for result in results if not result.agree]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} designs disagree: {', '.join(failed)}")
     return FAILED if failed else GOOD

@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from fem import equilibrium
 from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.loads import Magnet, Response
+from studies.output import records
 from studies.output.console import Progress
 from studies.output.provenance import made
+from studies.output.records import FlatRow
 from studies.validation import error_study_cases
 
 ABOUT = """\
@@ -28,51 +29,122 @@ same mesh. Mesh, element, integration, contact and magnet's constraint differ be
 method are shared.
 """
 
-Row = dict[str, Any]
-
 QUANTITIES = ("force", "shift", "tilt", "sideways")
-WHERE = ("design", "magnet", "depth_mm", "shear_mm")
 
 
-def run(level: str, count: int, progress: Progress) -> Iterator[Row]:
-    """One row for each of `count` designs, as soon as it is there."""
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """How far the half model's answer is from the harmonic one's in one quantity, percent of the latter.
+
+    Attributes
+    ----------
+    harmonic_estimate_percent, half_estimate_percent : error estimates of both; NaN where there is none.
+    one_harmonic_more_percent : change of the harmonic answer by one harmonic more on the same mesh.
+    agree : the difference is at most the sum of both estimates.
+    """
+
+    difference_percent: float
+    harmonic_estimate_percent: float
+    half_estimate_percent: float
+    one_harmonic_more_percent: float
+    agree: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Crosscheck:
+    """Both models on one design under one load; no differences, unknowns and seconds where a model stopped.
+
+    Attributes
+    ----------
+    agree : in all quantities.
+    """
+
+    design: int
+    magnet: Magnet
+    depth_mm: float
+    shear_mm: float
+    status: str
+    message: str
+    force: Difference | None = field(default=None, metadata={"prefix": "force_"})
+    shift: Difference | None = field(default=None, metadata={"prefix": "shift_"})
+    tilt: Difference | None = field(default=None, metadata={"prefix": "tilt_"})
+    sideways: Difference | None = field(default=None, metadata={"prefix": "sideways_"})
+    agree: bool = False
+    harmonic_dofs: int | None = None
+    half_dofs: int | None = None
+    harmonic_s: float | None = None
+    half_s: float | None = None
+
+    @property
+    def differences(self) -> dict[str, Difference | None]:
+        """In the order of QUANTITIES."""
+        return {"force": self.force, "shift": self.shift, "tilt": self.tilt, "sideways": self.sideways}
+
+    def row(self) -> FlatRow:
+        """Its columns in crosscheck.csv and in JSON."""
+        return records.known(records.flat(self))
+
+
+def run(level: str, count: int, progress: Progress) -> Iterator[Crosscheck]:
+    """Both models on each of `count` designs, one result as soon as it is there."""
     for number in range(count):
         magnet: Magnet = "rigid" if number % 2 == 0 else "ignored"
         progress(number / count, f"design {number}, magnet {magnet}")
-        yield _row(number, magnet, level)
+        yield crosscheck(number, magnet, level)
 
 
-def _row(number: int, magnet: Magnet, level: str) -> Row:
+def crosscheck(number: int, magnet: Magnet, level: str) -> Crosscheck:
+    """Both models on one design at the farthest load of its shear."""
     trial, accuracy = error_study_cases.trial(number, magnet, "stick", "auto"), LEVELS[level]
     load = trial.loads[-1]
-    one, other = (
+    harmonic, half = (
         equilibrium.solve(trial.design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", "half")
     )
     more = replace(accuracy, harmonics=accuracy.harmonics + 1)
     richer = equilibrium.trace(trial.design, [load], more, magnet=magnet, estimate=False)[-1]
-    row: Row = dict(zip(WHERE, (number, magnet, load.depth, load.shear_x), strict=True))
-    bad = [s for s in (one, other, richer) if s.status != "ok"]
-    if bad:
-        return row | {"status": bad[0].status, "message": f"{bad[0].model}: {bad[0].message}", "agree": False}
-    row |= {"status": "ok", "message": ""}
-    for name in QUANTITIES:
-        row |= _compared(name, one, other, richer)
-    row["agree"] = all(row[f"{name}_agree"] for name in QUANTITIES)
-    return row | {f"{s.model}_dofs": s.dofs for s in (one, other)} | {f"{s.model}_s": s.seconds for s in (one, other)}
+    for state in (harmonic, half, richer):
+        if state.status != "ok":
+            message = f"{state.model}: {state.message}"
+            return Crosscheck(number, magnet, load.depth, load.shear_x, state.status, message)
+    force, shift, tilt, sideways = (difference(name, harmonic, half, richer) for name in QUANTITIES)
+    return Crosscheck(
+        number,
+        magnet,
+        load.depth,
+        load.shear_x,
+        "ok",
+        "",
+        force,
+        shift,
+        tilt,
+        sideways,
+        agree=force.agree and shift.agree and tilt.agree and sideways.agree,
+        harmonic_dofs=harmonic.dofs,
+        half_dofs=half.dofs,
+        harmonic_s=harmonic.seconds,
+        half_s=half.seconds,
+    )
 
 
-def _compared(name: str, one: Solution, other: Solution, richer: Solution) -> Row:
-    a, b, c = (_vector(s.response, name) for s in (one, other, richer))
+def difference(name: str, harmonic: Solution, half: Solution, richer: Solution) -> Difference:
+    """The models' difference in one quantity.
+
+    Parameters
+    ----------
+    name : of QUANTITIES.
+    richer : the harmonic answer with a harmonic more.
+    """
+    a, b, c = (_vector(state.response, name) for state in (harmonic, half, richer))
     size = math.hypot(*a)
-    estimates = [_estimate(s, name) for s in (one, other)]
-    difference = math.dist(a, b) / size
-    return {
-        f"{name}_difference_percent": 100 * difference,
-        f"{name}_harmonic_estimate_percent": 100 * estimates[0],
-        f"{name}_half_estimate_percent": 100 * estimates[1],
-        f"{name}_one_harmonic_more_percent": 100 * math.dist(a, c) / size,
-        f"{name}_agree": difference <= sum(estimates),
-    }
+    estimates = _estimate(harmonic, name), _estimate(half, name)
+    relative = math.dist(a, b) / size
+    return Difference(
+        difference_percent=100 * relative,
+        harmonic_estimate_percent=100 * estimates[0],
+        half_estimate_percent=100 * estimates[1],
+        one_harmonic_more_percent=100 * math.dist(a, c) / size,
+        agree=relative <= sum(estimates),
+    )
 
 
 def _vector(response: Response, name: str) -> tuple[float, ...]:
@@ -85,40 +157,43 @@ def _vector(response: Response, name: str) -> tuple[float, ...]:
 
 
 def _estimate(state: Solution, name: str) -> float:
-    found = {
+    estimate = {
         "force": state.error_estimate,
         "shift": state.shift_error_estimate,
         "tilt": state.tilt_error_estimate,
         "sideways": state.sideways_error_estimate,
     }[name]
-    return math.nan if found is None else found
+    return math.nan if estimate is None else estimate
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
+def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str) -> None:
     """crosscheck.csv and CROSSCHECK.md."""
     from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "crosscheck.csv", rows)
-    agree = sum(row["agree"] for row in rows)
-    lines = ["# Harmonic against half model", "", f"{agree} of {len(rows)} designs agree in all.", ""]
-    lines += [
-        *ABOUT.splitlines(),
-        "",
-        "Differences, both estimates and the answer's change by one",
-    ]
-    lines[-1] += " harmonic more, all in percent:"
+    write_table(folder / "crosscheck.csv", [result.row() for result in results])
+    agree = sum(result.agree for result in results)
+    lines = ["# Harmonic against half model", "", f"{agree} of {len(results)} designs agree in all.", ""]
+    lines += [*ABOUT.splitlines(), ""]
+    lines += ["Differences, both estimates and the answer's change by one harmonic more, all in percent:"]
+    heads = ["design", "magnet", "depth_mm", "shear_mm"]
+    heads += ["difference", "harmonic estimate", "half estimate", "one harmonic more", "agree"]
     for name in QUANTITIES:
-        parts = ("difference", "harmonic_estimate", "half_estimate", "one_harmonic_more")
-        heads = [*WHERE, *(part.replace("_", " ") for part in parts), "agree"]
         lines += ["", f"## {name.capitalize()}", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-        for row in rows:
-            cells = [str(row[key]) for key in WHERE]
-            if row["status"] == "ok":
-                cells += [f"{row[f'{name}_{part}_percent']:.3g}" for part in parts]
-                cells.append("yes" if row[f"{name}_agree"] else "**no**")
-            else:
-                cells += [row["status"], "", "", "", "**no**"]
-            lines.append(f"| {' | '.join(cells)} |")
-    stopped = [f"- design {row['design']}: {row['message']}" for row in rows if row["message"]]
+        lines += [f"| {' | '.join(_cells(result, result.differences[name]))} |" for result in results]
+    stopped = [f"- design {result.design}: {result.message}" for result in results if result.message]
     write_text(folder / "CROSSCHECK.md", "\n".join([*lines, "", *stopped, "", made(command, origin)]) + "\n")
+
+
+def _cells(result: Crosscheck, difference: Difference | None) -> list[str]:
+    """The row of a design in the page's table of one quantity."""
+    where = [str(result.design), result.magnet, str(result.depth_mm), str(result.shear_mm)]
+    if difference is None:
+        return [*where, result.status, "", "", "", "**no**"]
+    percent = (
+        difference.difference_percent,
+        difference.harmonic_estimate_percent,
+        difference.half_estimate_percent,
+        difference.one_harmonic_more_percent,
+    )
+    return [*where, *(f"{value:.3g}" for value in percent), "yes" if difference.agree else "**no**"]
