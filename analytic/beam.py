@@ -1,15 +1,17 @@
-"""The formulas' mechanics, from the paper's own up to the best instant ones: one ladder of levels, one `Response`.
+"""Closed-form mechanics of the beam at five levels, from the paper's own formulas to finite strain.
+
+Each level answers a load with the same `Response`:
 
 | level | press | shear under a plate that sticks | good for |
 |---|---|---|---|
 | paper | (5) and (7) | (6) | the paper's claims |
 | column | Hertz in series with a bar | Timoshenko's cantilever, free tip | silicone, small loads |
-| tip | finite dome, clamped foot | patch that holds the tip; pressed column | silicone, depth to 0.06 D |
-| magnet | rigid magnet: layers above and below it | rigid above the magnet's foot | depth to 0.06 D |
-| finite | neo-Hookean at large strain | leaning tip, rolling dome | depth to D/4, shear to 0.3 D |
+| tip | finite dome, clamped foot | tip held by the contact area; compressed column | silicone, depth to 0.06 D |
+| magnet | rigid magnet: layers above and below it | rigid above the magnet's lower face | depth to 0.06 D |
+| finite | neo-Hookean at finite strain | inclined tip, rolling dome | depth to D/4, shear to 0.3 D |
 
-The terms are in `analytic.beam_terms.press_terms` and `analytic.beam_terms.shear_terms`; what each level is off by,
-over the design space, is in the table of `magtip ladder`. Lengths in mm, E in MPa, forces in N.
+The terms are in `analytic.beam_terms.press_terms` and `analytic.beam_terms.shear_terms`. `magtip ladder` tabulates
+the error of each level over the design space. Lengths in mm, E in MPa, forces in N.
 
 The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).
 """
@@ -20,7 +22,7 @@ import math
 
 from analytic import buckling
 from analytic.beam_terms.press_terms import Terms, press
-from analytic.beam_terms.shear_terms import Sway, cantilever, sway
+from analytic.beam_terms.shear_terms import ShearState, cantilever, shear_response
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
 
@@ -31,20 +33,20 @@ TERMS = {
     "finite": Terms(tip=True, magnet=True, finite=True),
 }
 LEVELS = ("paper", *TERMS)
-"""The models that `solve` knows, from the paper's up."""
+"""The levels of `solve`, the paper's first."""
 DEEPEST, FARTHEST = 0.25, 0.3
-"""Depth and shear, over D, to which level finite was set beside finite elements."""
+"""Largest depth and shear, over D, at which level finite was calibrated against finite elements."""
 
 
 def solve(design: Design, load: Load, level: str = "paper") -> Response:
-    """How the sensor answers a load, by formulas.
+    """Solve for the response of the sensor to a load by closed-form formulas.
 
-    A plate with friction "none" slides: no sideways force or shift. With "stick" the patch in contact follows the
+    A plate with friction "none" slides: sideways force and shift are zero. With "stick" the contact area follows the
     plate. A grip shears at d = 0.
 
     Parameters
     ----------
-    load : upright plate or grip; `outside` says whether a level is good for it.
+    load : upright plate or grip; `outside` returns the reasons why a level is not calibrated for it.
     level : one of `LEVELS`.
 
     Returns
@@ -68,39 +70,39 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     terms = TERMS.get(level)
     rigid = terms is not None and terms.magnet and design.shape.has_magnet
     check_load(design, load, magnet="rigid" if rigid else "ignored")
-    return _paper(design, load) if terms is None else _climbed(design, load, terms)
+    return _paper(design, load) if terms is None else _above_paper(design, load, terms)
 
 
 def outside(design: Design, load: Load, level: str) -> str:
-    """In what a load leaves the range that a level was set beside finite elements in; "" if in nothing."""
+    """Reasons why a load lies outside the range for which a level was calibrated; "" if it lies inside."""
     if level == "paper":
         return ""
     deepest = DEEPEST if level == "finite" else 0.06
-    found = []
+    reasons = []
     if not design.L >= 1.1 * design.D:
-        found.append(f"L/D = {design.L / design.D:.3g} is below 1.1")
+        reasons.append(f"L/D = {design.L / design.D:.3g} is below 1.1")
     if not design.L <= 4 * design.D:
-        found.append(f"L/D = {design.L / design.D:.3g} is above 4")
+        reasons.append(f"L/D = {design.L / design.D:.3g} is above 4")
     if not design.nu >= 0.49:
-        found.append(f"nu = {design.nu:g} is below 0.49")
+        reasons.append(f"nu = {design.nu:g} is below 0.49")
     if design.law != "neo-hookean":
-        found.append(f"the formulas know E and nu, not the law {design.law}")
+        reasons.append(f"the formulas know E and nu, not the law {design.law}")
     if level in ("column", "tip") and design.shape.has_magnet:
-        found.append("the level takes the magnet for silicone")
+        reasons.append("the level takes the magnet for silicone")
     if TERMS[level].magnet and design.shape.has_magnet:
         if not (design.magnet_diameter <= 0.7 * design.D and design.magnet_height <= 0.5 * design.D):
-            found.append("the magnet is wider than 0.7 D or higher than 0.5 D")
+            reasons.append("the magnet is wider than 0.7 D or higher than 0.5 D")
         if not design.H - design.magnet_height / 2 >= 0.35 * design.D:
-            found.append("less than 0.35 D of silicone lies below the magnet")
+            reasons.append("less than 0.35 D of silicone lies below the magnet")
     if not load.depth <= deepest * design.D:
-        found.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
+        reasons.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
     size = load.shear if load.holds else 0.0
     farthest = FARTHEST if level == "finite" else 0.05
     if not size <= farthest * design.D:
-        found.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
+        reasons.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
     if load.grip is not None and not load.grip <= design.D / 16:
-        found.append(f"grip is above D/16 = {design.D / 16:.3g} mm")
-    return "; ".join([*found, *_gives_way(design, load, level)])
+        reasons.append(f"grip is above D/16 = {design.D / 16:.3g} mm")
+    return "; ".join([*reasons, *_buckling_remarks(design, load, level)])
 
 
 def _paper(design: Design, load: Load) -> Response:
@@ -110,22 +112,22 @@ def _paper(design: Design, load: Load) -> Response:
         (6)  F_mu = 3 E I delta / L^3,    I = pi D^4 / 64
         (7)  A    = pi [(D/2)^2 - (D/2 - d)^2] = pi (D d - d^2)
 
-    The magnet, at the distance e = D/2 below the tip at rest and l_t in the deformed beam, moves by
+    The magnet lies e = D/2 below the tip at rest and l_t below it in the deformed beam, and moves by
 
         dz = l_t + d - e    downwards,    dx = delta [(L - d) - l_t] / (L - d)    sideways.
 
-    The paper leaves l_t open. Assumed here, because (5) is a uniform bar: l_t = e (1 - d/L); hence dz = d H/L and
-    dx = delta H/L with H = L - D/2. The magnet is taken as silicone, and its tilt as 0, as in the paper.
+    The paper does not give l_t. Since (5) is a uniform bar, l_t = e (1 - d/L) is assumed here; hence dz = d H/L and
+    dx = delta H/L with H = L - D/2. As in the paper, the magnet counts as silicone and does not tilt.
 
     Notes
     -----
-    (7) is the cross-section of the hemisphere at the plate's level. It reaches the beam's own section at d = D/2,
-    and would fall beyond; the contact radius is sqrt(A/pi). (5) is a secant law: taken as a tangent,
-    dF = (E A/L) dd, the same stiffness gives 9.42 N rather than 15.71 N for the paper's sensor at d = 3 mm.
+    (7) is the cross-section of the hemisphere at the height of the plate. It equals the section of the cylinder at
+    d = D/2 and would decrease beyond; the contact radius is sqrt(A/pi). (5) is a secant law: integrated as a tangent
+    law, dF = (E A/L) dd, it gives 9.42 N rather than 15.71 N for the paper's sensor at d = 3 mm.
 
-    With "stick" all the shear reaches the tip, even at depth 0, where the force (6) needs no press. A Coulomb
-    coefficient mu limits the force (6) to mu F_N; the tip then follows by no more than that force bends the beam.
-    The height of a grip does not matter.
+    With "stick" the tip follows the whole shear, even at depth 0, since (6) does not depend on the press. A Coulomb
+    coefficient mu limits the force (6) to mu F_N, and the tip moves by the deflection under that force.
+    The height of a grip has no influence.
     """
     if not load.depth <= design.R:
         raise BadInput(
@@ -135,7 +137,7 @@ def _paper(design: Design, load: Load) -> Response:
     area = math.pi * (design.D * load.depth - load.depth**2)
     normal = design.E * area * load.depth / design.L
     stiffness = shear_stiffness(design)
-    share = _share_that_sticks(load, normal, stiffness)
+    share = _sticking_share(load, normal, stiffness)
     tip_x, tip_y = share * load.shear_x, share * load.shear_y
     ratio = design.H / design.L
     return Response(
@@ -156,8 +158,8 @@ def shear_stiffness(design: Design) -> float:
     return 3 * design.E * (math.pi * design.D**4 / 64) / design.L**3
 
 
-def _share_that_sticks(load: Load, normal: float, stiffness: float) -> float:
-    """How much of the plate's or the grip's sideways motion the tip follows, 0 to 1."""
+def _sticking_share(load: Load, normal: float, stiffness: float) -> float:
+    """Share of the sideways motion of plate or grip that the tip follows, 0 to 1."""
     if load.holds:
         return 1.0
     if load.coulomb is None:
@@ -166,8 +168,8 @@ def _share_that_sticks(load: Load, normal: float, stiffness: float) -> float:
     return 1.0 if full <= limit else limit / full
 
 
-def _climbed(design: Design, load: Load, terms: Terms) -> Response:
-    """The levels above the paper's."""
+def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
+    """Solve at one of the levels above the paper's."""
     if load.coulomb is not None and load.grip is None:
         raise BadInput(
             f"level paper alone knows Coulomb friction: choose it, or friction none or stick; got {load.coulomb:g}"
@@ -178,26 +180,26 @@ def _climbed(design: Design, load: Load, terms: Terms) -> Response:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
         raise BadInput("a plate that sticks needs a depth above 0: nothing is in contact yet")
-    answer = _swayed(design, load, terms)
+    answer = _shear_state(design, load, terms)
     x, y = load.shear_x / size, load.shear_y / size
     return Response(
         force=(x * answer.force, y * answer.force, answer.press),
-        shift=(x * answer.shift, y * answer.shift, -answer.sink),
+        shift=(x * answer.shift, y * answer.shift, -answer.sinking),
         tilt=x * answer.tilt,
         contact_radius=pressed.contact_radius,
         tilt_y=y * answer.tilt,
     )
 
 
-def _swayed(design: Design, load: Load, terms: Terms) -> Sway:
+def _shear_state(design: Design, load: Load, terms: Terms) -> ShearState:
     size = load.shear
     if not terms.tip:
         return cantilever(design, size, press(design, load.depth, terms))
-    return sway(design, load.depth, size, terms, load.grip)
+    return shear_response(design, load.depth, size, terms, load.grip)
 
 
-def _gives_way(design: Design, load: Load, level: str) -> list[str]:
-    """Whether a press gives way sideways: a tip that slides at Haringx's load, one that sticks at its own."""
+def _buckling_remarks(design: Design, load: Load, level: str) -> list[str]:
+    """Remarks on buckling: of a sliding tip at Haringx's load, of a sticking tip at the load of its own column."""
     terms = TERMS[level]
     force = press(design, load.depth, terms).force
     if load.grip is not None or not load.depth > 0:
@@ -205,9 +207,9 @@ def _gives_way(design: Design, load: Load, level: str) -> list[str]:
     if load.friction == "stick":
         if not terms.tip:
             return []
-        answer = _swayed(design, load, terms)
+        answer = _shear_state(design, load, terms)
         return [
-            *([] if answer.held else ["the press would give way sideways even with the patch glued"]),
+            *([] if answer.stable else ["the press would give way sideways even with the patch glued"]),
             *([] if answer.press > 0 else ["the tip leans so far that the press lets go"]),
         ]
     critical = buckling.haringx(design)

@@ -1,15 +1,15 @@
-"""Critical loads of the beam as a clamped column of length H = L - R whose tip is pressed by a frictionless plate.
+"""Critical loads of the beam as a clamped column of length H = L - R, pressed at its tip by a frictionless plate.
 
-The plate is flat and the dome rolls on it, so that the load goes through the dome's centre at height H whichever way
-the tip leans: a column clamped below and free above, P_E = (pi / 2H)^2 E I (or, where the tip may turn but not move
-sideways, (4.4934 / H)^2 E I). Stubby columns shear as easily as they bend: with the shear stiffness S = k G A,
+The dome rolls on the flat plate, so that the load always passes through the dome's centre at height H: the column is
+clamped below and free above, P_E = (pi / 2H)^2 E I. Where the tip may rotate but not move sideways,
+P_E = (4.4934 / H)^2 E I. Short columns shear as much as they bend: with the shear stiffness S = k G A,
 k = 6 (1 + nu) / (7 + 6 nu) (Cowper 1966), Engesser (1889) takes the shear force normal to the bent axis, Haringx
-(1948) along the turned section, which is right for a body that is compressed along its axis:
+(1948) along the rotated section, which is correct for a compressible column:
 
     Engesser P = P_E / (1 + P_E / S),        Haringx P (1 + P / S) = P_E.
 
-Units mm, MPa, N. The column has no magnet, does not shorten and has a uniform section: good where H is several
-diameters, and poor for stubby beams, whose patch of contact holds the tip.
+Units mm, MPa, N. The column has no magnet, does not shorten and has a uniform section: accurate where H is several
+diameters, and inaccurate for short beams, whose contact area restrains the tip.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import math
 from geometry.design import Design
 
 FREE, GUIDED = math.pi / 2, 4.493409457909064
-"""Least roots of cos x = 0 and tan x = x: a tip that is free, and one that may turn but not move sideways."""
+"""Smallest roots of cos x = 0 (free tip) and tan x = x (tip that may rotate but not move sideways)."""
 
 
 def euler(design: Design, end: float = FREE) -> float:
@@ -52,7 +52,7 @@ def haringx(design: Design, end: float = FREE) -> float:
 
 
 def depth(design: Design, force: float) -> float:
-    """Depth of the press under a force, mm: Hertz's contact of the dome in series with the column, F H / (E A)."""
+    """Depth of the press under a force, mm: Hertz contact of the dome in series with the column, F H / (E A)."""
     E_star = design.E / (1 - design.nu**2)
     hertz = math.pow(3 * force / (4 * E_star * math.sqrt(design.R)), 2 / 3)
     return hertz + force * design.H / (design.E * math.pi * design.R**2)

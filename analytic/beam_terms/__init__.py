@@ -1,1 +1,1 @@
-"""The terms of which the levels of `analytic.beam` are made."""
+"""Terms of the levels of `analytic.beam`: press, and shear of the pressed beam."""

@@ -1,27 +1,28 @@
-"""Press of the beam by a flat plate: force, sinking of the magnet and patch in contact, level by level.
+"""Press of the beam by a flat plate, level by level: force, sinking of the magnet, contact radius.
 
-The depth d is shared by what is above the dome's centre and what is below it, under one force F (E* = E/(1 - nu^2),
-A = pi R^2, H = L - R, eps = F/(E A)):
+The dome above its centre and the column below act in series: they share the depth d under one force F
+(E* = E/(1 - nu^2), A = pi R^2, H = L - R, eps = F/(E A)):
 
     d = above + below,    F = 4/3 E* sqrt(R) above^1.5 [1 + 1.133 x + 1.283 x^2 + 0.769 x^3 + 0.0975 x^4],
     below = R C eps,      x = sqrt(R above)/t.
 
-The bracket is a sphere on a bonded incompressible layer of thickness t (Dimitriadis et al., Biophys. J. 82 (2002)
-2798). To first order it takes 1.335 (R/t) R eps from Hertz's depth, and a layer is known here by that number.
+The bracket describes a sphere on a bonded incompressible layer of thickness t (Dimitriadis et al., Biophys. J. 82
+(2002) 2798). To first order the layer reduces Hertz's depth by 1.335 (R/t) R eps, so that a layer is characterised by
+1.335 R/t.
 
 column : Hertz on a half-space (t infinite), C = H/R.
-tip    : the dome is no half-space. A sphere between plates gives R/t = 0.75/1.335 (Tatara, J. Eng. Mater. Technol.
-         113 (1991) 285: the other pole's field lifts this one). The centre sinks deeper than its section and a
-         clamped foot does not spread: C = H/R + 0.18 [1 - exp(-(g/R)^2)] over the height g = H.
-magnet : rigid, radius a, height h, so that silicone of thickness R - h/2 lies above and g = H - h/2 below. Of the
-         load Boussinesq's share s = 1 - (1 + (a/(R - h/2))^2)^-1.5 goes through its top face, and
-         1.335 R/t = (1 - s) 0.75 + s 1.335 R/(R - h/2). C falls by 1.55 [a^2 h/R^3]^(2/3), to 0.4 g/R at least.
-finite : thins the layer to t exp(-1.4 above/R), and below = R C (1 - lambda) with the stretch of a neo-Hookean
+tip    : the dome is not a half-space. A sphere between two plates gives R/t = 0.75/1.335 (Tatara, J. Eng. Mater.
+         Technol. 113 (1991) 285: the field of the opposite pole raises this one). The centre sinks deeper than the
+         mean of its section, and the clamped foot cannot spread: C = H/R + 0.18 [1 - exp(-(g/R)^2)], g = H.
+magnet : rigid, radius a, height h; silicone of thickness R - h/2 lies above it and g = H - h/2 below. The share
+         s = 1 - (1 + (a/(R - h/2))^2)^-1.5 of the load (Boussinesq) passes through its top face, and
+         1.335 R/t = (1 - s) 0.75 + s 1.335 R/(R - h/2). C decreases by 1.55 [a^2 h/R^3]^(2/3), to at least 0.4 g/R.
+finite : the layer thins to t exp(-1.4 above/R), and below = R C (1 - lambda) with the stretch of a neo-Hookean
          column, 1/lambda^2 - lambda = 3 eps.
 
-Fitted to finite elements are 0.18 (sinking of silicone beams at 0.03 D), 1.55 and 0.4 (that with magnets) and 1.4
-(force at D/4); all else is quoted or derived. `magtip ladder` shows how they fare on other designs. Without a magnet,
-level magnet is level tip. Units mm, N, MPa.
+Four constants are fitted to finite elements: 0.18 (sinking of silicone beams at 0.03 D), 1.55 and 0.4 (sinking with
+magnets) and 1.4 (force at D/4). All others are quoted or derived. `magtip ladder` tabulates the errors on other
+designs. Without a magnet, level magnet equals level tip. Units mm, N, MPa.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ ENOUGH = 200
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Which terms a level has."""
+    """The terms that a level includes."""
 
     tip: bool = False
     magnet: bool = False
@@ -52,8 +53,8 @@ class Press:
     Attributes
     ----------
     force : N.
-    above, below : the parts of the depth above and below the magnet's centre, mm; it sinks by `below`.
-    contact_radius : Hertz's under the force, mm.
+    above, below : parts of the depth above and below the magnet's centre, mm; the centre sinks by `below`.
+    contact_radius : of a Hertz contact under the force, mm.
     stretch : of the column; 1 at small strain.
     """
 
@@ -65,12 +66,13 @@ class Press:
 
 
 def press(design: Design, depth: float, terms: Terms) -> Press:
-    """The press to a depth in mm, not below 0.
+    """Solve for the press to a depth of 0 or more, mm.
 
     >>> from geometry.design import paper
     >>> round(press(paper(), 1.0, Terms(tip=True, magnet=True, finite=True)).force, 2)
     4.08
     """
+    # bisection to the last bit: a few microseconds, and no tolerance that a derivative by differences would show
     low, high = 0.0, depth
     for _ in range(ENOUGH):
         above = (low + high) / 2
@@ -99,7 +101,7 @@ def floor(design: Design, terms: Terms) -> float:
 
 
 def _dome(design: Design, above: float, terms: Terms) -> float:
-    """Force that flattens what is above the centre, N."""
+    """Force that flattens the dome above the centre by `above`, N."""
     R = design.R
     hertz: float = 4 / 3 * effective_modulus(design) * math.sqrt(R) * above**1.5
     if not terms.tip:
@@ -117,7 +119,7 @@ def _dome(design: Design, above: float, terms: Terms) -> float:
 
 
 def _column(design: Design, force: float, terms: Terms) -> tuple[float, float]:
-    """How far the centre sinks under a force, mm, and the stretch of the column."""
+    """Sinking of the centre under a force, mm, and the stretch of the column."""
     R = design.R
     strain = force / (design.E * math.pi * R**2)
     if not terms.tip:
@@ -139,7 +141,7 @@ def neo_hookean_shortening(strain: float) -> float:
     >>> round(neo_hookean_shortening((1 / 0.8**2 - 0.8) / 3), 12)
     0.2
     """
-    # 1/lambda = 1 + u, so that no digit is lost at small strain; Newton's method comes down to the root
+    # with 1/lambda = 1 + u no digit is lost at small strain; Newton's method approaches the root from above
     u = 2 * strain
     for _ in range(ENOUGH):
         step = (u**3 + 3 * u**2 + 3 * u * (1 - strain) - 3 * strain) / (3 * (1 + u) ** 2 - 3 * strain)

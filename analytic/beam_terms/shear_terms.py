@@ -1,30 +1,32 @@
-"""Sideways motion of the pressed beam, whose patch in contact is glued to the plate, level by level.
+"""Shear of the pressed beam, whose contact area is glued to the plate, level by level.
 
 Level column is Timoshenko's cantilever of length L with a free tip, delta = Q [L^3/(3 E I) + L/S], S = k G A,
-k = 6 (1 + nu)/(7 + 6 nu) (Cowper 1966); all other levels are a column that shears, carries the press force P and
-holds a tip that cannot turn freely. Along the column (0 to l) with turn psi and shear gamma = (Q + P psi)/S of the
-section (Haringx 1948), q^2 = P f/B, f = 1 + P/S:
+k = 6 (1 + nu)/(7 + 6 nu) (Cowper 1966); all other levels are a column with shear deformation under the
+press force P, whose tip is restrained against rotation. Along the column (0 to l), with the rotation psi of the
+section and its shear gamma = (Q + P psi)/S (Haringx 1948), q^2 = P f/B, f = 1 + P/S:
 
     w' = psi + gamma,    B psi'' = -Q - P w',    psi(0) = w(0) = 0,
     psi = -Q (f/B) s^2 C(q s) + beta s sin(q s)/(q s),    C(x) = (1 - cos x)/x^2.
 
-Above it all is rigid and turns by omega = psi + gamma/2, up to the patch of radius a, which gives way by Mindlin's
-1/k_t = (2 - nu)/(8 G a), plus 0.1/(G R) of the dome's own shear, and turns against k_r = 8 G a^3/(3 (1 - nu)):
+Above the column all is rigid and rotates by omega = psi + gamma/2, up to the contact area of radius a. Its
+compliance is Mindlin's 1/k_t = (2 - nu)/(8 G a) plus 0.1/(G R) for the shear of the dome, its rotational stiffness
+k_r = 8 G a^3/(3 (1 - nu)):
 
     delta = w + (e + R - a^2/(5 R)) omega + Q/k_t,    B psi'(l) = -k_r omega + Q (e + R - above) + P (delta - w).
 
-a^2/(5 R) is how far the patch lies below the pole on average (weighted with Hertz's pressure), e the height from the
-end of the column to the dome's centre: 0, or with a rigid magnet h/2. The magnet's shift is w + e omega. In the
-sheared column a magnet of height h and diameter 2a turns as a rigid spheroid of the ratio r = h/(2a) does in an
+a^2/(5 R) is the mean height of the pole above the contact area (weighted with Hertz's pressure); e is the height from
+the end of the column to the dome's centre: 0, or with a rigid magnet h/2. The magnet's shift is w + e omega. In the
+sheared column a magnet of height h and diameter 2a rotates like a rigid spheroid of aspect ratio r = h/(2a) in an
 incompressible medium (Jeffery 1922): tilt = omega + gamma/2 (r^2 - 1)/(r^2 + 1); without a magnet, tilt = omega.
 
-Level finite takes the column as it is after the press, of stretch lambda: B = E I (lambda^2 + 2/lambda)/(3 lambda^2)
-and S = k G A lambda, from a neo-Hookean column; its length is what the press leaves. The tip comes down as it
-leans, by kappa delta^2/2 with kappa = -dk/dP (k = Q/delta; energy), and so the press force falls to that of the
-depth d - kappa delta^2/2. The dome rolls onto the plate in front: a grows by |omega| R/4.
-0.1 and 1/4 are fitted to the shear force of finite elements at small shear and at 0.3 D; `magtip ladder` shows how
-they fare on other designs. Level finite is worst where a light press is sheared far: at depth 0.06 D, shear 0.3 D and
-L/D near 1.1 the press force falls too much, and the magnet sinks up to half too far. Units mm, N, MPa, rad.
+Level finite uses the column as the press has deformed it, with stretch lambda: B = E I (lambda^2 + 2/lambda) /
+(3 lambda^2) and S = k G A lambda, from a neo-Hookean column of the remaining length. An inclined tip is lower by
+kappa delta^2/2 with kappa = -dk/dP (k = Q/delta; from the energy), so that the press force decreases to that of the
+depth d - kappa delta^2/2. The dome rolls on the plate: a increases by |omega| R/4.
+The constants 0.1 and 1/4 are fitted to the shear force of finite elements at small shear and at 0.3 D; `magtip
+ladder` tabulates the errors on other designs. Level finite is worst for a light press with a large shear: at depth
+0.06 D, shear 0.3 D and L/D near 1.1 it underestimates the press force, and overestimates the sinking of the magnet by
+up to a half. Units mm, N, MPa, rad.
 """
 
 from __future__ import annotations
@@ -37,27 +39,30 @@ from analytic.beam_terms.press_terms import Press, Terms, floor, press
 from geometry.design import Design
 
 DOME, ROLLS, PATCH = 0.1, 0.25, 1 / 5
+"""Constants above: shear compliance of the dome times G R, growth of a over |omega| R, and the 1/5 of a^2/(5 R)."""
 ROLLED, SETTLED, NUDGE = 4, 1e-10, 1e-4
+"""Updates of the rolled contact radius, relative tolerance of the press force, and
+the relative increment of the press force for dk/dP."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sway:
-    """Answer to a shear: force (along it and press, N), the magnet's shift, sinking (mm) and tilt (rad).
+class ShearState:
+    """Response to a shear: force along it and press force (N), shift, sinking (mm) and tilt (rad) of the magnet.
 
-    `held` is whether the press force is below the one at which a guided tip would give way sideways.
+    `stable` tells whether the press force is below the buckling load of the column with a guided tip.
     """
 
     force: float
     press: float
     shift: float
-    sink: float
+    sinking: float
     tilt: float
-    held: bool = True
+    stable: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A sheared and pressed column with its tip: lengths, stiffnesses and the patch."""
+    """A column under shear and press with its tip: lengths, stiffnesses and contact radius (`patch`)."""
 
     length: float
     offset: float
@@ -71,43 +76,43 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Bent:
-    """A column's answer per mm: force, the shift w and turn omega of its end, shear gamma, beta, and `held`."""
+    """Response per mm of shear: force, deflection w and rotation omega at the end of the column, gamma, beta."""
 
     force: float
     w: float
     omega: float
     gamma: float
     beta: float
-    held: bool
+    stable: bool
 
 
-def cantilever(design: Design, shear: float, pressed: Press) -> Sway:
-    """Timoshenko's, free at the tip."""
+def cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
+    """Solve Timoshenko's cantilever with a free tip."""
     L, H, B, S = design.L, design.H, bending_stiffness(design), buckling.shear_stiffness(design)
     Q = shear / (L**3 / (3 * B) + L / S)
     shift = Q * (H**2 * (3 * L - H) / (6 * B) + H / S)
     turn = Q * (H * (2 * L - H) / (2 * B) + 1 / (2 * S))
-    return Sway(Q, pressed.force, shift, pressed.below, turn)
+    return ShearState(Q, pressed.force, shift, pressed.below, turn)
 
 
-def sway(design: Design, depth: float, shear: float, terms: Terms, grip: float | None = None) -> Sway:
-    """The answer to a shear in mm, at a depth in mm or with a grip of the tip's topmost mm."""
+def shear_response(design: Design, depth: float, shear: float, terms: Terms, grip: float | None = None) -> ShearState:
+    """Solve for a shear at a depth, or of a grip of the topmost part of the tip; all in mm."""
     pressed = press(design, depth, terms)
     column = _column(design, pressed, terms, grip)
     if terms.finite and grip is None:
-        column, bent, P, sink = _leaning(design, column, depth, shear, pressed, terms)
+        column, bent, P, sink = _inclined(design, column, depth, shear, pressed, terms)
     else:
         bent, P, sink = bend(design, column, pressed.force), pressed.force, pressed.below
     ratio = design.magnet_height / design.magnet_diameter if terms.magnet and design.magnet_diameter else 1.0
     tilt = bent.omega + bent.gamma / 2 * (ratio**2 - 1) / (ratio**2 + 1)
     shift = bent.w + column.offset * bent.omega
-    return Sway(bent.force * shear, P, shift * shear, sink, tilt * shear, bent.held)
+    return ShearState(bent.force * shear, P, shift * shear, sink, tilt * shear, bent.stable)
 
 
-def _leaning(
+def _inclined(
     design: Design, column: Column, depth: float, shear: float, pressed: Press, terms: Terms
 ) -> tuple[Column, Bent, float, float]:
-    """The column with its patch as rolled, bent; the press force that the lean leaves; the magnet's sinking."""
+    """The column with the rolled contact, its response, the remaining press force, and the sinking of the magnet."""
 
     def follow(P: float) -> tuple[Column, Bent, Press]:
         bent, now = bend(design, column, P), column
@@ -118,7 +123,8 @@ def _leaning(
         lean = max((bent.force - nudged.force) / (NUDGE * pressed.force), 0.0) * shear**2 / 2
         return now, bent, press(design, max(depth - lean, 0.0), terms)
 
-    # more press force than the depth gives, or less: the balance lies between, found by false position (Illinois)
+    # the press force P must equal that of the depth which P itself leaves: a root between 0 and the force of the
+    # upright beam, found by false position (Illinois), which never leaves the bracket
     low, high = 0.0, pressed.force
     over, short = follow(low)[2].force, follow(high)[2].force - high
     P, last = high, 0.0
@@ -135,7 +141,7 @@ def _leaning(
     if over <= 0:
         P = 0.0
     now, bent, there = follow(P)
-    return now, bent, P, there.below + _comes_down(now, bent, P, shear)
+    return now, bent, P, there.below + _lowering(now, bent, P, shear)
 
 
 def bending_stiffness(design: Design) -> float:
@@ -144,15 +150,15 @@ def bending_stiffness(design: Design) -> float:
 
 
 def bend(design: Design, column: Column, P: float) -> Bent:
-    """The column's answer to a shear of 1 mm under the press force P."""
+    """Response of the column to a shear of 1 mm under the press force P."""
     G, R = design.E / (2 * (1 + design.nu)), design.R
     B, S, s = column.bending, column.shearing, column.length
     f = 1 + P / S
     x = s * math.sqrt(P * f / B)
-    sine, c, t = waves(x)
+    sine, c, t = trigonometric_ratios(x)
     give = (2 - design.nu) / (8 * G * column.patch) + DOME / (G * R)
     hold = 8 * G * column.patch**3 / (3 * (1 - design.nu)) if column.glued else 0.0
-    # psi, w and omega as numbers times Q and times beta
+    # psi, w and omega are linear in Q and beta: pairs hold their factors
     psi = (-f / B * s**2 * c, s * sine)
     w = (-(f**2) / B * s**3 * t + s / S, f * s**2 * c)
     omega = tuple(turn * (1 + P / (2 * S)) + own for turn, own in zip(psi, (1 / (2 * S), 0.0), strict=True))
@@ -171,12 +177,12 @@ def bend(design: Design, column: Column, P: float) -> Bent:
         omega=omega[0] * Q + omega[1] * beta,
         gamma=(Q + P * turned) / S,
         beta=beta,
-        held=determinant > 0 and x < 2 * math.pi,
+        stable=determinant > 0 and x < 2 * math.pi,
     )
 
 
-def waves(x: float) -> tuple[float, float, float]:
-    """sin(x)/x, (1 - cos x)/x^2 and (x - sin x)/x^3, good at 0 too."""
+def trigonometric_ratios(x: float) -> tuple[float, float, float]:
+    """sin(x)/x, (1 - cos x)/x^2 and (x - sin x)/x^3; near 0 by their series."""
     if x < 0.03:
         return 1 - x**2 / 6 + x**4 / 120, 0.5 - x**2 / 24 + x**4 / 720, 1 / 6 - x**2 / 120 + x**4 / 5040
     return math.sin(x) / x, 2 * (math.sin(x / 2) / x) ** 2, (x - math.sin(x)) / x**3
@@ -201,14 +207,17 @@ def _column(design: Design, pressed: Press, terms: Terms, grip: float | None) ->
     )
 
 
-def _comes_down(column: Column, bent: Bent, P: float, shear: float) -> float:
-    """How far the magnet comes down because the column leans: the integral of psi w' - psi^2/2, by Simpson's rule."""
+def _lowering(column: Column, bent: Bent, P: float, shear: float) -> float:
+    """Lowering of the magnet by the inclination of the column: integral of psi w' - psi^2/2, by Simpson's rule.
+
+    In plain Python, for SciPy's import would cost more than all formulas together.
+    """
     S, B = column.shearing, column.bending
     f, pieces = 1 + P / S, 8
     total = 0.0
     for i in range(pieces + 1):
         s = column.length * i / pieces
-        sine, c, _ = waves(s * math.sqrt(P * f / B))
+        sine, c, _ = trigonometric_ratios(s * math.sqrt(P * f / B))
         psi = shear * (-bent.force * f / B * s**2 * c + bent.beta * s * sine)
         slope = psi * f + shear * bent.force / S
         total += (psi * slope - psi**2 / 2) * (1 if i in (0, pieces) else 4 if i % 2 else 2)
