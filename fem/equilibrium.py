@@ -21,9 +21,10 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.accuracy import QUICK, STANDARD, Accuracy, coarser, estimates
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
+from fem.error_estimates import estimate_response
 from fem.material import law
 from fem.results.postprocess import read
 from fem.solution import Solution
@@ -119,8 +120,8 @@ def walk(
     loads : all of one kind (plate or grip, friction, tilt of the plate); under a glued plate the depth must not
         change once it has sheared. With Coulomb friction the answer depends on the way: the plate may come and go.
     estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less, or two beside one. `fem.accuracy.RULES` say how they follow from the
-        difference.
+        COARSER and with one harmonic less, or two beside one. `fem.error_estimates` says how they follow from
+        the difference.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.
     mesh : tetrahedra in units of D to solve on, as `fem.discretisation.symmetry_models.solid` takes them; then
@@ -203,17 +204,10 @@ def _with_estimates(
     same = (one.depth, one.imposed_shear) == (other.depth, other.imposed_shear)
     if not same:
         return replace(state, seconds=seconds)
-    force, shift, tilt, sideways = estimates(
-        state.response, companion.response, state.load, loads, accuracy, state.model, magnet, design
+    estimates = estimate_response(
+        state.response, companion.response, one, loads, accuracy, state.model, magnet, design
     )
-    return replace(
-        state,
-        seconds=seconds,
-        error_estimate=force,
-        shift_error_estimate=shift,
-        tilt_error_estimate=tilt,
-        sideways_error_estimate=sideways,
-    )
+    return replace(state, seconds=seconds, estimates=estimates)
 
 
 def _check_path(loads: Sequence[Load]) -> None:

@@ -22,12 +22,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from fem.accuracy import STANDARD, Accuracy, coarser, of_number
+from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import elements, rigid_inclusion, symmetry_models
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.equilibrium import contact_end
+from fem.error_estimate_rules import TangentQuantity
+from fem.error_estimates import estimate_number
 from fem.material import lame, law
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
@@ -95,11 +97,12 @@ def beside(one: Modes, other: Modes, magnet: Magnet, accuracy: Accuracy, design:
     left = {
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
-    rule, unit = "pressed frequency" if depth else "frequency", _unit(design)
+    quantity: TangentQuantity = "pressed frequency" if depth else "frequency"
+    unit = _unit(design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
         companion = left[name].pop(0) if left[name] else None
-        errors.append(of_number(rule, magnet, frequency, companion, accuracy, unit / frequency))
+        errors.append(estimate_number(quantity, frequency, companion, magnet, accuracy, unit / frequency))
     return replace(one, frequency_error_estimate=tuple(errors))
 
 

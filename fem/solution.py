@@ -88,6 +88,20 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
+class Estimates:
+    """Estimates of relative errors from the mesh (and the harmonics), see `fem.error_estimates`.
+
+    Those of force, shift and tilt of the magnet as vectors, and that of the force along the shear alone; None where
+    they were not estimated, or where there is nothing to be in error.
+    """
+
+    force: float | None = None
+    shift: float | None = None
+    tilt: float | None = None
+    sideways: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """One state of a load path.
 
@@ -101,11 +115,9 @@ class Solution:
     slip_share : share of the area in contact that slips, None without Coulomb friction or contact.
     status, message : "ok", or why not and what to try; they follow from `facts`, by `fem.results.diagnostics` and
         `fem.results.state_messages`.
-    error_estimate, shift_error_estimate, tilt_error_estimate, sideways_error_estimate : relative errors of the force,
-        of the magnet's shift, of its tilt, and of the force along the shear alone, from the mesh (and the harmonics);
-        None where they were not estimated or there is nothing.
     dofs, newton_iterations, seconds : what it cost since the state before.
     facts : what else is known of the state; whoever decides by it looks here and not at the message.
+    estimates : of the errors.
     """
 
     load: Load
@@ -114,10 +126,6 @@ class Solution:
     status: Status
     message: str
     model: str
-    error_estimate: float | None
-    shift_error_estimate: float | None
-    tilt_error_estimate: float | None
-    sideways_error_estimate: float | None
     dofs: int
     newton_iterations: int
     seconds: float
@@ -125,3 +133,4 @@ class Solution:
     facts: Facts
     dissipated: float = 0.0
     slip_share: float | None = None
+    estimates: Estimates = Estimates()

@@ -17,13 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from fem.accuracy import LEAST_DEPTH, LEAST_RADIUS, QUICK, STANDARD, Accuracy, coarser, of_number
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
 from fem.discretisation.nonlinear_system import Assembly
 from fem.discretisation.symmetry_models import Discretisation
 from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
+from fem.error_estimate_rules import LEAST_DEPTH, LEAST_RADIUS
+from fem.error_estimates import estimate_number
 from fem.material import law
 from fem.results.lateral_stiffness import at_rest, lateral, normal_force
 from fem.results.postprocess import pose
@@ -138,8 +140,8 @@ def with_companion(one: Critical, other: Critical, magnet: Magnet, accuracy: Acc
     if one.depth is None or one.force is None:
         return one
     base = max(one.depth / D, LEAST_DEPTH)
-    depth = of_number("critical depth", magnet, one.depth, other.depth, accuracy, base)
-    force = of_number("critical force", magnet, one.force, other.force, accuracy, base)
+    depth = estimate_number("critical depth", one.depth, other.depth, magnet, accuracy, base)
+    force = estimate_number("critical force", one.force, other.force, magnet, accuracy, base)
     return replace(one, depth_error_estimate=depth, force_error_estimate=force)
 
 
@@ -196,9 +198,9 @@ def small_shear(
 def beside(one: SmallShear, other: SmallShear, magnet: Magnet, accuracy: Accuracy, D: float) -> SmallShear:
     """A small shear with its errors, estimated from what a mesh coarser by COARSER says of it."""
     radius = max(one.contact_radius / D, LEAST_RADIUS)
-    stiffness = of_number("stiffness", magnet, one.stiffness, other.stiffness, accuracy, radius)
-    shift = of_number("shift", magnet, one.shift, other.shift, accuracy, radius)
-    tilt = of_number("tilt", magnet, one.tilt, other.tilt, accuracy, radius)
+    stiffness = estimate_number("stiffness", one.stiffness, other.stiffness, magnet, accuracy, radius)
+    shift = estimate_number("shift", one.shift, other.shift, magnet, accuracy, radius)
+    tilt = estimate_number("tilt", one.tilt, other.tilt, magnet, accuracy, radius)
     return replace(one, stiffness_error_estimate=stiffness, shift_error_estimate=shift, tilt_error_estimate=tilt)
 
 

@@ -1,145 +1,28 @@
-"""Error estimates: what they grow with, and where there are none."""
+"""Accuracy levels and that of the companion."""
 
-import math
 from dataclasses import replace
 
 import pytest
 
-from fem import accuracy
-from fem.accuracy import QUICK, STANDARD
-from fem.equilibrium import solve
-from geometry.design import paper
-from geometry.loads import Load, Response
-from studies.validation import error_study_cases
+from fem.accuracy import COARSER, FINE, LEVELS, QUICK, STANDARD, coarser
+
+SIZES = ("section_size", "solid_size", "section_patch", "solid_patch")
 
 
-def test_the_error_estimate_never_vanishes():
-    """Not even where an answer and its companion happen to agree."""
-    r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
-    load = Load(depth=1.0)
-    for magnet in ("rigid", "ignored"):
-        force, shift, tilt, _ = accuracy.estimates(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
-        assert min(force, shift, tilt) > 1e-4
+def test_each_level_is_finer_than_the_one_before():
+    assert list(LEVELS.values()) == [QUICK, STANDARD, FINE]
+    for rough, fine in ((QUICK, STANDARD), (STANDARD, FINE)):
+        assert all(getattr(fine, size) < getattr(rough, size) for size in SIZES)
+        assert fine.harmonics > rough.harmonics
 
 
-def test_the_force_along_the_shear_has_an_estimate_of_its_own():
-    """Whichever way the shear points, all of the force of a grip, and None where nothing moves sideways."""
-
-    def estimated(force, other, load):
-        one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
-        return accuracy.estimates(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    along = Load(depth=1.0, shear_x=1.0, friction="stick")
-    across = Load(depth=1.0, shear_y=-1.0, friction="stick")
-    found = estimated((0.5, 0.0, 3.0), (0.52, 0.0, 3.001), along)
-    assert found[3] > 2 * found[0]
-    assert estimated((0.0, -0.5, 3.0), (0.0, -0.52, 3.001), across)[3] == pytest.approx(found[3], rel=1e-12)
-    assert estimated((0.5, 0.0, 3.0), (0.54, 0.0, 3.001), along)[3] > found[3]
-    grip = estimated((0.5, 0.0, 0.0), (0.52, 0.0, 0.0), Load(grip=2.0, shear_x=1.0))
-    assert grip[3] == grip[0]
-    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0))[3] is None
-    assert estimated((0.0, 0.0, 3.0), (0.0, 0.0, 3.001), Load(depth=1.0, shear_x=1.0))[3] is None
+@pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
+def test_a_companion_is_coarser_in_all(level):
+    companion = coarser(level)
+    for size in (*SIZES, "rub"):
+        assert getattr(companion, size) == pytest.approx(COARSER * getattr(level, size))
+    assert companion.harmonics == level.harmonics - 1
 
 
-def test_with_friction_a_small_force_along_the_shear_is_less_sure():
-    load = Load(depth=1.0, shear_x=0.1, friction=0.4)
-    small, large = (
-        accuracy.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())[3]
-        for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
-    )
-    assert small > 5 * large
-
-
-def test_a_tilt_that_is_noise_has_no_estimate():
-    """Of tetrahedra, under a press that is upright; that of a tilted plate has one."""
-    one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
-    other = replace(one, tilt=-2e-3)
-    for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
-        tilt = accuracy.estimates(one, other, load, [load], STANDARD, "half", "rigid", paper())[2]
-        assert (tilt is not None) is known
-
-
-def test_a_single_harmonic_is_held_against_two():
-    assert accuracy.coarser(replace(STANDARD, harmonics=1)).harmonics == 2
-    load = Load(depth=1.5, shear_x=2.0, friction="stick")
-    rough = solve(paper(), load, replace(QUICK, harmonics=1))
-    better = solve(paper(), load, replace(QUICK, harmonics=3))
-    off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
-    assert off > 0.01
-    assert rough.error_estimate > 0.8 * off
-
-
-def test_the_error_estimate_grows_with_the_difference_to_the_companion():
-    load = Load(depth=1.0, shear_x=1.0, friction="stick")
-    r = Response((1.0, 0.0, 3.0), (0.5, 0.0, -0.5), 0.2, 1.5)
-
-    def found(difference):
-        other = replace(
-            r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
-        )
-        return accuracy.estimates(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    assert all(more > less for more, less in zip(found(0.1), found(0.01), strict=True))
-    assert max(found(1e-3)) < 0.01
-
-
-def test_estimates_grow_beyond_the_loads_of_the_study():
-    def found(depth, shear=0.0):
-        load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
-        r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
-        return accuracy.estimates(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
-
-    assert found(0.8) == found(0.5)
-    assert found(2.9) == found(1.0)
-    assert found(3.6)[0] == pytest.approx((3.6 / 2.97) ** 1.5 * found(2.9)[0])
-    assert found(0.5, 9.6)[2] == pytest.approx(2 * found(0.5, 4.8)[2])
-
-
-def test_deep_presses_and_far_shears_have_rules_of_their_own():
-    def scene(name, load):
-        return accuracy._farther(name, load, "rigid", paper())
-
-    assert [scene("press", Load(depth=depth)) for depth in (0.9, 0.92)] == ["press", "deep"]
-    sheared = (Load(depth=0.5, shear_x=0.6 * far, shear_y=0.8 * far, friction="stick") for far in (1.2, 1.3))
-    assert [scene("stick", load) for load in sheared] == ["stick", "far"]
-    assert scene("grip", Load(grip=1.0, shear_x=3.0)) == "grip"
-
-
-def test_a_companion_that_leans_to_the_other_side_is_mirrored():
-    load = Load(depth=1.0, imperfection=1e-3)
-    one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
-    other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
-    same, mirrored = (
-        accuracy.estimates(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
-    )
-    assert mirrored == same
-
-
-@pytest.mark.parametrize(
-    ("number", "magnet", "depth", "found", "coarse", "true"),
-    [
-        (0, "ignored", 2.0, (8.42575, -0.85236, 2.628), (8.41940, -0.85238, 2.676), (8.38048, -0.85524)),
-        (3, "ignored", 1.167, (3.25127, -0.45332, 1.587), (3.24124, -0.45325, 1.588), (3.21502, -0.45551)),
-        (7, "rigid", 0.2466, (0.390869, -0.0671266, 0.858), (0.381743, -0.0654515, 0.917), (0.384845, -0.0663385)),
-        (7, "rigid", 0.6165, (1.47379, -0.248258, 1.343), (1.47422, -0.247875, 1.245), (1.45908, -0.246871)),
-        (3, "rigid", 0.1914, (0.304747, -0.0201656, 0.706), (0.313971, -0.0206897, 0.700), (0.306050, -0.0206130)),
-    ],
-)
-def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
-    number, magnet, depth, found, coarse, true
-):
-    """Force, shift and contact radius of meshes at level quick, and what a fine section gives."""
-    design, load = error_study_cases.designs()[number], Load(depth=depth)
-    one, other = (Response((0.0, 0.0, f), (0.0, 0.0, w), 0.0, a) for f, w, a in (found, coarse))
-    force, shift, *_ = accuracy.estimates(one, other, load, [load], QUICK, "half", magnet, design)
-    assert force > abs(found[0] / true[0] - 1)
-    assert shift > abs(found[1] / true[1] - 1)
-
-
-def test_estimates_of_a_shear_on_tetrahedra_hold_where_its_companion_agrees():
-    """The paper's sensor at level quick by one mesh of many, 1.7 % off sideways, as if another gave the very same."""
-    load = Load(depth=0.8, shear_x=1.2, friction="stick")
-    one = Response((0.70558, 0.0, 2.74163), (0.48175, 0.0, -0.21013), 0.097449, 1.86)
-    true = Response((0.69371, 0.0, 2.72686), (0.48187, 0.0, -0.21182), 0.097655, 1.86)
-    sideways = accuracy.estimates(one, one, load, [load], QUICK, "half", "rigid", paper())[3]
-    assert sideways > one.force[0] / true.force[0] - 1
+def test_the_companion_of_a_single_harmonic_has_two():
+    assert coarser(replace(STANDARD, harmonics=1)).harmonics == 2

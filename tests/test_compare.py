@@ -8,6 +8,7 @@ import pytest
 from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
+from fem.solution import Estimates
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import compare, comparison_findings
@@ -226,7 +227,9 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
     design = Design(hall_layout="tmag5273a1")
 
     def rows(make, loads):
-        states = [SimpleNamespace(response=beam.solve(design, load), error_estimate=0.01) for load in loads]
+        states = [
+            SimpleNamespace(response=beam.solve(design, load), estimates=Estimates(force=0.01)) for load in loads
+        ]
         outcomes = [compare.Outcome(state, "ok", "") for state in states]
         return make(design, loads, outcomes, outcomes)
 

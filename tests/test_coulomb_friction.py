@@ -213,4 +213,4 @@ def test_a_plate_with_friction_may_come_and_go_after_a_shear():
 
 
 def test_a_press_with_friction_has_error_estimates():
-    assert 0 < solve(paper(), Load(depth=0.5, friction=0.2), ROUGH).error_estimate < 0.1
+    assert 0 < solve(paper(), Load(depth=0.5, friction=0.2), ROUGH).estimates.force < 0.1

@@ -77,8 +77,8 @@ def test_refinement_moves_the_force_by_less_than_the_estimate():
         coarse = solve(paper(), Load(depth=1.5), QUICK, magnet=magnet)
         fine = solve(paper(), Load(depth=1.5), STANDARD, magnet=magnet)
         assert abs(normal(coarse) / normal(fine) - 1) < 0.02
-        assert coarse.error_estimate is not None
-        assert 0 < coarse.error_estimate < 0.05
+        assert coarse.estimates.force is not None
+        assert 0 < coarse.estimates.force < 0.05
 
 
 def test_path_and_single_solve_agree():
@@ -315,10 +315,10 @@ def test_stick_without_shear_says_that_the_press_is_frictionless():
 
 def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
     state = solve(paper(), Load(depth=1e-9), QUICK)
-    assert 0 < state.error_estimate < 0.1
-    assert 0 < state.shift_error_estimate < 0.1
-    assert state.tilt_error_estimate is None
-    assert state.sideways_error_estimate is None
+    assert 0 < state.estimates.force < 0.1
+    assert 0 < state.estimates.shift < 0.1
+    assert state.estimates.tilt is None
+    assert state.estimates.sideways is None
 
 
 def test_a_press_that_never_starts_still_leaves_a_mesh_to_solve_on(monkeypatch):

@@ -27,7 +27,7 @@ def test_press_reads_the_offset_of_the_paper(capsys):
     assert pressed.V[0] > 2.9
     assert pressed.V[1] == pytest.approx(pressed.V[2], abs=1e-9)
     # error estimate of the force at level standard: the promise is 1 %
-    assert state.error_estimate < 0.01
+    assert state.estimates.force < 0.01
 
 
 def test_formula_holds_from_1_5_mm_on_silicone():

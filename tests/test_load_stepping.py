@@ -56,7 +56,7 @@ def test_a_press_does_not_depend_on_the_other_depths_of_its_path(least):
     alone, company = (trace(paper(), [Load(depth=d) for d in way], QUICK)[-1] for way in ([2.0], [least, 2.0]))
     assert (alone.status, company.status) == ("ok", "ok")
     assert company.response.force[2] == pytest.approx(alone.response.force[2], rel=1e-9)
-    assert company.error_estimate == pytest.approx(alone.error_estimate, rel=1e-6)
+    assert company.estimates.force == pytest.approx(alone.estimates.force, rel=1e-6)
 
 
 def test_a_glued_shear_does_not_depend_on_a_light_touch_before():

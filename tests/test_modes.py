@@ -13,6 +13,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import elements
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import on_axis
+from fem.error_estimates import estimate_number
 from fem.material import lame
 from geometry.design import BadInput, paper
 
@@ -131,5 +132,5 @@ def test_companions_are_paired_by_shape():
     other = modes.Modes((1.1, 2.2, 3.3, 5.0), ("bending", "bending", "torsion", "ovalling"), (None,) * 4)
     found = modes.beside(one, other, "rigid", STANDARD, paper(), 0.0).frequency_error_estimate
     pairs = [(1.0, 1.1), (2.0, 3.3), (3.0, 2.2)]
-    assert found[:3] == tuple(modes.of_number("frequency", "rigid", a, b, STANDARD) for a, b in pairs)
+    assert found[:3] == tuple(estimate_number("frequency", a, b, "rigid", STANDARD) for a, b in pairs)
     assert found[3] is None

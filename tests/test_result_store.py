@@ -20,3 +20,11 @@ def test_a_digest_of_packages_covers_their_sub_packages(tmp_path, monkeypatch):
 def test_the_packages_of_the_product_are_found():
     names = {Path(file).name for file in result_store.modules("geometry", "fem")}
     assert {"newton.py", "section.py", "design.py"} <= names
+
+
+def test_a_module_is_left_out_by_its_path_and_not_by_its_name(tmp_path, monkeypatch):
+    for name in ("fem/accuracy.py", "fem/solvers/accuracy.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("a = 1\n")
+    monkeypatch.setattr(result_store, "ROOT", tmp_path)
+    assert result_store.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solvers/accuracy.py"]

@@ -58,9 +58,10 @@ def digest(files: Iterable[Path]) -> str:
     return _digest(b"".join(file.read_bytes() for file in files))
 
 
-def modules(*packages: str) -> list[Path]:
-    """The files of whole packages, those of their sub-packages among them."""
-    return sorted(file for package in packages for file in (ROOT / package).rglob("*.py"))
+def modules(*packages: str, apart: Iterable[str] = ()) -> list[Path]:
+    """The files of whole packages with their sub-packages; those of the paths in the project `apart` are left out."""
+    left_out = {ROOT / name for name in apart}
+    return sorted(file for package in packages for file in (ROOT / package).rglob("*.py") if file not in left_out)
 
 
 def _line(code: str, key: str, answer: Any) -> str:

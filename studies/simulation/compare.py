@@ -51,7 +51,7 @@ class Outcome:
     @property
     def error_estimate(self) -> float:
         """Relative error of the force, NaN where it was not estimated."""
-        found = self.solution.error_estimate if self.solution else None
+        found = self.solution.estimates.force if self.solution else None
         return NAN if found is None else found
 
 

@@ -15,12 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fem import accuracy as accuracy_levels
 from fem import equilibrium
-from fem.accuracy import LEVELS, Accuracy
+from fem.accuracy import LEVELS, QUICK, Accuracy, coarser
 from fem.equilibrium import Model
+from fem.error_estimates import estimate_response
 from geometry.loads import Load, Magnet, Response
 from studies.output import result_store
+from studies.output.provenance import ROOT
 from studies.validation import error_study_cases, error_study_tangents
 from studies.validation.error_study_cases import Trial
 
@@ -60,6 +61,8 @@ SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_stu
 """Designs that are sheared at level fine too, those sheared far, those sheared and those pressed with tetrahedra,
 those whose reference is checked, and those whose tangents are looked at without a magnet too. Design 7 has little
 silicone above its magnet."""
+ESTIMATING = ("fem/accuracy.py", "fem/error_estimates.py", "fem/error_estimate_rules.py")
+"""Modules whose code no solve depends on, by their path in the project: the study asks for no estimates."""
 NOTHING = 1e-6
 """Shift in mm, tilt in rad or force along the shear in N, below which there is no relative error."""
 
@@ -81,7 +84,7 @@ class Task:
         check = level.name == "reference"
         return {
             "": (trial, level),
-            "companion_": (trial, level if check else accuracy_levels.coarser(level)),
+            "companion_": (trial, level if check else coarser(level)),
             "reference_": (judge, error_study_cases.reference(trial.scene, 2 if check else self.fineness)),
         }
 
@@ -162,7 +165,7 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
 
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
-    """What a solve depends on, as text."""
+    """What a solve depends on beside the code, as text; the end of a contact is found on sections of level quick."""
     unused: dict[str, Any] = {"name": ""}
     unused |= {"section_patch": 0} if trial.scene == "friction" else {"rub": 0}
     unused |= {"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {}
@@ -176,22 +179,22 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
         if trial.scene in error_study_tangents.SCENES
         else trial.model
     )
-    return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, used])
+    return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, used, QUICK.section_size])
 
 
 def code() -> str:
-    """A digest of the modules that solve a path of loads.
+    """A digest of the modules that solve a path of loads, so that new rules or levels do not void what is solved.
 
-    Others are in the keys of the solves: those of what a tangent tells by a digest, and the numbers of
-    `fem.accuracy`.
+    What else a solve depends on is in its key: the numbers of `fem.accuracy`, and a digest of the modules that only a
+    tangent needs.
     """
-    apart = {"accuracy.py", *error_study_tangents.MODULES}
-    return result_store.digest(file for file in result_store.modules("geometry", "fem") if file.name not in apart)
+    apart = (*ESTIMATING, *error_study_tangents.MODULES)
+    return result_store.digest(result_store.modules("geometry", "fem", apart=apart))
 
 
 @functools.cache
 def _digest(names: tuple[str, ...]) -> str:
-    return result_store.digest(file for file in result_store.modules("fem") if file.name in names)
+    return result_store.digest(ROOT / name for name in names)
 
 
 def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:
@@ -266,9 +269,7 @@ def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> R
     """True errors and estimates, NaN where there is nothing to be relative to."""
     one, other, truth = found[""], found["companion_"], found["reference_"]
     trial = task.trial
-    estimated = accuracy_levels.estimates(
-        one, other, load, trial.loads, task.level, model, trial.magnet, trial.design
-    )
+    estimates = estimate_response(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design)
     pairs = [
         (one.force, truth.force),
         (one.shift, truth.shift),
@@ -276,7 +277,8 @@ def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> R
         ((one.force[0],), (truth.force[0] if load.shear_x else 0.0,)),
     ]
     row: Row = {}
-    for name, (a, b), estimate in zip(RESPONSES, pairs, estimated, strict=True):
+    for name, (a, b) in zip(RESPONSES, pairs, strict=True):
+        estimate = getattr(estimates, name)
         some = name == "force" or math.hypot(*b) > NOTHING
         row[f"{name}_error"] = math.dist(a, b) / math.hypot(*b) if some else math.nan
         row[f"{name}_estimate"] = estimate if some and estimate is not None else math.nan

@@ -11,24 +11,24 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
-from fem.accuracy import DEEPEST, RUBBED, SHEARED, Accuracy, deepest
-from fem.accuracy import FAR as FARTHEST
+from fem.accuracy import Accuracy
 from fem.equilibrium import Model
+from fem.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 
 SEED, DESIGNS = 2016, 12
-DEPTHS = (0.03, 0.1, DEEPEST)
+DEPTHS = (0.03, 0.1, PRESS_DEPTH)
 """Depths of a press over D; all shrink alike where the deepest has no room."""
-STICK = (0.1, (0.0, 0.05, SHEARED))
+STICK = (0.1, (0.0, 0.05, STICK_SHEAR))
 """Depth at most, and shears of the glued plate, over D."""
-RUB = ((0.0, 0.04, RUBBED), 0.4)
+RUB = ((0.0, 0.04, FRICTION_SHEAR), 0.4)
 """Shears of the rubbing plate over D, at the same depth: partial and full slip; coefficient of friction."""
 DEEP = (0.25, 0.5, 1.0)
 """Depths of deep presses, on the way from the deepest of the others to the deepest of the study."""
-FAR = (0.3, FARTHEST)
+FAR = (0.3, FAR_SHEAR)
 """Far shears of the glued plate over D."""
-GRIP = (0.2, SHEARED)
+GRIP = (0.2, STICK_SHEAR)
 """Height and shear of a grip over D."""
 THINNEST = 0.06
 """Least wall of silicone around the magnet of a sampled design, over D."""
@@ -65,7 +65,7 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     """The loads of a scene, in proportion to the design."""
     design = designs()[number]
     D = design.D
-    first, most = deepest(magnet, design)
+    first, most = press_limits(design, magnet)
     depth = rounded(min(STICK[0] * D, first))
     loads: tuple[Load, ...]
     if scene == "press":

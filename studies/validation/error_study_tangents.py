@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from fem import modes, stability
-from fem.accuracy import DEEPEST, Accuracy, deepest
+from fem.accuracy import Accuracy
+from fem.error_estimate_rules import PRESS_DEPTH, press_limits
 from fem.modes import Modes
 from fem.stability import Critical, SmallShear
 from geometry.design import BadInput
@@ -28,10 +29,10 @@ SCENES: dict[str, tuple[str, ...]] = {
     "modes": ("frequency",),
 }
 """What is judged in each scene."""
-MODULES = ("stability.py", "modes.py")
+MODULES = ("fem/stability.py", "fem/modes.py")
 """Modules of `fem` that only these scenes use."""
 KINDS: dict[str, Callable[..., Found]] = {"critical": Critical, "small shear": SmallShear, "modes": Modes}
-SHALLOW = 0.1 / DEEPEST
+SHALLOW = 0.1 / PRESS_DEPTH
 """Lesser depth of a small shear, over the deepest of the other presses, at which the modes are looked at too."""
 COUNT = 8
 """Natural frequencies of each trial."""
@@ -40,7 +41,7 @@ COUNT = 8
 def trial(number: int, magnet: Magnet, scene: str) -> Trial:
     """A scene of a design; its loads are the depths that are looked at, or down to which one looks."""
     design = designs()[number]
-    first, _ = deepest(magnet, design)
+    first, _ = press_limits(design, magnet)
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     depths = {
         "critical": (stability.DEEPEST * room,),

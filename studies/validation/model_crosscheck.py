@@ -158,10 +158,10 @@ def _vector(response: Response, name: str) -> tuple[float, ...]:
 
 def _estimate(state: Solution, name: str) -> float:
     estimate = {
-        "force": state.error_estimate,
-        "shift": state.shift_error_estimate,
-        "tilt": state.tilt_error_estimate,
-        "sideways": state.sideways_error_estimate,
+        "force": state.estimates.force,
+        "shift": state.estimates.shift,
+        "tilt": state.estimates.tilt,
+        "sideways": state.estimates.sideways,
     }[name]
     return math.nan if estimate is None else estimate
 
