@@ -26,10 +26,12 @@ from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
 from fem.error_estimates import estimate_response
 from fem.material import law
+from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.solution import Solution
 from fem.solvers.depth_ranges import graded_depth, parts
-from fem.solvers.load_stepping import FIRST_TOUCH, Path
+from fem.solvers.load_stepping import Path
+from fem.solvers.path_state import FIRST_TOUCH, PathState
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -247,6 +249,7 @@ def _follow(
     sheared = next((load for load in loads if load.slides), None)
     direction = np.array([1.0, 0.0] if sheared is None or name == "full" else sheared.direction)
     turn = np.array([direction, [-direction[1], direction[0]]])
+    sideways = SidewaysModel(path.raised) if watch and path.raised is not None else None
     try:
         for i, load in enumerate(loads):
             if progress is not None:
@@ -255,7 +258,16 @@ def _follow(
                 )
             reason = path.go(load.depth / D, turn @ load.imposed_shear / D)
             end = time.perf_counter()
-            state = read(path, design, load, direction, reason, end - begin, watch=watch)
+            state = read(
+                path.state,
+                design,
+                load,
+                direction,
+                reason,
+                iterations=path.iterations,
+                seconds=end - begin,
+                sideways=sideways,
+            )
             begin = end
             yield state
             if state.status not in ("ok", "unstable"):
@@ -304,23 +316,23 @@ def _start(
         solid = functools.partial(solid, given=mesh)
         if edge is None or edge == shape.R or mesh is not None:
             fine = accuracy.solid_patch if sideways or tilt else coarse / 2
-            return Path(solid(fine), held, tilt, mu=mu, rub=accuracy.rub)
+            return Path(solid(fine), held, tilt, mu=mu, friction_factor=accuracy.rub)
         return Path(
             solid(coarse / 2, rim=(edge, min(accuracy.solid_patch, edge / 3))), held, rim=None if push else edge
         )
     if name == "axisymmetric":
-        return Path(build(), raised=functools.partial(build, harmonics=1), mu=mu, rub=accuracy.rub)
+        return Path(build(), raised=functools.partial(build, harmonics=1), mu=mu, friction_factor=accuracy.rub)
     if mu is not None and sideways:
         raised = functools.partial(build, harmonics=accuracy.harmonics)
-        return Path(build(), raised=raised, mu=mu, rub=accuracy.rub)
+        return Path(build(), raised=raised, mu=mu, friction_factor=accuracy.rub)
     if edge is not None:
         build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
     build_high = functools.partial(build, harmonics=accuracy.harmonics, push=push)
     alone = accuracy.harmonics < 2 or mu is not None
-    scout = None if alone else functools.partial(build, harmonics=1, push=push, around=accuracy.harmonics)
+    predictor = None if alone else functools.partial(build, harmonics=1, push=push, around=accuracy.harmonics)
     if push or held is not None or edge is None:
-        return Path(build_high(), held, mu=mu, rub=accuracy.rub, scout=scout)
-    return Path(build(), raised=build_high, rim=edge, scout=scout)
+        return Path(build_high(), held, mu=mu, friction_factor=accuracy.rub, predictor=predictor)
+    return Path(build(), raised=build_high, rim=edge, predictor=predictor)
 
 
 def contact_end(build: Callable[..., symmetry_models.Discretisation], fine: float, depth: float) -> float:
@@ -348,15 +360,15 @@ def contact_edge(d: symmetry_models.Discretisation, depth: float) -> float:
     path = Path(d)
     try:
         path.go(depth, np.zeros(2))
-        return end_of_contact(path)
+        return end_of_contact(path.state)
     finally:
         path.close()
 
 
-def end_of_contact(path: Path) -> float:
-    """Undeformed radius at which the contact of a press ends in the present state, in units of D."""
-    radius = plate_contact.contact_radius(path.skin, path.u, path.plate())
-    return plate_contact.material_radius(path.skin, path.u, path.plate(), radius)
+def end_of_contact(state: PathState) -> float:
+    """Undeformed radius at which the contact of a press ends, in units of D."""
+    radius = plate_contact.contact_radius(state.skin, state.u, state.plate)
+    return plate_contact.material_radius(state.skin, state.u, state.plate, radius)
 
 
 def _check_spot(design: Design, load: Load) -> None:

@@ -34,6 +34,7 @@ from fem.material import lame, law
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
+from fem.solvers.path_state import PathState, with_harmonics
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -107,11 +108,8 @@ def beside(one: Modes, other: Modes, magnet: Magnet, accuracy: Accuracy, design:
 
 
 def _modes(design: Design, magnet: Magnet, count: int, depth: float, accuracy: Accuracy) -> Modes:
-    path = _pressed(design, magnet, depth, accuracy)
-    try:
-        found = [*_symmetric(path, design, magnet, count), *_torsion(path, design, magnet, max(count // 3, 2))]
-    finally:
-        path.close()
+    press = _pressed(design, magnet, depth, accuracy)
+    found = [*_symmetric(press, design, magnet, count), *_torsion(press, design, magnet, max(count // 3, 2))]
     if min(found)[0] < 0:
         raise BadInput(
             f"the press is not stable at depth {depth:g} mm, so it has no vibrations: take a smaller depth"
@@ -140,8 +138,23 @@ def spring_mass(design: Design) -> tuple[float, float]:
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
 
-def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -> Path:
-    """The axisymmetric press, with the model of two harmonics at hand and a fine mesh where the contact ends."""
+@dataclass(frozen=True, slots=True)
+class _Press:
+    """An axisymmetric press to vibrate about.
+
+    Attributes
+    ----------
+    low, high : its state, without harmonics and with two.
+    edge : undeformed radius at which the contact ends, over D; None for the free sensor.
+    """
+
+    low: PathState
+    high: PathState
+    edge: float | None
+
+
+def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -> _Press:
+    """The press, on a mesh that is fine where the contact ends."""
     size, d = accuracy.section_size, depth / design.D
     shape = design.shape.scaled(1 / design.D)
     silicone = law(design.law, design.law_numbers)
@@ -150,22 +163,25 @@ def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -
     if d:
         edge = contact_end(build, accuracy.section_patch, d)
         build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
-    path = Path(build(), raised=functools.partial(build, harmonics=2), rim=edge)
-    reason = path.go(d, np.zeros(2))
-    if reason:
+    path = Path(build())
+    try:
+        reason, state = path.go(d, np.zeros(2)), path.state
+    finally:
         path.close()
+    if reason:
         raise BadInput(
-            f"the press stops at depth {path.position[0] * design.D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
+            f"the press stops at depth {state.position[0] * design.D:.4g} mm ({STOPPED[reason]}): "
+            "take a smaller depth"
         )
-    return path
+    return _Press(state, with_harmonics(state, build(harmonics=2)), edge)
 
 
-def _glued(path: Path, system: System, q: Array) -> Plate | None:
-    """The plate with what it touches glued to it."""
-    if path.rim is None:
+def _glued(press: _Press, system: System, q: Array) -> Plate | None:
+    """The plate with what it touches glued to it, in a model of the press."""
+    if press.edge is None:
         return None
     assert system.surface is not None
-    return plate_contact.glued(system.surface, system.state(q).u, path.plate(), path.rim, path.d.shape.H)
+    return plate_contact.glued(system.surface, system.state(q).u, press.low.plate, press.edge, press.low.d.shape.H)
 
 
 def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
@@ -177,12 +193,11 @@ def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
     return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
 
 
-def _symmetric(path: Path, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+def _symmetric(press: _Press, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
     """Eigenvalues and names of axial, bending and ovalling modes."""
-    system = path.high
-    q = symmetry_models.raise_harmonics(path.d.system, system, path.q)
+    system, q = press.high.d.system, press.high.q
     m, across, _ = _inertia(design, magnet)
-    K = system.assemble(system.state(q), _glued(path, system, q)).tangent
+    K = system.assemble(system.state(q), _glued(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
     values, vectors = eigen(K, M, count)
     order = np.abs([*elements.orders(2), *range(3)])
@@ -207,9 +222,9 @@ def _parts(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
     return np.array(energy)
 
 
-def _torsion(path: Path, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+def _torsion(press: _Press, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
     """Eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
-    d = path.d
+    d = press.low.d
     e = elements.build(d.mesh, axisymmetric=True, angles=elements.twisting())
     fixed = np.zeros((len(e.nodes), 3), dtype=bool)
     fixed[elements.boundary_nodes(d.mesh, "base")] = True
@@ -218,12 +233,12 @@ def _torsion(path: Path, design: Design, magnet: Magnet, count: int) -> list[tup
     glued = elements.boundary_nodes(d.mesh, "magnet") if magnet == "rigid" else NONE
     body = rigid_inclusion.section(e.nodes[glued] - [0, d.shape.H], e.angles) if magnet == "rigid" else None
     system = System(e, skin, *lame(1.0, design.nu), fixed, glued, body, law=d.system.law)
-    low = d.system.state(path.q)
+    low = d.system.state(press.low.q)
     u = np.stack([low.u[:, 0], np.zeros(len(low.u)), low.u[:, 1]], axis=1)
-    motion = np.append(d.system.motion(path.q), 0.0) if body else np.empty(0)
+    motion = np.append(d.system.motion(press.low.q), 0.0) if body else np.empty(0)
     q = system.unknowns(u, low.p, motion)
     m, _, along = _inertia(design, magnet)
-    K = system.assemble(system.state(q), _glued(path, system, q)).tangent
+    K = system.assemble(system.state(q), _glued(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
     # torsion does not couple to the rest: keep its unknowns only
     twist = np.zeros(system.size, dtype=bool)

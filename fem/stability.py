@@ -19,7 +19,6 @@ from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
-from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
 from fem.discretisation.nonlinear_system import Assembly
 from fem.discretisation.symmetry_models import Discretisation
@@ -27,11 +26,12 @@ from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
 from fem.error_estimate_rules import LEAST_DEPTH, LEAST_RADIUS
 from fem.error_estimates import estimate_number
 from fem.material import law
-from fem.results.lateral_stiffness import at_rest, lateral, normal_force
+from fem.results.lateral_stiffness import SidewaysModel, lateral, normal_force
 from fem.results.postprocess import pose
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
+from fem.solvers.path_state import PathState, glued, with_harmonics
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
@@ -148,11 +148,7 @@ def with_companion(one: Critical, other: Critical, magnet: Magnet, accuracy: Acc
 def _critical(design: Design, magnet: Magnet, guided: bool, accuracy: Accuracy, deepest: float) -> Critical:
     end, D = deepest / design.D, design.D
     rough = _build(design, magnet, QUICK)
-    path = _path(rough)
-    try:
-        first = _located(path, guided, 0.0, min(STEP, end / 8), end)
-    finally:
-        path.close()
+    first = _located(rough, guided, 0.0, min(STEP, end / 8), end)
     if first is None or isinstance(first, float):
         return _none(first or 0.0, end, D)
     edge = contact_end(rough, RIM * accuracy.section_patch, first.depth)
@@ -209,25 +205,22 @@ def _small_shear(design: Design, depth: float, magnet: Magnet, accuracy: Accurac
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
     edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_patch, d)
     build = _build(design, magnet, accuracy, _rim(edge, accuracy))
-    path = Path(build(), rim=edge)
+    path = Path(build())
     try:
-        reason = path.go(d, np.zeros(2))
-        if reason:
-            raise BadInput(
-                f"the press stops at depth {path.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
-            )
-        high = build(harmonics=1)
-        q = symmetry_models.raise_harmonics(path.d.system, high.system, path.q)
-        skin = high.system.surface
-        assert skin is not None
-        plate = plate_contact.glued(skin, high.system.state(q).u, path.plate(), edge, high.shape.H)
-        there = high.system.assemble(high.system.state(q), plate)
-        shear = replace(plate, shear=np.array([1.0, 0.0]))
-        moved = high.system.assemble(high.system.state(q), shear, tangent=False)
-        step = _solved(there, there.residual - moved.residual)
-        return _small(design, path, high, plate, q, step)
+        reason, pressed = path.go(d, np.zeros(2)), path.state
     finally:
         path.close()
+    if reason:
+        raise BadInput(
+            f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
+        )
+    held = glued(with_harmonics(pressed, build(harmonics=1)), edge)
+    system, plate = held.d.system, held.plate
+    there = system.assemble(system.state(held.q), plate)
+    shear = replace(plate, shear=np.array([1.0, 0.0]))
+    moved = system.assemble(system.state(held.q), shear, tangent=False)
+    # the tangent is that of the plate at rest: what its motion adds to the residual is the load
+    return _small(design, pressed, held, _solved(there, there.residual - moved.residual))
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
@@ -253,7 +246,7 @@ def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
 
 
 def _path(build: functools.partial[Discretisation]) -> Path:
-    return Path(build(), raised=functools.partial(build, harmonics=1), kappa=KAPPA)
+    return Path(build(), kappa=KAPPA)
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,21 +272,30 @@ def _near(build: functools.partial[Discretisation], guided: bool, depth: float, 
     A state that is unstable already may lie on another branch, which no way back leaves.
     """
     for start in ((1 - AROUND) * depth, 0.0):
-        path = _path(build)
-        try:
-            found = _located(path, guided, start, AROUND * depth if start else depth / 4, end)
-        finally:
-            path.close()
+        found = _located(build, guided, start, AROUND * depth if start else depth / 4, end)
         if found is not None:
             return found
     return 0.0
 
 
-def _located(path: Path, guided: bool, start: float, step: float, end: float) -> _Found | float | None:
+def _located(
+    build: functools.partial[Discretisation], guided: bool, start: float, step: float, end: float
+) -> _Found | float | None:
     """The first instability, looked for from a depth on in steps; the depth reached if there is none.
 
     None where the press does not come to the start, or is unstable there.
     """
+    path = _path(build)
+    try:
+        return _searched(path, SidewaysModel(functools.partial(build, harmonics=1)), guided, start, step, end)
+    finally:
+        path.close()
+
+
+def _searched(
+    path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
+) -> _Found | float | None:
+    """The first instability that a path comes to: see `_located`."""
     known: dict[float, float] = {}
 
     def stiffness(depth: float) -> float:
@@ -301,7 +303,7 @@ def _located(path: Path, guided: bool, start: float, step: float, end: float) ->
         if depth not in known:
             if path.go(depth, np.zeros(2)):
                 raise _StoppedError
-            now = lateral(path, guided=guided)
+            now = lateral(sideways, path.state, guided=guided)
             known[depth] = -abs(now.stiffness) if now.unstable else abs(now.stiffness)
         return known[depth]
 
@@ -314,13 +316,13 @@ def _located(path: Path, guided: bool, start: float, step: float, end: float) ->
         if start and not stable:
             return None
         if not stable:
-            known[stable] = at_rest(path)
+            known[stable] = sideways.stiffness_at_rest
         depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
         path.go(depth, np.zeros(2))
     except _StoppedError:
         return stable or (None if start else 0.0)
     stable = max(depth for depth, value in known.items() if value > 0)
-    return _Found(depth, normal_force(path), end_of_contact(path), stable)
+    return _Found(depth, normal_force(path.state), end_of_contact(path.state), stable)
 
 
 def _none(reached: float, end: float, D: float) -> Critical:
@@ -337,21 +339,19 @@ def _solved(assembly: Assembly, right: Array) -> Array:
         solver.close()
 
 
-def _small(design: Design, path: Path, high: Discretisation, plate: Plate, q: Array, step: Array) -> SmallShear:
-    """Read the linear answer `step` per unit of shear about q."""
-    system, D = high.system, design.D
-    skin = system.surface
-    assert skin is not None
+def _small(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
+    """Read the linear answer `step` per unit of shear, about a press whose patch is held."""
+    system, skin, plate, D = held.d.system, held.skin, held.plate, design.D
     assert plate.tied is not None
     way = 1e-6
-    ahead, behind = system.state(q + way * step), system.state(q - way * step)
+    ahead, behind = system.state(held.q + way * step), system.state(held.q - way * step)
     du = skin.displacement((ahead.u - behind.u) / (2 * way))[..., 0]
     stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
-    (shift2, tilt2), (shift1, tilt1) = (pose(high, s.u, s.q) for s in (ahead, behind))
+    (shift2, tilt2), (shift1, tilt1) = (pose(held.d, s.u, s.q) for s in (ahead, behind))
     return SmallShear(
         stiffness=stiffness * design.E * D,
         shift=float(shift2[0] - shift1[0]) / (2 * way),
         tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
-        force=normal_force(path) * design.E * D**2,
-        contact_radius=plate_contact.contact_radius(path.skin, path.u, path.plate()) * D,
+        force=normal_force(pressed) * design.E * D**2,
+        contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
     )

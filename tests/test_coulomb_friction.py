@@ -106,7 +106,7 @@ def test_no_friction_is_the_frictionless_plate():
 
 def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip(monkeypatch):
     """On springs that are equally stiff in all of them."""
-    monkeypatch.setattr("fem.solvers.load_stepping.SECTION_KAPPA", KAPPA)
+    monkeypatch.setattr("fem.solvers.path_state.SECTION_KAPPA", KAPPA)
     none, little, some, much, more = (bare([1.0], mu, magnet="rigid")[0] for mu in ("none", 1e-6, 0.1, 1e2, 1e4))
     force = [s.response.force[2] for s in (none, little, some, much, more)]
     assert force[1] == pytest.approx(force[0], rel=1e-5)

@@ -1,5 +1,7 @@
 """What is known of a state: gathered from a path, printed as keys."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,18 +23,18 @@ def pressed():
     """The all-silicone beam on a coarse section, pressed by 0.4 mm."""
     p = Path(symmetry_models.section(paper().shape.without_magnet().scaled(1 / 8), 0.4998, "ignored", 0.25, 0.125))
     assert not p.go(0.05, np.zeros(2))
-    yield p
     p.close()
+    return p.state
 
 
 def test_a_good_state_has_nothing_to_say(pressed):
-    state = read(pressed, paper(), Load(depth=0.4), X, "", 0.0)
+    state = read(pressed, paper(), Load(depth=0.4), X)
     assert (state.status, state.message, state.facts) == ("ok", "", Facts(unstable_directions=0))
 
 
 def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
-    pressed.unstable, pressed.onset = 2, (np.array([0.025, 0, 0]), np.array([0.0375, 0, 0]))
-    state = read(pressed, paper(), Load(depth=0.4), X, "", 0.0)
+    unstable = replace(pressed, unstable=2, onset=(np.array([0.025, 0, 0]), np.array([0.0375, 0, 0])))
+    state = read(unstable, paper(), Load(depth=0.4), X)
     assert (state.facts.onset, state.facts.onset_mm, state.facts.unstable_directions) == ("depth", (0.2, 0.3), 2)
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
@@ -42,8 +44,8 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
 
 
 def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
-    pressed.unstable, pressed.onset = 0, (np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04]))
-    found = diagnostics.gather(pressed, 8.0, Load(depth=0.4), "", RESPONSE, None, watch=False)
+    unstable = replace(pressed, unstable=0, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
+    found = diagnostics.gather(unstable, 8.0, Load(depth=0.4), "", RESPONSE, None)
     assert (found.onset, found.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
 

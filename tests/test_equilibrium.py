@@ -13,6 +13,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
 from fem.solvers.load_stepping import Path
+from fem.solvers.path_state import with_harmonics
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
@@ -140,9 +141,9 @@ def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
     low, high = (symmetry_models.section(shape, 0.4998, magnet, 0.12, 0.06, harmonics=n) for n in (0, 3))
     path = Path(low)
     assert path.go(0.1, np.zeros(2)) == ""
-    q = symmetry_models.raise_harmonics(low.system, high.system, path.q)
-    here = high.system.assemble(high.system.state(q), path.plate())
-    there = low.system.assemble(low.system.state(path.q), path.plate())
+    raised = with_harmonics(path.state, high)
+    here = high.system.assemble(high.system.state(raised.q), raised.plate)
+    there = low.system.assemble(low.system.state(path.state.q), path.state.plate)
     assert here.energy == pytest.approx(there.energy, rel=1e-12)
     assert np.abs(here.residual).max() < 2 * np.abs(there.residual).max() + 1e-12 * np.abs(there.forces).max()
 

@@ -8,7 +8,7 @@ import pytest
 from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
-from fem.solvers import load_stepping
+from fem.solvers import load_increments
 from fem.solvers.load_stepping import Path
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -21,8 +21,8 @@ def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
     )
     loads = [Load(depth=depth) for depth in (0.07326, 0.2442, 0.6105)]
     forces = []
-    for longest in (load_stepping.LONGEST_STEP, 0.03):
-        monkeypatch.setattr(load_stepping, "LONGEST_STEP", longest)
+    for longest in (load_increments.LONGEST, 0.03):
+        monkeypatch.setattr(load_increments, "LONGEST", longest)
         forces.append(trace(sensor, loads, QUICK, estimate=False)[-1].response.force[2])
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
@@ -30,25 +30,26 @@ def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
 def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
     """With a bound that every deformation breaks."""
     plain = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
-    monkeypatch.setattr(load_stepping, "CRUSHED", 1.0)
+    monkeypatch.setattr(load_increments, "CRUSHED", 1.0)
     halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
     assert halved.newton_iterations > plain.newton_iterations
     assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
 
 
 def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monkeypatch):
-    shape, real = paper().shape.without_magnet().scaled(1 / 8), load_stepping.newton
+    shape, real = paper().shape.without_magnet().scaled(1 / 8), load_increments.newton
 
     def stubborn(system, solver, q, plate, *more, **options):
         answer = real(system, solver, q, plate, *more, **options)
         return replace(answer, reason="step_inverted") if plate.height < shape.L - 0.3 else answer
 
-    monkeypatch.setattr(load_stepping, "newton", stubborn)
+    monkeypatch.setattr(load_increments, "newton", stubborn)
     p = Path(symmetry_models.section(shape, 0.4998, "ignored", 0.25, 0.125))
     assert p.go(0.4, np.zeros(2)) == "step_inverted"
-    assert 0.25 <= p.position[0] < 0.3
-    found = p.d.system.assemble(p.d.system.state(p.q), p.plate(), tangent=False)
-    assert np.abs(found.residual).max() < 1e-9 * np.abs(found.forces[p.d.system.eliminated]).max()
+    assert 0.25 <= p.state.position[0] < 0.3
+    system = p.state.d.system
+    here = system.assemble(system.state(p.state.q), p.state.plate, tangent=False)
+    assert np.abs(here.residual).max() < 1e-9 * np.abs(here.forces[system.eliminated]).max()
 
 
 @pytest.mark.parametrize("least", [1e-6, 1e-4, 0.1, 0.5])

@@ -9,7 +9,7 @@ from fem.accuracy import QUICK
 from fem.discretisation import rigid_inclusion, symmetry_models
 from fem.equilibrium import trace
 from fem.results.postprocess import pose
-from fem.solvers import load_stepping
+from fem.solvers import load_increments
 from geometry.design import paper
 from geometry.loads import Load
 
@@ -31,13 +31,13 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
 
 def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
     """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
-    real = load_stepping.newton
+    real = load_increments.newton
 
     def stubborn(system, solver, q, plate, *more, **options):
         answer = real(system, solver, q, plate, *more, **options)
         return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
 
-    monkeypatch.setattr(load_stepping, "newton", stubborn)
+    monkeypatch.setattr(load_increments, "newton", stubborn)
     load = Load(depth=1.0, shear_x=0.5, friction="stick")
     (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert (state.status, state.load.shear_x) == ("not_converged", 0.0)

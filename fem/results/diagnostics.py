@@ -1,6 +1,6 @@
 """What is known of a state beside its answer: why its path stopped, where it turned unstable, what to beware of.
 
-`gather` looks at a path and `status` follows from the facts; `fem.results.state_messages` puts them into words.
+`gather` looks at a state and `status` follows from the facts; `fem.results.state_messages` puts them into words.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
 from fem.results import material_stability
-from fem.results.lateral_stiffness import Margin, lateral, margin
+from fem.results.lateral_stiffness import Margin, SidewaysModel, lateral, margin
 from fem.solution import Facts, Remark, Status
-from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
+from fem.solvers.path_state import PathState
 from geometry.loads import Load, Response
 
 Array = NDArray[np.float64]
@@ -36,33 +36,39 @@ elements at a time."""
 
 
 def gather(
-    path: Path, D: float, load: Load, stop: Stop, response: Response, slip_share: float | None, *, watch: bool
+    state: PathState,
+    D: float,
+    load: Load,
+    stop: Stop,
+    response: Response,
+    slip_share: float | None,
+    sideways: SidewaysModel | None = None,
 ) -> Facts:
-    """The facts of a path's present state.
+    """The facts of a path's state.
 
     Parameters
     ----------
     D : the beam's diameter, mm.
     load, response : of that state.
     stop : why the path ended before the load that was asked for; empty if it did not.
-    watch : look whether an axisymmetric press is stable sideways.
+    sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
-    onset, between = _onset(path, D)
-    upright = not stop and not path.unstable and onset is None and load.depth > 0 and response.force[2] > 0
-    watched = watch and upright and path.d.model == "axisymmetric" and not path.sheared
-    near = margin(path) if watched and path.friction is None else None
-    gives_way = bool(near.unstable if near else watched and lateral(path).unstable)
-    remark = None if stop else _remark(path, D, load, response, slip_share, near, gives_way=gives_way)
+    onset, between = _onset(state, D)
+    upright = not stop and not state.unstable and onset is None and load.depth > 0 and response.force[2] > 0
+    looked = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
+    near = margin(looked, state) if looked and state.friction is None else None
+    gives_way = bool(near.unstable if near else looked and lateral(looked, state).unstable)
+    remark = None if stop else _remark(state, D, load, response, slip_share, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
-    reach = material_stability.REACH if stop or path.unstable or onset else 1.0
-    stretches = material_stability.lost(path.d.system, path.u, reach)
+    reach = material_stability.REACH if stop or state.unstable or onset else 1.0
+    stretches = material_stability.lost(state.d.system, state.u, reach)
     return Facts(
         stop=stop,
-        unstable_directions=path.unstable,
+        unstable_directions=state.unstable,
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        inside_out_share=inside_out(path.d, path.u) if path.flattest < FLAT else 0.0,
+        inside_out_share=inside_out(state.d, state.u) if state.least_J < FLAT else 0.0,
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
@@ -103,18 +109,18 @@ def inside_out(d: Discretisation, u: Array) -> float:
     return folded / whole
 
 
-def _onset(path: Path, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:
+def _onset(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:
     """What moved when the path turned unstable, and between which of its values, mm."""
-    if path.onset is None:
+    if state.onset is None:
         return None, None
-    before, after = path.onset
+    before, after = state.onset
     if before[0] != after[0]:
         return "depth", (float(before[0]) * D, float(after[0]) * D)
     return "shear", (float(np.linalg.norm(before[1:])) * D, float(np.linalg.norm(after[1:])) * D)
 
 
 def _remark(
-    path: Path,
+    state: PathState,
     D: float,
     load: Load,
     response: Response,
@@ -124,13 +130,13 @@ def _remark(
     gives_way: bool,
 ) -> Remark | None:
     """What a user should know of an answer: first of all what it is not."""
-    normal, sheared = response.force[2], path.sheared
+    normal, sheared = response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared:
         return "no_touch"
-    if path.unstable or path.onset is not None:
+    if state.unstable or state.onset is not None:
         return None
-    if path.friction is not None and pressed and not normal > 0:
+    if state.friction is not None and pressed and not normal > 0:
         return "touch_lost"
     if pressed and normal < 0:
         return "pulled"
@@ -142,7 +148,7 @@ def _remark(
         return "guided_only"
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
         return "nearly_guided_only"
-    if path.friction is not None:
+    if state.friction is not None:
         return "full_slip" if slip_share == 1 and sheared else "part_slips" if slip_share else None
     return "idle_stick" if load.friction == "stick" and not sheared else None
 

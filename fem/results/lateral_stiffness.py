@@ -19,24 +19,47 @@ where r is between FAR and PAST, err by at most 11 % at level quick and 7 % at s
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.contact import coulomb_friction, plate_contact
+from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
-from fem.discretisation.nonlinear_system import System
+from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_stepping import Path
+from fem.solvers.path_state import PathState, with_harmonics
 
 Array = NDArray[np.float64]
 
 
 FAR, PAST = 0.5, -0.3
 """Ratios of the lateral stiffnesses between which something is said of a critical depth."""
+
+
+class SidewaysModel:
+    """The model with harmonics in which presses on one mesh are looked at, and what it needs only once.
+
+    Parameters
+    ----------
+    build : makes it; the model is built when it is first needed, as most paths never do.
+    """
+
+    def __init__(self, build: Callable[[], Discretisation]) -> None:
+        self._build = build
+
+    @functools.cached_property
+    def d(self) -> Discretisation:
+        return self._build()
+
+    @functools.cached_property
+    def stiffness_at_rest(self) -> float:
+        """Lateral stiffness of the beam that nothing presses, in units of E D."""
+        return _answer(self.d, np.zeros(self.d.system.size), None)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,24 +76,21 @@ class Lateral:
     unstable: int | None
 
 
-def lateral(path: Path, *, guided: bool = False) -> Lateral:
-    """Of the present state of an axisymmetric press that has a model with harmonics at hand.
+def lateral(model: SidewaysModel, state: PathState, *, guided: bool = False) -> Lateral:
+    """Of the state of an axisymmetric press.
 
     Parameters
     ----------
     guided : what is in contact is glued to the plate; else the tip is free to slide.
     """
-    high = path.high
-    assert high.surface is not None
-    q, plate = symmetry_models.raise_harmonics(path.d.system, high, path.q), path.plate()
-    if path.friction is not None:
-        plate = replace(plate, friction=coulomb_friction.revolved(path.friction, high.surface.points))
+    high = with_harmonics(state, model.d)
+    plate = high.plate
     if guided:
-        u = high.state(q).u
-        tied = plate_contact.overlap(high.surface, u, plate) > 0
-        plate = replace(plate, tied=tied, targets=plate_contact.along(high.surface, u, plate))
-    stiffness, negative = _answer(high, q, plate, path.d.shape.H)
-    return Lateral(stiffness, None if negative is None else negative - (path.unstable or 0))
+        tied = high.overlap > 0
+        plate = replace(plate, tied=tied, targets=plate_contact.along(high.skin, high.u, plate))
+    stiffness, negative = _answer(model.d, high.q, plate)
+    # directions in which the axisymmetric press is unstable are among them
+    return Lateral(stiffness, None if negative is None else negative - (state.unstable or 0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,39 +109,33 @@ class Margin:
     unstable: int | None
 
 
-def margin(path: Path) -> Margin:
-    """Of the present state of a frictionless axisymmetric press whose tip is free to slide."""
-    now = lateral(path)
-    ratio, depth = now.stiffness / at_rest(path), float(path.position[0])
-    growth = normal_force(path) * depth / path.energy - 1 if path.energy > 0 else 0.0
+def margin(model: SidewaysModel, state: PathState) -> Margin:
+    """Of the state of a frictionless axisymmetric press whose tip is free to slide."""
+    now = lateral(model, state)
+    ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
+    growth = normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
     near = PAST <= ratio <= FAR and growth > 0
     return Margin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.unstable)
 
 
-def normal_force(path: Path) -> float:
+def normal_force(state: PathState) -> float:
     """Normal force of the plate over E D^2."""
-    residual, _, _ = plate_contact.traction(path.skin, path.u, path.plate())
-    return float(np.sum(path.skin.weights * residual[..., 2]))
+    residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
+    return float(np.sum(state.skin.weights * residual[..., 2]))
 
 
-def at_rest(path: Path) -> float:
-    """Lateral stiffness of the beam that nothing presses, in units of E D; the path keeps it."""
-    if path.stiffness_at_rest is None:
-        high = path.high
-        path.stiffness_at_rest, _ = _answer(high, np.zeros(high.size), None, path.d.shape.H)
-    return path.stiffness_at_rest
-
-
-def _answer(high: System, q: Array, plate: Plate | None, above: float) -> tuple[float, int | None]:
-    """Stiffness against a force on the skin above a height, and how many displacements are unstable."""
-    assert high.surface is not None
-    force = np.zeros(high.size)
-    force[: high.n_free] = symmetry_models.pushed(high.surface, high.fixed.shape, above, 1.0)[high.free]
+def _answer(d: Discretisation, q: Array, plate: Plate | None) -> tuple[float, int | None]:
+    """Stiffness against a force on the dome, and how many displacements are unstable."""
+    system = d.system
+    assert system.surface is not None
+    force = np.zeros(system.size)
+    force[: system.n_free] = symmetry_models.pushed(system.surface, system.fixed.shape, d.shape.H, 1.0)[system.free]
     solver = Solver()
     try:
-        about = high.assemble(high.state(q), plate)
+        about = system.assemble(system.state(q), plate)
         solver.factorise(about.tangent, symmetric=about.symmetric)
         compliance, negative = float(force @ solver.solve(force)), solver.negative()
     finally:
         solver.close()
-    return 1 / compliance, None if negative is None else negative - high.n_pressure
+    # each pressure brings a negative eigenvalue of its own
+    return 1 / compliance, None if negative is None else negative - system.n_pressure

@@ -11,9 +11,10 @@ from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
+from fem.results.lateral_stiffness import SidewaysModel
 from fem.solution import Field, Solution
-from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
+from fem.solvers.path_state import PathState
 from geometry.design import Design
 from geometry.loads import Load, Response
 
@@ -21,61 +22,72 @@ Array = NDArray[np.float64]
 
 
 def read(
-    path: Path, design: Design, load: Load, direction: Array, stop: Stop, seconds: float, *, watch: bool = False
+    state: PathState,
+    design: Design,
+    load: Load,
+    direction: Array,
+    stop: Stop = "",
+    *,
+    iterations: int = 0,
+    seconds: float = 0.0,
+    sideways: SidewaysModel | None = None,
 ) -> Solution:
-    """The present state of a path that was to reach a load.
+    """The solution at a state of a path that was to reach a load.
 
     Parameters
     ----------
     direction : (2,) unit vector in the user's frame along which the model's x axis points.
     stop : why the path stopped short; empty if it did not.
-    watch : look whether an axisymmetric press is stable sideways.
+    iterations, seconds : what the state has cost.
+    sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
-    D, d = design.D, path.d
+    D, d = design.D, state.d
     turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
     if stop:
-        depth, shear = float(path.position[0]) * D, turn @ path.position[1:] * D
+        depth, shear = float(state.position[0]) * D, turn @ state.position[1:] * D
         moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.slides else {}
         load = replace(load, depth=depth, **moved)
-    state = d.system.state(path.q)
-    plate = path.plate()
-    residual, _, _ = plate_contact.traction(path.skin, state.u, plate)
-    total = d.symmetry * np.einsum("kq,kqi->i", path.skin.weights, residual) * design.E * D**2
-    shift, tilt = pose(d, state.u, path.q)
+    nodal = d.system.state(state.q)
+    plate = state.plate
+    residual, _, _ = plate_contact.traction(state.skin, nodal.u, plate)
+    total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
+    shift, tilt = pose(d, nodal.u, state.q)
     if d.model == "axisymmetric":
         total[0] = shift[0] = tilt[0] = 0.0  # radial tractions, and rounding
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    radius = plate_contact.patch_radius if path.sheared else plate_contact.contact_radius
+    radius = plate_contact.patch_radius if state.sheared else plate_contact.contact_radius
     response = Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
         tilt=float(tilt_xy[0]),
-        contact_radius=0.0 if path.grip else radius(path.skin, state.u, plate) * D,
+        contact_radius=0.0 if state.grip else radius(state.skin, nodal.u, plate) * D,
         tilt_y=float(tilt_xy[1]),
     )
-    slip_share = coulomb_friction.slip_share(path.friction, path.skin.weights) if path.friction is not None else None
-    known = diagnostics.gather(path, D, load, stop, response, slip_share, watch=watch)
+    slip_share = (
+        coulomb_friction.slip_share(state.friction, state.skin.weights) if state.friction is not None else None
+    )
+    known = diagnostics.gather(state, D, load, stop, response, slip_share, sideways)
     return Solution(
         load=load,
         response=response,
-        energy=path.energy * d.symmetry * design.E * D**3,
+        energy=state.energy * d.symmetry * design.E * D**3,
         status=diagnostics.status(known),
         message=state_messages.sentence(known, design, load, response, slip_share, d.model),
         model=d.model,
         dofs=d.system.size,
-        newton_iterations=path.iterations,
+        newton_iterations=iterations,
         seconds=seconds,
         field=Field(
             mesh=type(d.mesh)(d.mesh.doflocs * D, d.mesh.t),
-            u=state.u * D,
-            p=state.p * design.E,
+            u=nodal.u * D,
+            p=nodal.p * design.E,
             vertices=d.system.corner_nodes,
             angles=d.elements.angles,
         ),
         facts=known,
-        dissipated=path.dissipated * d.symmetry * design.E * D**3,
+        dissipated=state.dissipated * d.symmetry * design.E * D**3,
         slip_share=slip_share,
     )
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 
 from fem.discretisation import symmetry_models
-from fem.solvers.load_stepping import FIRST_TOUCH
+from fem.solvers.path_state import FIRST_TOUCH
 from geometry.loads import Load
 
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9

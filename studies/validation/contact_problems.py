@@ -11,6 +11,7 @@ from fem.accuracy import LEVELS
 from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
+from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED, newton
 from geometry.design import paper
@@ -44,20 +45,21 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
     shape = design.shape.scaled(1 / design.D)
     tip = min(size, math.sqrt(shape.R * depth) * size / 2)
     path = Path(symmetry_models.section(shape, design.nu, magnet, size, tip))
-    forces, factors = [], np.array([1.0, 3.0, 10.0])
+    forces, factors, solver = [], np.array([1.0, 3.0, 10.0]), Solver()
     try:
-        reason = path.go(depth, np.zeros(2))
-        q, plate, skin = path.q, path.plate(), path.skin
+        reason, state = path.go(depth, np.zeros(2)), path.state
+        system, q, plate, skin = state.d.system, state.q, state.plate, state.skin
         for factor in factors:
             harder = replace(plate, stiffness=factor * plate.stiffness)
-            pressed = plate_contact.overlap(skin, path.d.system.state(q).u, plate) > 0
-            answer = newton(path.d.system, path.solver, q, harder, pressed)
+            pressed = plate_contact.overlap(skin, system.state(q).u, plate) > 0
+            answer = newton(system, solver, q, harder, pressed)
             reason = reason or answer.reason
             q = answer.state.q
             pushed = plate_contact.traction(skin, answer.state.u, harder)[0][..., 2]
             forces.append(float(np.sum(skin.weights * pushed)))
     finally:
         path.close()
+        solver.close()
     if reason:
         raise NotSolvedError(STOPPED[reason])
     return forces[0] / float(np.polynomial.Polynomial.fit(1 / factors, forces, 1)(0.0))
