@@ -12,9 +12,11 @@ from fem.solution import Solution
 from geometry.design import Design, paper
 from studies.fabrication import sensor_parts
 from studies.output import atomic_files
+from studies.output.console import Progress
 from studies.output.provenance import made, versions
+from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
-from studies.simulation.compare import Comparison, Outcome, Progress, Row, part
+from studies.simulation.compare import Comparison, Outcome, part
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
 """What draws and makes solids, beside what finite elements need."""
@@ -75,20 +77,22 @@ def run(
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
     cad = sensor_parts.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
     mesh = design_summary.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
-    found = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
+    comparison = compare.compare(design, accuracy, part(show, 0.22, 0.93), depths, shears)
     show(0.93, "tables and plots")
-    compare.write(folder, design, found)
-    for name, states in (("press", found.pressed), ("shear", found.sheared)):
+    compare.write(folder, design, comparison)
+    for name, states in (("press", comparison.pressed), ("shear", comparison.sheared)):
         show(0.95, f"picture: {name}")
         _write_last(folder, name, design, states)
-    atomic_files.write_text(folder / "REPORT.md", document(design, found, cad, mesh, origin))
+    atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
-    done = [cad, mesh, *found.press, *found.shear]
-    worst = next((record for record in done if record["status"] != "ok"), {"status": "ok", "message": ""})
+    outcomes = [(record["status"], record["message"]) for record in (cad, mesh)]
+    outcomes += [(row.status, row.message) for row in comparison.press]
+    outcomes += [(row.status, row.message) for row in comparison.shear]
+    status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), ("ok", ""))
     return {
-        "status": worst["status"],
-        "message": worst["message"],
-        "summary": found.summary,
+        "status": status,
+        "message": message,
+        "summary": comparison.summary,
         "parts": cad["parts"],
         "checks": cad["checks"],
         "mesh": mesh,
@@ -116,11 +120,13 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 # REPORT.md
 
 
-def document(design: Design, found: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any], origin: str) -> str:
+def document(
+    design: Design, comparison: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any], origin: str
+) -> str:
     """The text of REPORT.md: findings in sentences, small tables, what is assumed, what was made and with what."""
-    summary = found.summary
-    press = [row for row in found.press if row["status"] == "ok"]
-    shear = [row for row in found.shear if row["status"] == "ok"]
+    summary = comparison.summary
+    press = [row.row() for row in comparison.press if row.status == "ok"]
+    shear = [row.row() for row in comparison.shear if row.status == "ok"]
     blocks = [
         "# The paper's sensor: formulas against finite elements",
         INTRODUCTION.format(**dataclasses.asdict(design)),
@@ -176,7 +182,7 @@ def _bullets(lines: Sequence[str]) -> str:
     return "\n".join(f"- {line}" for line in lines)
 
 
-def _table(rows: Sequence[Row], columns: Mapping[str, tuple[str, str]]) -> str:
+def _table(rows: Sequence[FlatRow], columns: Mapping[str, tuple[str, str]]) -> str:
     if not rows:
         return ""
     lines = [list(columns), ["---:"] * len(columns)]

@@ -12,6 +12,14 @@ from fem.solution import Estimates
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import compare, comparison_findings
+from studies.simulation.comparison_rows import (
+    ElementReadings,
+    PressRow,
+    Quantity,
+    Reading,
+    ShearRow,
+    with_reading_errors,
+)
 
 DEPTHS = (0.5, 1.0)
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
@@ -99,10 +107,10 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
     outcomes = compare.follow(paper(), loads, QUICK, "rigid")
     assert [outcome.status for outcome in outcomes] == ["bad_input", "ok", "not_converged", "not_converged"]
     rows = compare.press_rows(paper(), loads, outcomes, outcomes)
-    assert [math.isnan(row["fem_force_N"]) for row in rows] == [True, False, True, True]
-    assert [math.isnan(row["analytic_force_N"]) for row in rows] == [True, False, False, False]
-    assert "7.5 mm" in rows[0]["message"]
-    assert "stopped at depth 0.9 mm" in rows[3]["message"]
+    assert [math.isnan(row.force_N.fem) for row in rows] == [True, False, True, True]
+    assert [math.isnan(row.force_N.analytic) for row in rows] == [True, False, False, False]
+    assert "7.5 mm" in rows[0].message
+    assert "stopped at depth 0.9 mm" in rows[3].message
     assert comparison_findings.findings(paper(), rows, [])["missing_states"] == 3
 
 
@@ -130,14 +138,28 @@ def test_a_beam_without_a_magnet_has_forces_but_no_readings(tmp_path):
     assert "nan" not in text
 
 
+UNKNOWN = Quantity(math.nan, math.nan, math.nan)
+
+
 def press_row(depth, rigid, homogeneous, volt=0.0):
     design = paper()
-    row = {"depth_mm": depth, "force_error_percent": rigid, "homogeneous_force_error_percent": homogeneous}
-    row |= {"shift_error_percent": 50.0, "analytic_S1_error_percent_FS": 9.0, "analytic_S2_error_percent_FS": -8.0}
     force = beam.solve(design, Load(depth=depth)).force[2]
     volts = hall.readings(design, beam.solve(design, Load(depth=depth))).V[0]
-    row |= {"analytic_force_N": force, "fem_force_N": force, "analytic_S1_V": volts + volt, "fem_S1_V": volts}
-    return row | {"error_estimate": 0.01, "homogeneous_error_estimate": math.nan, "status": "ok"}
+    fem, analytic = Reading(0.0, volts), Reading(0.0, volts + volt)
+    return PressRow(
+        depth_mm=depth,
+        force_N=Quantity(force, math.nan, force, rigid, homogeneous),
+        shift_z_mm=Quantity(math.nan, math.nan, math.nan, 50.0),
+        contact_radius_mm=UNKNOWN,
+        readings=tuple(
+            ElementReadings(name, "V", fem, analytic, analytic_error_percent_FS=error)
+            for name, error in (("S1", 9.0), ("S2", -8.0))
+        ),
+        error_estimate=0.01,
+        homogeneous_error_estimate=math.nan,
+        status="ok",
+        message="",
+    )
 
 
 def test_sentences_about_the_press_follow_the_figures():
@@ -161,7 +183,7 @@ def test_the_papers_claim_about_the_voltage_is_judged():
     assert "agrees with the paper" in " ".join(comparison_findings.press_sentences(found))
     wrong = [press_row(depth, 0.0, 0.0, volt=0.1) for depth in (1.0, 2.0, 3.0)]
     found = comparison_findings.findings(paper(), wrong, [])
-    rest, last = hall.readings(paper()).V[0], wrong[-1]["fem_S1_V"]
+    rest, last = hall.readings(paper()).V[0], wrong[-1].readings[0].fem.output
     assert found["S1_V_against_force_error_percent_FS"] == pytest.approx(100 * 0.1 / (last - rest))
     assert "do not confirm" in " ".join(comparison_findings.press_sentences(found))
 
@@ -173,18 +195,22 @@ def test_the_secant_law_is_told_with_its_work_integral():
     assert found["area_over_hertz"] == pytest.approx(1.25)
 
 
-def shear_row(way, stiffness, untilted, analytic):
-    row = {"shear_mm": way, "depth_mm": 1.0, "status": "ok", "analytic_shift_x_mm": 0.5 * way}
-    for model in ("fem", "fem_homogeneous"):
-        row |= {
-            f"{model}_force_x_N": stiffness * way,
-            f"{model}_tilt_rad": 0.1 * way,
-            f"{model}_shift_x_mm": 0.4 * way,
-        }
-    row |= {"force_x_error_percent": 30.0, "homogeneous_force_x_error_percent": 50.0, "fem_force_z_N": 4.0}
-    row |= {"error_estimate": 0.02, "homogeneous_error_estimate": math.nan}
-    row |= {f"untilted_S{k}_error_percent_FS": untilted for k in (1, 2, 3)}
-    return row | {f"analytic_S{k}_error_percent_FS": analytic for k in (1, 2, 3)}
+def shear_row(way, stiffness, untilted, analytic, status="ok"):
+    none = Reading(math.nan, math.nan)
+    return ShearRow(
+        shear_mm=way,
+        depth_mm=1.0,
+        force_x_N=Quantity(stiffness * way, stiffness * way, math.nan, 30.0, 50.0),
+        force_z_N=UNKNOWN,
+        shift_x_mm=Quantity(0.4 * way, 0.4 * way, 0.5 * way),
+        shift_z_mm=UNKNOWN,
+        tilt_rad=Quantity(0.1 * way, 0.1 * way, 0.0),
+        readings=tuple(ElementReadings(f"S{k}", "V", none, none, none, analytic, untilted) for k in (1, 2, 3)),
+        error_estimate=0.02,
+        homogeneous_error_estimate=math.nan,
+        status=status,
+        message="",
+    )
 
 
 def test_sentences_about_the_shear_follow_the_figures():
@@ -198,7 +224,7 @@ def test_sentences_about_the_shear_follow_the_figures():
     assert "explains most of" in " ".join(comparison_findings.shear_sentences(guilty))
     assert "2.0 %" in " ".join(comparison_findings.trust_sentences(guilty))
     nothing = comparison_findings.findings(
-        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan) | {"status": "unstable"}]
+        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="unstable")]
     )
     assert "reached no state" in " ".join(comparison_findings.shear_sentences(nothing))
     assert "1 state was not reached" in " ".join(comparison_findings.trust_sentences(nothing))
@@ -235,13 +261,14 @@ def test_a_chip_has_its_own_columns_in_mT(tmp_path):
 
     press = rows(compare.press_rows, [Load(depth=d) for d in DEPTHS])
     shear = rows(compare.shear_rows, [Load(depth=0.8, shear_x=s, friction="stick") for s in (0.0, 1.0)])
-    compare._fill_reading_errors(design, [*press, *shear])
+    press, shear = with_reading_errors(design, press, shear)
     seen = hall.readings(design, beam.solve(design, Load(depth=1.0)))
-    assert press[1]["fem_chip_-z_mT"] == pytest.approx(1e3 * seen.B_T[0])
-    assert press[1]["fem_chip_-z_output_mT"] == pytest.approx(1e3 * seen.output[0])
-    assert press[1]["fem_chip_-z_output_mT"] != press[1]["fem_chip_-z_mT"]
-    assert shear[1]["analytic_chip_x_error_percent_FS"] == pytest.approx(0, abs=1e-9)
-    assert not any(name.endswith("_V") or "S1" in name for row in (*press, *shear) for name in row)
+    pressed, sheared = press[1].row(), shear[1].row()
+    assert pressed["fem_chip_-z_mT"] == pytest.approx(1e3 * seen.B_T[0])
+    assert pressed["fem_chip_-z_output_mT"] == pytest.approx(1e3 * seen.output[0])
+    assert pressed["fem_chip_-z_output_mT"] != pressed["fem_chip_-z_mT"]
+    assert sheared["analytic_chip_x_error_percent_FS"] == pytest.approx(0, abs=1e-9)
+    assert not any(name.endswith("_V") or "S1" in name for name in (*pressed, *sheared))
     found = comparison_findings.findings(design, press, shear)
     assert found["chip_-z_output_mT_against_force_error_percent_FS"] == pytest.approx(0, abs=1e-9)
     text = " ".join(found["sentences"])

@@ -37,3 +37,16 @@ def test_a_record_that_is_not_there_has_no_columns_but_a_value_that_is_not_there
 
 def test_known_leaves_out_none_only() -> None:
     assert list(records.known({"a": None, "b": 0.0, "c": "", "d": False})) == ["b", "c", "d"]
+
+
+def test_a_value_may_make_its_own_columns() -> None:
+    @dataclass(frozen=True, slots=True)
+    class Readings:
+        depth_mm: float
+        fields: dict[str, float] = field(
+            metadata={"columns": lambda fields: {f"{k}_mT": v for k, v in fields.items()}}
+        )
+        status: str = "ok"
+
+    row = records.flat(Readings(0.5, {"S1": 3.0, "S2": 4.0}))
+    assert list(row.items()) == [("depth_mm", 0.5), ("S1_mT", 3.0), ("S2_mT", 4.0), ("status", "ok")]

@@ -12,14 +12,15 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
-from studies.exploration import sweep, sweep_axes
+from studies.exploration import sweep, sweep_axes, sweep_rows
 from studies.output import result_store
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
 
 def run(*args, **options):
-    return list(sweep.run(*args, **options))
+    """The flat rows of a sweep."""
+    return [row.row() for row in sweep.run(*args, **options)]
 
 
 @pytest.fixture
@@ -60,8 +61,8 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
     depths = [1.0, 2.0]
     own = equilibrium.trace(big, [Load(depth=depth) for depth in depths], QUICK)
     del traced[:]
-    case = sweep.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
-    small = sweep.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
+    case = sweep_rows.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
+    small = sweep_rows.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
     solved = list(sweep._solve([small, case], "rigid", QUICK, None, result_store.opened(None, "")))
     assert len(traced) == 1
     for got, want in ((solved[1].response, own[1].response),):
@@ -193,7 +194,7 @@ def test_a_sweep_that_was_interrupted_goes_on(traced, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["solves.jsonl"]
     again = run(BARE, AXES, tmp_path, **GIVEN)
     assert len(traced) == 2
-    assert str(again[:2]) == str(reached)
+    assert str(again[:2]) == str([row.row() for row in reached])
     # a sweep that overlaps, in another order, takes what it needs
     other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.0]}, tmp_path, **GIVEN)
     assert len(traced) == 3
@@ -252,7 +253,7 @@ def test_a_scaled_state_keeps_both_tilts():
         "error_estimate": 0.01,
         "seconds": 1.0,
     }
-    case = sweep.Case({"D": 16.0, "L": 18.0, "f": 5.0, "E": 0.5, "depth": 2.0}, None, "")
+    case = sweep_rows.Case({"D": 16.0, "L": 18.0, "f": 5.0, "E": 0.5, "depth": 2.0}, None, "")
     problem = sweep.Problem(1, paper(), [case], {0.125: 1.0}, "")
     found = sweep._scaled({"D": 8.0, "E": 1.0, "states": [state]}, problem, case).response
     assert found == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)

@@ -8,10 +8,17 @@ import pytest
 from matplotlib.figure import Figure
 
 from studies.exploration import sweep_plot
+from studies.exploration.sweep_rows import PressAnswer, SweepRow
 from studies.output import table_plots
 
-UNITS = {"D": "D_mm", "L": "L_mm", "f": "f_mm", "E": "E_MPa", "depth": "depth_mm"}
 BASE = {"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 1.0}
+
+
+def row_of(case, fem_force, analytic_force, error):
+    """The row of a case of which the force is known by both models."""
+    fem, analytic = (PressAnswer(force, -0.5, 1.0) for force in (fem_force, analytic_force))
+    errors = (error, math.nan, math.nan)
+    return SweepRow(*case.values(), fem, analytic, *errors, (), 7.2, 0.01, 1, 1.0, "ok", "")
 
 
 def rows_of(axes, lost=()):
@@ -21,11 +28,8 @@ def rows_of(axes, lost=()):
         v = BASE | dict(zip(axes, point, strict=True))
         force = v["E"] * v["D"] ** 2 * v["depth"] ** 1.5 / v["L"]
         ratio = 0.6 + 0.1 * v["depth"] * v["D"] / v["L"]
-        row = {UNITS[name]: value for name, value in v.items()}
-        row |= {"fem_force_N": force, "analytic_force_N": ratio * force, "force_error_percent": 100 * (ratio - 1)}
-        if point in lost:
-            row |= dict.fromkeys(("fem_force_N", "analytic_force_N", "force_error_percent"), math.nan)
-        rows.append(row)
+        figures = (math.nan,) * 3 if point in lost else (force, ratio * force, 100 * (ratio - 1))
+        rows.append(row_of(v, *figures))
     return rows
 
 
@@ -100,7 +104,7 @@ def test_a_line_has_all_its_points(drawn):
     axes = {"depth": [0.5, 1.0, 2.0], "E": [1.0, 2.0]}
     force, error = drawn(axes).axes
     assert [list(line.get_ydata()) for line in force.get_lines()[::2]] == [
-        [row["fem_force_N"] for row in rows_of(axes) if row["E_MPa"] == e] for e in axes["E"]
+        [row.fem.force_N for row in rows_of(axes) if row.E_MPa == e] for e in axes["E"]
     ]
     assert force.get_xlabel() == "" or error.get_xlabel() == "depth $d$ (mm)"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -15,6 +15,9 @@ from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, say_what_is_idle
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
+
+if TYPE_CHECKING:
+    from studies.exploration.sweep_rows import SweepRow
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
 
@@ -58,22 +61,23 @@ def sweep(
     atomic_files.check_apart(atomic_files.inside(out, sweep_axes.FILES), [source, design])
     if case.magnet == "rigid":
         say_what_is_ignored(case.design)
-    rows: list[dict[str, Any]] = []
+    rows: list[SweepRow] = []
     try:
         with console.progress(as_json=as_json) as progress:
             for row in sweep_axes.sweep(case, out, progress):
                 rows.append(row)
                 if as_json:
-                    console.report([row], as_json=True)
+                    console.report([row.row()], as_json=True)
     finally:
+        table = [row.row() for row in rows]
         if not as_json:
-            sweep_axes.show(rows, "Sweep", wide=wide)
-            print_remarks([row for row in rows if row["status"] == "ok"], sweep_axes.CASE, rows)
-    for name, reason in sweep_axes.in_vain(rows, case.axes, whole=as_json or wide or out is not None):
+            sweep_axes.show(table, "Sweep", wide=wide)
+            print_remarks([row.row() for row in rows if row.status == "ok"], sweep_axes.CASE, table)
+    for name, reason in sweep_axes.in_vain(table, case.axes, whole=as_json or wide or out is not None):
         say_no_effect(f"axis {name}", reason)
-    failed = [row for row in rows if row["status"] != "ok"]
-    for reason in console.remarks(failed, sweep_axes.CASE, rows):
+    failed = [row.row() for row in rows if row.status != "ok"]
+    for reason in console.remarks(failed, sweep_axes.CASE, table):
         console.say(f"magtip: {reason}")
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")
-    return GOOD if any(row.get("status") == "ok" for row in rows) else FAILED
+    return GOOD if len(failed) < len(rows) else FAILED

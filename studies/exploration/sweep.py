@@ -23,53 +23,23 @@ from typing import Any
 from fem.accuracy import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
+from studies.exploration.sweep_rows import FIELDS, Case, Solved, SweepRow, sweep_row
 from studies.output import result_store
+from studies.output.console import Progress
 from studies.output.csv_tables import write_table
 from studies.output.result_store import Kept
-from studies.sensing.field_readings import columns
 from studies.simulation import compare
-from studies.simulation.compare import NAN, Progress, Row, follow, formulas, part, percent, reading
+from studies.simulation.compare import follow, part
+from studies.simulation.comparison_rows import NAN
 
 DIGITS = 12
 """Decimal digits of lengths over D that must agree for two cases to be one problem."""
 
 Key = tuple[float | str, ...]
 
-UNITS = {"D": "mm", "L": "mm", "f": "mm", "E": "MPa"}
 MOST_CASES = 20_000
 SILENCE = 2.0
 """Seconds after which it is said how many rows there are."""
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One point of the grid.
-
-    Attributes
-    ----------
-    values : of every axis, and of D, L, f, E and the depth where they are no axis.
-    design : None if it is refused, and `message` says why.
-    """
-
-    values: dict[str, float]
-    design: Design | None
-    message: str
-
-    @property
-    def depth(self) -> float:
-        return self.values["depth"]
-
-
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """An outcome in the units of the case; `number` is that of the solve, 0 for none."""
-
-    response: Response | None
-    status: str
-    message: str
-    error_estimate: float
-    number: int
-    seconds: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +70,7 @@ def run(
     magnet: Magnet = "rigid",
     accuracy: Accuracy = STANDARD,
     progress: Progress | None = None,
-) -> Iterator[Row]:
+) -> Iterator[SweepRow]:
     """All combinations of the axes, each as soon as it is solved; at the end sweep.csv and sweep.png are written.
 
     Parameters
@@ -124,7 +94,7 @@ def run(
     KeyboardInterrupt
         With a text that says how many cases are kept, if it is interrupted.
     """
-    unknown = [name for name in axes if name != "depth" and name not in UNITS]
+    unknown = [name for name in axes if name != "depth" and name not in FIELDS]
     if unknown or not axes:
         raise BadInput(f"the axes of a sweep must be among D, L, f, E and depth; got {', '.join(unknown) or 'none'}")
     count = math.prod(len(values) for values in axes.values())
@@ -132,20 +102,20 @@ def run(
         raise BadInput(f"a sweep may have {MOST_CASES} cases; these axes make {count}: take fewer values")
     magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
-    return _rows(cases, axes, columns(design), folder, magnet, accuracy, progress)
+    return _rows(design, cases, axes, folder, magnet, accuracy, progress)
 
 
 def _rows(
+    base: Design,
     cases: Sequence[Case],
     axes: Mapping[str, Sequence[float]],
-    named: tuple[Sequence[str], str],
     folder: Path | None,
     magnet: Magnet,
     accuracy: Accuracy,
     progress: Progress | None,
-) -> Iterator[Row]:
+) -> Iterator[SweepRow]:
     store = result_store.opened(None if folder is None else folder / "solves.jsonl", code())
-    rows = []
+    rows: list[SweepRow] = []
     said = time.monotonic()
 
     def say(fraction: float, text: str) -> None:
@@ -155,7 +125,7 @@ def _rows(
             progress(fraction, text)
 
     for case, solved in zip(cases, _solve(cases, magnet, accuracy, say, store), strict=True):
-        rows.append(_row(case, solved, *named))
+        rows.append(sweep_row(base, case, solved))
         yield rows[-1]
         # rows of one solve come without another word
         if time.monotonic() - said > SILENCE:
@@ -164,7 +134,7 @@ def _rows(
         say(1.0, "sweep.csv and sweep.png")
         from studies.exploration import sweep_plot
 
-        write_table(folder / "sweep.csv", rows)
+        write_table(folder / "sweep.csv", [row.row() for row in rows])
         sweep_plot.draw(folder / "sweep.png", rows, axes)
 
 
@@ -176,10 +146,10 @@ def code() -> str:
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:
     for point in itertools.product(*axes.values()):
-        values = {name: getattr(base, name) for name in UNITS} | {"depth": depth}
+        values = {name: getattr(base, name) for name in FIELDS} | {"depth": depth}
         values |= dict(zip(axes, point, strict=True))
         try:
-            design = varied(base, {name: values[name] for name in UNITS})
+            design = varied(base, {name: values[name] for name in FIELDS})
             check_load(design, Load(depth=values["depth"]), magnet)
             yield Case(values, design, "")
         except BadInput as error:
@@ -237,7 +207,7 @@ def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list
     for case in cases:
         if case.design is not None:
             groups.setdefault(_key(case.design, magnet), []).append(case)
-    found = []
+    problems = []
     for number, (key, members) in enumerate(groups.items(), start=1):
         first = members[0].design
         assert first is not None
@@ -246,8 +216,8 @@ def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list
             depths.setdefault(_relative_depth(case), case.depth * (first.D / case.values["D"]))
         path = dict(sorted(depths.items()))
         text = json.dumps([magnet, *key, list(path), dataclasses.astuple(accuracy)])
-        found.append(Problem(number, first, members, path, text))
-    return found
+        problems.append(Problem(number, first, members, path, text))
+    return problems
 
 
 def _states(problem: Problem, accuracy: Accuracy, magnet: Magnet, progress: Progress | None) -> dict[str, Any]:
@@ -284,17 +254,17 @@ def _relative_depth(case: Case) -> float:
     return round(case.depth / case.values["D"], DIGITS)
 
 
-def _scaled(found: dict[str, Any], problem: Problem, case: Case) -> Solved:
+def _scaled(kept: dict[str, Any], problem: Problem, case: Case) -> Solved:
     """A state of a path in the units of a case of the same problem."""
-    state = found["states"][list(problem.path).index(_relative_depth(case))]
+    state = kept["states"][list(problem.path).index(_relative_depth(case))]
     estimate = NAN if state["error_estimate"] is None else state["error_estimate"]
     about = state["status"], state["message"]
-    if state["message"] and case.values["D"] != found["D"]:
-        about = state["status"], f"solved at D = {found['D']:g} mm: {state['message']}"
+    if state["message"] and case.values["D"] != kept["D"]:
+        about = state["status"], f"solved at D = {kept['D']:g} mm: {state['message']}"
     if state["response"] is None:
         return Solved(None, *about, NAN, problem.number, state["seconds"])
-    length = case.values["D"] / found["D"]
-    force = case.values["E"] / found["E"] * length**2
+    length = case.values["D"] / kept["D"]
+    force = case.values["E"] / kept["E"] * length**2
     pose = Response(**state["response"])
     x, y, z = (length * value for value in pose.shift)
     fx, fy, fz = (force * value for value in pose.force)
@@ -302,30 +272,3 @@ def _scaled(found: dict[str, Any], problem: Problem, case: Case) -> Solved:
         pose, force=(fx, fy, fz), shift=(x, y, z), contact_radius=length * pose.contact_radius
     )
     return Solved(response, *about, estimate, problem.number, state["seconds"])
-
-
-def _row(case: Case, solved: Solved, names: Sequence[str], unit: str) -> Row:
-    """The case's figures: FEM, formulas, and the formulas' errors, readings in % of their change from rest."""
-    row: Row = {f"{name}_{unit}": case.values[name] for name, unit in UNITS.items()}
-    row["depth_mm"] = case.depth
-    design, fem = case.design, solved.response
-    formula, remark = formulas(design, Load(depth=case.depth)) if design else (None, "")
-    poses = {"fem": fem, "analytic": formula}
-    for model, pose in poses.items():
-        row[f"{model}_force_N"] = pose.force[2] if pose else NAN
-        row[f"{model}_shift_z_mm"] = pose.shift[2] if pose else NAN
-        row[f"{model}_contact_radius_mm"] = pose.contact_radius if pose else NAN
-    for name, column in (("force", "force_N"), ("shift", "shift_z_mm"), ("contact_radius", "contact_radius_mm")):
-        row[f"{name}_error_percent"] = percent(row[f"analytic_{column}"], row[f"fem_{column}"])
-    none = ((NAN,) * 3, (NAN,) * 3)
-    rest, seen, told = (
-        reading(design, pose) if design else none
-        for pose in (Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0), fem, formula)
-    )
-    for k, name in enumerate(names[:2]):
-        row |= {f"fem_{name}_mT": seen[0][k], f"analytic_{name}_mT": told[0][k]}
-        row |= {f"fem_{name}_{unit}": seen[1][k], f"analytic_{name}_{unit}": told[1][k]}
-        row[f"{name}_error_percent_of_change"] = percent(told[0][k] - rest[0][k], seen[0][k] - rest[0][k])
-    row |= {"l0_mm": design.l0 if design else NAN, "error_estimate": solved.error_estimate}
-    row |= {"solve": solved.number, "seconds": solved.seconds, "status": solved.status}
-    return row | {"message": "; ".join(text for text in (solved.message, remark) if text)}

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.output import atomic_files, console
 from studies.output.console import Progress
+from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    from studies.exploration.sweep_rows import SweepRow
 
 FILES = ("solves.jsonl", "sweep.csv", "sweep.png")
 """What a sweep writes into a folder."""
@@ -64,7 +68,7 @@ def grid_of(
     return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
 
 
-def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[dict[str, Any]]:
+def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[SweepRow]:
     """The rows of a sweep, each as soon as it is solved."""
     from fem.accuracy import LEVELS
     from studies.exploration import sweep as work
@@ -88,7 +92,7 @@ COLUMNS = {key.rpartition("_")[0]: key for key in CASE}
 """The same by the axis."""
 
 
-def show(rows: Sequence[dict[str, Any]], title: str, *, wide: bool) -> None:
+def show(rows: Sequence[FlatRow], title: str, *, wide: bool) -> None:
     """Print rows of a comparison or a sweep: both models' main answers; files and a wide table have the rest."""
     if not rows:
         return
@@ -100,22 +104,20 @@ def show(rows: Sequence[dict[str, Any]], title: str, *, wide: bool) -> None:
     console.report(rows, as_json=False, title=title, brief=brief, first=first, wide=wide)
 
 
-def _judged(row: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[str, ...]]:
+def _judged(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
     """The answers that are compared, and their errors."""
     judged = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
     return judged, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in judged)
 
 
-def _main(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _main(row: FlatRow) -> tuple[str, ...]:
     """Keys of the main figures."""
     judged, errors = _judged(row)
     answers = [f"{model}_{name}" for name in judged for model in ("fem", "fem_homogeneous", "analytic")]
     return (*CASE, *answers, *errors, "fem_tilt_rad", "status")
 
 
-def in_vain(
-    rows: Sequence[Mapping[str, Any]], axes: Mapping[str, Sequence[float]], *, whole: bool
-) -> list[tuple[str, str]]:
+def in_vain(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], *, whole: bool) -> list[tuple[str, str]]:
     """Axes of a sweep that change none of the figures that are given, and why.
 
     Parameters
@@ -125,18 +127,16 @@ def in_vain(
     if not rows:
         return []
     none = _unmoved(rows, axes, rows[0])
-    found = [(name, "the figures are the same for all its values") for name in none]
+    reasons = [(name, "the figures are the same for all its values") for name in none]
     hidden = [] if whole else [name for name in _unmoved(rows, axes, _main(rows[0])) if name not in none]
-    return found + [(name, "it changes only what --wide, --json and --out show") for name in hidden]
+    return reasons + [(name, "it changes only what --wide, --json and --out show") for name in hidden]
 
 
-def _unmoved(
-    rows: Sequence[Mapping[str, Any]], axes: Mapping[str, Sequence[float]], keys: Iterable[str]
-) -> list[str]:
+def _unmoved(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], keys: Iterable[str]) -> list[str]:
     """Axes along which no figure changes, of the cases that are solved and differ in nothing else."""
     columns = {name: COLUMNS[name] for name in axes}
     figures = [key for key in keys if key not in (*columns.values(), "solve", "seconds")]
-    found = []
+    unmoved = []
     for name in axes:
         others = [column for axis, column in columns.items() if axis != name]
         seen: dict[tuple[Any, ...], list[str]] = {}
@@ -146,5 +146,5 @@ def _unmoved(
                 figure = repr([row.get(key) for key in figures])
                 seen.setdefault(tuple(row.get(column) for column in others), []).append(figure)
         if max(map(len, seen.values()), default=0) > 1 and all(len(set(texts)) == 1 for texts in seen.values()):
-            found.append(name)
-    return found
+            unmoved.append(name)
+    return unmoved

@@ -9,16 +9,36 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from studies.exploration.sweep_rows import SweepRow
 from studies.output import table_plots
-from studies.output.table_plots import COLOURS, Row
+from studies.output.table_plots import COLOURS
 
-FORCE = ("fem_force_N", "analytic_force_N")
-ERROR = ("force_error_percent",)
+Figure = Callable[[SweepRow], float]
+"""A figure of a row, NaN where there is none."""
+
+
+def fem_force(row: SweepRow) -> float:
+    """Press force by the finite elements, N."""
+    return row.fem.force_N
+
+
+def formula_force(row: SweepRow) -> float:
+    """Press force by the formulas, N."""
+    return row.analytic.force_N
+
+
+def force_error(row: SweepRow) -> float:
+    """Error of the formulas' press force, %."""
+    return row.force_error_percent
+
+
+FORCE: tuple[Figure, ...] = (fem_force, formula_force)
+ERROR: tuple[Figure, ...] = (force_error,)
 
 MOST_LINES, MOST_PANELS = 6, 3
 """Values of an axis that are drawn as colours, and as columns or rows of panels."""
@@ -52,7 +72,7 @@ class View:
     idle: tuple[str, ...]
 
 
-def view(rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> View:
+def view(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> View:
     """How the axes of a sweep are shown."""
     moving = [name for name in axes if has_effect(rows, axes, name, FORCE + ERROR)]
     x = moving[0] if moving else next(iter(axes))
@@ -62,29 +82,32 @@ def view(rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> View:
     return View(x, colour, across, down, tuple(others[3:]), idle)
 
 
-def has_effect(rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str, keys: Sequence[str]) -> bool:
-    """Whether any of the keys changes along an axis, the others fixed; to seven digits, NaN left aside."""
-    return any(len({text for _, text in figures}) > 1 for figures in _along(rows, axes, name, keys))
+def has_effect(
+    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Figure]
+) -> bool:
+    """Whether any of the figures changes along an axis, the others fixed; to seven digits, NaN left aside."""
+    return any(len({text for _, text in values}) > 1 for values in _along(rows, axes, name, figures))
 
 
-def _is_idle(rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str) -> bool:
+def _is_idle(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str) -> bool:
     """Whether answers at several values of an axis are all the same; where there is but one, nothing is known."""
     places = _along(rows, axes, name, FORCE + ERROR)
-    compared = any(len({value for value, _ in figures}) > 1 for figures in places)
+    compared = any(len({value for value, _ in values}) > 1 for values in places)
     return compared and not has_effect(rows, axes, name, FORCE + ERROR)
 
 
 def _along(
-    rows: Sequence[Row], axes: Mapping[str, Sequence[float]], name: str, keys: Sequence[str]
+    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Figure]
 ) -> Iterable[set[tuple[float, str]]]:
-    """Values of an axis with the figures there, for each key and each place on the other axes."""
-    others = [_column(other) for other in axes if other != name]
+    """Values of an axis with those of a figure there, for each figure and each place on the other axes."""
+    others = [other for other in axes if other != name]
     places: dict[tuple[Any, ...], set[tuple[float, str]]] = {}
     for row in rows:
-        for key in keys:
-            if not math.isnan(row[key]):
-                place = (key, *(row[other] for other in others))
-                places.setdefault(place, set()).add((row[_column(name)], f"{row[key]:.6e}"))
+        for figure in figures:
+            value = figure(row)
+            if not math.isnan(value):
+                place = (figure, *(row.on_axis(other) for other in others))
+                places.setdefault(place, set()).add((row.on_axis(name), f"{value:.6e}"))
     return places.values()
 
 
@@ -102,7 +125,7 @@ def drawn(axes: Mapping[str, Sequence[float]], name: str, most: int) -> list[flo
     return [values[round(k * (len(values) - 1) / (most - 1))] for k in range(most)]
 
 
-def draw(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[float]]) -> None:
+def draw(path: str | Path, rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> None:
     """Force of both models, and the formula's error below."""
     look = view(rows, axes)
     colours, columns = drawn(axes, look.colour, MOST_LINES), drawn(axes, look.across, MOST_PANELS)
@@ -110,14 +133,16 @@ def draw(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[floa
     apart = bool(look.down) and has_effect(rows, axes, look.down, ERROR)
     blocks = [(FORCE, value) for value in downs] + [(ERROR, value) for value in (downs if apart else downs[:1])]
     fixed = {name: sorted(set(axes[name]))[len(set(axes[name])) // 2] for name in look.fixed}
-    tinted = {keys: bool(look.colour) and has_effect(rows, axes, look.colour, keys) for keys in (FORCE, ERROR)}
+    tinted = {
+        figures: bool(look.colour) and has_effect(rows, axes, look.colour, figures) for figures in (FORCE, ERROR)
+    }
     with table_plots.canvas(path, len(blocks), len(columns)) as (figure, panels):
         for k, panel in enumerate(panels):
-            (keys, down), across = blocks[k // len(columns)], columns[k % len(columns)]
+            (figures, down), across = blocks[k // len(columns)], columns[k % len(columns)]
             place = fixed | {look.across: across, look.down: down}
-            for n, colour in enumerate(colours if tinted[keys] else colours[:1]):
-                line = _line(rows, look, place | ({look.colour: colour} if tinted[keys] else {}))
-                _curve(panel, line, _column(look.x), keys, COLOURS[n] if tinted[keys] else GREY, MARKERS[n])
+            for n, colour in enumerate(colours if tinted[figures] else colours[:1]):
+                line = _line(rows, look, place | ({look.colour: colour} if tinted[figures] else {}))
+                _curve(panel, line, look.x, figures, COLOURS[n] if tinted[figures] else GREY, MARKERS[n])
         _finish(panels, blocks, columns, look, apart=apart)
         handles = _handles(colours if tinted[FORCE] else [], look)
         figure.legend(handles=handles, loc="outside upper center", ncols=min(4, len(handles)), frameon=False)
@@ -127,25 +152,28 @@ def draw(path: str | Path, rows: Sequence[Row], axes: Mapping[str, Sequence[floa
             figure.supxlabel(text, fontsize=10, color=GREY)
 
 
-def _line(rows: Sequence[Row], look: View, place: Mapping[str, float]) -> list[Row]:
+def _line(rows: Sequence[SweepRow], look: View, place: Mapping[str, float]) -> list[SweepRow]:
     """Rows of one line, in order of x; of several at one x, which differ in an idle axis, one that has an answer."""
-    wanted = {_column(name): value for name, value in place.items() if name}
-    found: dict[float, Row] = {}
+    wanted = {axis: value for axis, value in place.items() if axis}
+    at: dict[float, SweepRow] = {}
     for row in rows:
-        if all(row[key] == value for key, value in wanted.items()):
-            x = row[_column(look.x)]
-            if x not in found or math.isnan(found[x][FORCE[0]]):
-                found[x] = row
-    return [found[x] for x in sorted(found)]
+        if all(row.on_axis(axis) == value for axis, value in wanted.items()):
+            x = row.on_axis(look.x)
+            if x not in at or math.isnan(fem_force(at[x])):
+                at[x] = row
+    return [at[x] for x in sorted(at)]
 
 
-def _curve(panel: Any, line: Sequence[Row], x: str, keys: Sequence[str], colour: str, marker: str) -> None:
+def _curve(
+    panel: Any, line: Sequence[SweepRow], axis: str, figures: Sequence[Figure], colour: str, marker: str
+) -> None:
     """FEM or the error as a full line with markers, the formulas as dashes."""
-    for key, dashes in zip(keys, ("-", "--"), strict=False):
+    for figure, dashes in zip(figures, ("-", "--"), strict=False):
         marked = marker if dashes == "-" and len(line) <= MOST_MARKED else ""
-        face = "white" if keys is ERROR else colour
+        face = "white" if figures is ERROR else colour
         panel.plot(
-            *([row[name] for row in line] for name in (x, key)),
+            [row.on_axis(axis) for row in line],
+            [figure(row) for row in line],
             color=colour,
             linestyle=dashes,
             marker=marked,
@@ -155,7 +183,7 @@ def _curve(panel: Any, line: Sequence[Row], x: str, keys: Sequence[str], colour:
 
 def _finish(
     panels: Sequence[Any],
-    blocks: Sequence[tuple[Sequence[str], float]],
+    blocks: Sequence[tuple[Sequence[Figure], float]],
     columns: Sequence[float],
     look: View,
     *,
@@ -169,11 +197,11 @@ def _finish(
     for panel in errors:
         panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
     for k, panel in enumerate(panels):
-        (keys, down), column = blocks[k // len(columns)], k % len(columns)
+        (figures, down), column = blocks[k // len(columns)], k % len(columns)
         panel.locator_params(axis="both", nbins=5)
         if column == 0:
-            name = "press force (N)" if keys is FORCE else "formula's error (%)"
-            own = look.down and (keys is FORCE or apart)
+            name = "press force (N)" if figures is FORCE else "formula's error (%)"
+            own = look.down and (figures is FORCE or apart)
             panel.set_ylabel(f"{name}\n{_text(look.down, down)}" if own else name)
         if k < len(columns) and look.across:
             name = "depth " if look.across == "depth" else ""
@@ -195,7 +223,12 @@ def _handles(colours: Sequence[float], look: View) -> list[Any]:
 
 
 def _notes(
-    rows: Sequence[Row], axes: Mapping[str, Sequence[float]], look: View, fixed: Mapping[str, float], *, tinted: bool
+    rows: Sequence[SweepRow],
+    axes: Mapping[str, Sequence[float]],
+    look: View,
+    fixed: Mapping[str, float],
+    *,
+    tinted: bool,
 ) -> list[str]:
     """What the picture leaves out, in sentences."""
     notes = [f"{_symbol(name)} changes neither the force nor its error." for name in look.idle]
@@ -206,12 +239,8 @@ def _notes(
         if count > most:
             notes.append(f"Of {count} values of {_symbol(name)} {most} are drawn; sweep.csv has all.")
     notes += [f"Here {_text(name, value)}; sweep.csv has the others." for name, value in fixed.items()]
-    lost = sum(math.isnan(row[FORCE[0]]) for row in rows)
+    lost = sum(math.isnan(fem_force(row)) for row in rows)
     return [*notes, f"{lost} of {len(rows)} cases have no FEM result."] if lost else notes
-
-
-def _column(axis: str) -> str:
-    return f"{axis}_{_unit(axis)}"
 
 
 def _unit(axis: str) -> str:

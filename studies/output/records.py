@@ -3,7 +3,8 @@
 Each study has one frozen slotted dataclass for its rows. Its fields are the columns, in order, and a field's name is
 that of its column, with the unit: `depth_mm`, `force_N`. Where a column's name is no identifier, the field's metadata
 have it. A field whose metadata have a prefix holds another record, or None: that record's columns stand in its place,
-with the prefix before their names, or none at all.
+with the prefix before their names, or none at all. A field whose metadata have a function `columns` holds a value
+whose columns that function makes.
 
     @dataclass(frozen=True, slots=True)
     class Part:
@@ -52,7 +53,9 @@ def flat(record: DataclassInstance) -> FlatRow:
     row: FlatRow = {}
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
-        if "prefix" not in field.metadata:
+        if "columns" in field.metadata:
+            row |= field.metadata["columns"](value)
+        elif "prefix" not in field.metadata:
             row[field.metadata.get("column", field.name)] = value
         elif value is not None:
             row |= {f"{field.metadata['prefix']}{name}": part for name, part in flat(value).items()}

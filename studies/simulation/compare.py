@@ -12,25 +12,21 @@ design without a magnet has the same beam under both names and no readings.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from analytic import beam, hall
+from analytic import beam
 from fem import equilibrium
 from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
+from studies.output.console import Progress
 from studies.output.csv_tables import write_table
-from studies.sensing.field_readings import columns
 from studies.simulation import comparison_findings
-
-Progress = Callable[[float, str], None]
-Row = dict[str, Any]
-NAN = math.nan
+from studies.simulation.comparison_rows import NAN, Answers, PressRow, ShearRow, with_reading_errors
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 """What is written into a folder."""
@@ -51,16 +47,16 @@ class Outcome:
     @property
     def error_estimate(self) -> float:
         """Relative error of the force, NaN where it was not estimated."""
-        found = self.solution.estimates.force if self.solution else None
-        return NAN if found is None else found
+        estimate = self.solution.estimates.force if self.solution else None
+        return NAN if estimate is None else estimate
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """Tables, findings, and the finite elements' states with the magnet, one for each row."""
 
-    press: list[Row]
-    shear: list[Row]
+    press: list[PressRow]
+    shear: list[ShearRow]
     summary: dict[str, Any]
     pressed: list[Outcome]
     sheared: list[Outcome]
@@ -86,15 +82,16 @@ def run(
 
     Returns
     -------
-    "press" and "shear", a row for each state, and "summary" (see `report.findings`). A state that is not reached
-    keeps its row, with NaN, a status and a message.
+    "press" and "shear", a flat row for each state, and "summary" (see `comparison_findings.findings`). A state that
+    is not reached keeps its row, with NaN, a status and a message.
     """
-    found = compare(design, accuracy, progress, depths, shears, shear_depth)
+    comparison = compare(design, accuracy, progress, depths, shears, shear_depth)
     if folder is not None:
         if progress is not None:
             progress(1.0, ", ".join(FILES))
-        write(folder, design, found)
-    return {"press": found.press, "shear": found.shear, "summary": found.summary}
+        write(folder, design, comparison)
+    press, shear = ([row.row() for row in rows] for rows in (comparison.press, comparison.shear))
+    return {"press": press, "shear": shear, "summary": comparison.summary}
 
 
 def compare(
@@ -113,19 +110,18 @@ def compare(
     shear = [Load(depth=under, shear_x=value, friction="stick") for value in shears]
     pressed = _both(design, press, accuracy, part(progress, 0.0, 0.08, "press"))
     sheared = _both(design, shear, accuracy, part(progress, 0.08, 1.0, "shear"))
-    rows = press_rows(design, press, *pressed), shear_rows(design, shear, *sheared)
-    _fill_reading_errors(design, [*rows[0], *rows[1]])
+    rows = with_reading_errors(design, press_rows(design, press, *pressed), shear_rows(design, shear, *sheared))
     return Comparison(*rows, comparison_findings.findings(design, *rows), pressed[0], sheared[0])
 
 
-def write(folder: Path, design: Design, found: Comparison) -> None:
+def write(folder: Path, design: Design, comparison: Comparison) -> None:
     """Write press.csv, shear.csv, press.png and shear.png into an existing folder."""
     from studies.simulation import comparison_plots
 
-    write_table(folder / "press.csv", found.press)
-    write_table(folder / "shear.csv", found.shear)
-    comparison_plots.press(folder / "press.png", design, found.press)
-    comparison_plots.shear(folder / "shear.png", design, found.shear)
+    write_table(folder / "press.csv", [row.row() for row in comparison.press])
+    write_table(folder / "shear.csv", [row.row() for row in comparison.shear])
+    comparison_plots.press(folder / "press.png", design, comparison.press)
+    comparison_plots.shear(folder / "shear.png", design, comparison.shear)
 
 
 def part(progress: Progress | None, low: float, high: float, name: str = "") -> Progress | None:
@@ -145,14 +141,14 @@ def follow(
     refused = [_refusal(design, load, magnet) for load in loads]
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
     try:
-        found = equilibrium.trace(design, possible, accuracy, magnet=magnet, progress=progress) if possible else []
-        failed = Outcome(None, found[-1].status, found[-1].message) if found else None
+        states = equilibrium.trace(design, possible, accuracy, magnet=magnet, progress=progress) if possible else []
+        failed = Outcome(None, states[-1].status, states[-1].message) if states else None
     except RuntimeError as error:
-        found, failed = [], Outcome(None, "not_converged", str(error))
-    states = iter(found)
+        states, failed = [], Outcome(None, "not_converged", str(error))
+    remaining = iter(states)
     outcomes = []
     for reason in refused:
-        state = None if reason else next(states, None)
+        state = None if reason else next(remaining, None)
         if reason or failed is None:
             outcomes.append(Outcome(None, "bad_input", reason))
         elif state is None:
@@ -183,46 +179,53 @@ def _both(
 
 # Rows
 
-_PRESS: dict[str, Callable[[Response], float]] = {
-    "force_N": lambda pose: pose.force[2],
-    "shift_z_mm": lambda pose: pose.shift[2],
-    "contact_radius_mm": lambda pose: pose.contact_radius,
-}
-_SHEAR: dict[str, Callable[[Response], float]] = {
-    "force_x_N": lambda pose: pose.force[0],
-    "force_z_N": lambda pose: pose.force[2],
-    "shift_x_mm": lambda pose: pose.shift[0],
-    "shift_z_mm": lambda pose: pose.shift[2],
-    "tilt_rad": lambda pose: pose.tilt,
-}
 
-
-def press_rows(design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]) -> list[Row]:
+def press_rows(
+    design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
+) -> list[PressRow]:
     """One row for each depth; errors of readings are not filled in yet."""
     rows = []
     for load, fem, homogeneous in zip(loads, rigid, bare, strict=True):
         formula, remark = formulas(design, load)
-        row: Row = {"depth_mm": load.depth}
-        judged = {"force_N": "force", "shift_z_mm": "shift", "contact_radius_mm": "contact_radius"}
-        row |= _mechanics(_PRESS, (fem.response, homogeneous.response, formula), judged)
-        row |= _readings(design, {"fem": fem.response, "analytic": formula}, (1, 2))
-        rows.append(row | _verdict(fem, homogeneous, remark))
+        answers = Answers(fem.response, homogeneous.response, formula)
+        row = PressRow(
+            load.depth,
+            answers.quantity(lambda pose: pose.force[2]),
+            answers.quantity(lambda pose: pose.shift[2]),
+            answers.quantity(lambda pose: pose.contact_radius),
+            answers.readings(design, 2),
+            fem.error_estimate,
+            homogeneous.error_estimate,
+            *_verdict(fem, homogeneous, remark),
+        )
+        rows.append(row)
     return rows
 
 
-def shear_rows(design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]) -> list[Row]:
+def shear_rows(
+    design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
+) -> list[ShearRow]:
     """One row for each sideways motion of the plate; errors of readings are not filled in yet."""
     rows = []
     for load, fem, homogeneous in zip(loads, rigid, bare, strict=True):
         formula, remark = formulas(design, load)
-        row: Row = {"shear_mm": load.shear_x, "depth_mm": load.depth}
-        judged = {"force_x_N": "force_x", "force_z_N": "force_z", "shift_x_mm": "shift_x"}
-        row |= _mechanics(_SHEAR, (fem.response, homogeneous.response, formula), judged)
-        if not load.shear_x:
-            row |= dict.fromkeys((name for name in row if "_x_error" in name), NAN)
-        untilted = None if fem.response is None else replace(fem.response, tilt=0.0)
-        row |= _readings(design, {"fem": fem.response, "untilted": untilted, "analytic": formula}, (1, 2, 3))
-        rows.append(row | _verdict(fem, homogeneous, remark))
+        answers = Answers(fem.response, homogeneous.response, formula)
+        # without a shear, what there is along x is the solver's rounding
+        moved = bool(load.shear_x)
+        row = ShearRow(
+            load.shear_x,
+            load.depth,
+            answers.quantity(lambda pose: pose.force[0], judged=moved),
+            answers.quantity(lambda pose: pose.force[2]),
+            answers.quantity(lambda pose: pose.shift[0], judged=moved),
+            answers.quantity(lambda pose: pose.shift[2], judged=False),
+            answers.quantity(lambda pose: pose.tilt, judged=False),
+            answers.readings(design, 3, untilted=True),
+            fem.error_estimate,
+            homogeneous.error_estimate,
+            *_verdict(fem, homogeneous, remark),
+        )
+        rows.append(row)
     return rows
 
 
@@ -234,76 +237,8 @@ def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
         return None, f"no formula: {error}"
 
 
-def percent(model: float, truth: float) -> float:
-    """Relative error in %; NaN where the truth is 0 or unknown.
-
-    >>> percent(1.5, 1.0), percent(1.0, 0.0)
-    (50.0, nan)
-    """
-    return 100 * (model / truth - 1) if truth else NAN
-
-
-def reading(design: Design, response: Response | None) -> tuple[Sequence[float], Sequence[float]]:
-    """Field in mT and output in V, or in mT of a chip, of the elements for a pose.
-
-    NaN where there is none, or no magnet, or no field.
-    """
-    nothing = (NAN,) * 3
-    if response is None or not design.shape.has_magnet:
-        return nothing, nothing
-    try:
-        seen = hall.readings(design, response)
-    except BadInput:
-        return nothing, nothing
-    sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
-    outputs = [size * value for size, value in zip(sizes, seen.output, strict=True)]
-    return [1e3 * value for value in seen.B_T], outputs
-
-
-def _mechanics(
-    quantities: dict[str, Callable[[Response], float]], responses: Sequence[Response | None], judged: dict[str, str]
-) -> Row:
-    """Each quantity of the three models, and the formula's errors in those judged, under the names given there."""
-    poses = dict(zip(("fem", "fem_homogeneous", "analytic"), responses, strict=True))
-    row: Row = {}
-    for name, value in quantities.items():
-        row |= {f"{model}_{name}": NAN if pose is None else value(pose) + 0.0 for model, pose in poses.items()}
-        if name in judged:
-            for label, truth in (("", "fem"), ("homogeneous_", "fem_homogeneous")):
-                error = percent(row[f"analytic_{name}"], row[f"{truth}_{name}"])
-                row[f"{label}{judged[name]}_error_percent"] = error
-    return row
-
-
-def _readings(design: Design, poses: dict[str, Response | None], elements: Iterable[int]) -> Row:
-    seen = {name: reading(design, response) for name, response in poses.items()}
-    names, unit = columns(design)
-    found = [(names[k - 1], k - 1) for k in elements]
-    row = {f"{model}_{name}_mT": seen[model][0][k] for name, k in found for model in poses}
-    row |= {f"{model}_{name}_{unit}": seen[model][1][k] for name, k in found for model in poses}
-    return row | {f"{model}_{name}_error_percent_FS": NAN for name, _ in found for model in poses if model != "fem"}
-
-
-def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> Row:
-    """Error estimates, and status and message: the first of the two solves that failed speaks for the row."""
-    estimates = {"error_estimate": fem.error_estimate, "homogeneous_error_estimate": homogeneous.error_estimate}
+def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> tuple[str, str]:
+    """Status and message: the first of the two solves that failed speaks for the row."""
     worst = homogeneous if fem.status == "ok" else fem
     texts = dict.fromkeys(text for text in (fem.message, homogeneous.message, remark) if text)
-    return estimates | {"status": worst.status, "message": "; ".join(texts)}
-
-
-def _fill_reading_errors(design: Design, rows: Iterable[Row]) -> None:
-    rest = reading(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))[0]
-    names, _ = columns(design)
-    changes: dict[int, float] = {}
-    for row in rows:
-        for k, name in enumerate(names):
-            change, alike = abs(row.get(f"fem_{name}_mT", NAN) - rest[k]), min(k, 1)
-            if change > changes.get(alike, 0.0):
-                changes[alike] = change
-    for row in rows:
-        for k, name in enumerate(names):
-            for model in ("untilted", "analytic"):
-                if (key := f"{model}_{name}_error_percent_FS") in row:
-                    wrong = row[f"{model}_{name}_mT"] - row[f"fem_{name}_mT"]
-                    row[key] = 100 * wrong / changes.get(min(k, 1), NAN)
+    return worst.status, "; ".join(texts)

@@ -10,8 +10,7 @@ from typing import Any
 from geometry.design import Design
 from studies.output.table_plots import ANALYTIC, FEM, HOMOGENEOUS, OTHER, band_handles, bands, canvas, label
 from studies.sensing.field_readings import columns
-
-Row = Mapping[str, Any]
+from studies.simulation.comparison_rows import ElementReadings, PressRow, Quantity, ShearRow
 
 MODELS = {
     "fem": ("FEM, rigid magnet", {"color": FEM, "marker": "o"}),
@@ -24,62 +23,76 @@ MODELS = {
 }
 
 
-def press(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
+def press(path: str | Path, design: Design, rows: Sequence[PressRow]) -> None:
     """Force, its error, the magnet's shift and the reading of S1 against depth."""
     (first, *_), _ = columns(design)
     with canvas(path, 2, 2) as (figure, axes):
-        depth = [row["depth_mm"] for row in rows]
-        three = ("fem", "fem_homogeneous", "analytic")
-        _lines(axes[0], depth, rows, three, "force_N")
+        depth = [row.depth_mm for row in rows]
+        _lines(axes[0], depth, _curves([row.force_N for row in rows]))
         label(axes[0], "a", "press force (N)")
-        _errors(
-            axes[1], depth, rows, {"fem": "force_error_percent", "fem_homogeneous": "homogeneous_force_error_percent"}
-        )
+        _errors(axes[1], depth, [row.force_N for row in rows])
         label(axes[1], "b", "formula's error (%)")
-        _lines(axes[2], depth, rows, three, "shift_z_mm")
+        _lines(axes[2], depth, _curves([row.shift_z_mm for row in rows]))
         label(axes[2], "c", "magnet shift $z$ (mm)")
-        _lines(axes[3], depth, rows, ("fem", "analytic"), f"{first}_mT")
+        _lines(axes[3], depth, _fields([row.readings[0] for row in rows]))
         label(axes[3], "d", f"reading of {first.replace('_', ' ')} (mT)")
         _volts(axes[3], design)
         for axis in axes:
             axis.set_xlim(left=0)
         for axis in axes[2:]:
             axis.set_xlabel("press depth (mm)")
-        _legend(figure, axes, three)
+        _legend(figure, axes, ("fem", "fem_homogeneous", "analytic"))
 
 
-def shear(path: str | Path, design: Design, rows: Sequence[Row]) -> None:
+def shear(path: str | Path, design: Design, rows: Sequence[ShearRow]) -> None:
     """Force, its error, shift, tilt and the readings of S1 and S2 against the sideways motion of the plate."""
     with canvas(path, 3, 2) as (figure, axes):
-        way = [row["shear_mm"] for row in rows]
-        three, readings = ("fem", "fem_homogeneous", "analytic"), ("fem", "untilted", "analytic")
-        _lines(axes[0], way, rows, three, "force_x_N")
+        way = [row.shear_mm for row in rows]
+        _lines(axes[0], way, _curves([row.force_x_N for row in rows]))
         label(axes[0], "a", "shear force (N)")
-        names = {"fem": "force_x_error_percent", "fem_homogeneous": "homogeneous_force_x_error_percent"}
-        _errors(axes[1], way, rows, names)
+        _errors(axes[1], way, [row.force_x_N for row in rows])
         label(axes[1], "b", "formula's error (%)")
-        _lines(axes[2], way, rows, three, "shift_x_mm")
+        _lines(axes[2], way, _curves([row.shift_x_mm for row in rows]))
         label(axes[2], "c", "magnet shift $x$ (mm)")
-        degrees = [{f"{m}_tilt_deg": math.degrees(row[f"{m}_tilt_rad"]) for m in three} for row in rows]
-        _lines(axes[3], way, degrees, three, "tilt_deg")
+        tilts = _curves([row.tilt_rad for row in rows])
+        _lines(axes[3], way, {model: [math.degrees(tilt) for tilt in curve] for model, curve in tilts.items()})
         label(axes[3], "d", "magnet tilt (°)")
-        for axis, name, letter in zip(axes[4:], columns(design)[0][:2], "ef", strict=True):
-            _lines(axis, way, rows, readings, f"{name}_mT")
-            label(axis, letter, f"reading of {name.replace('_', ' ')} (mT)")
+        for k, (axis, letter) in enumerate(zip(axes[4:], "ef", strict=True)):
+            _lines(axis, way, _fields([row.readings[k] for row in rows]))
+            label(axis, letter, f"reading of {columns(design)[0][k].replace('_', ' ')} (mT)")
             _volts(axis, design)
-            axis.set_xlabel(f"shear at depth {rows[0]['depth_mm']:.3g} mm (mm)")
+            axis.set_xlabel(f"shear at depth {rows[0].depth_mm:.3g} mm (mm)")
         _legend(figure, axes, ("fem", "fem_homogeneous", "untilted", "analytic"))
 
 
-def _lines(axis: Any, x: Sequence[float], rows: Sequence[Row], models: Sequence[str], name: str) -> None:
-    for model in models:
-        label, look = MODELS[model]
-        axis.plot(x, [row[f"{model}_{name}"] for row in rows], label=label, **look)
+def _curves(quantities: Sequence[Quantity]) -> dict[str, list[float]]:
+    """A quantity of all rows by each of the three mechanics."""
+    return {
+        "fem": [quantity.fem for quantity in quantities],
+        "fem_homogeneous": [quantity.fem_homogeneous for quantity in quantities],
+        "analytic": [quantity.analytic for quantity in quantities],
+    }
 
 
-def _errors(axis: Any, x: Sequence[float], rows: Sequence[Row], names: Mapping[str, str]) -> None:
-    for model, name in names.items():
-        axis.plot(x, [row[name] for row in rows], **MODELS[model][1])
+def _fields(readings: Sequence[ElementReadings]) -> dict[str, list[float]]:
+    """The field that an element reads in all rows by each model, mT."""
+    curves = {"fem": [reading.fem.field_mT for reading in readings]}
+    untilted = [reading.untilted.field_mT for reading in readings if reading.untilted is not None]
+    if untilted:
+        curves["untilted"] = untilted
+    return curves | {"analytic": [reading.analytic.field_mT for reading in readings]}
+
+
+def _lines(axis: Any, x: Sequence[float], curves: Mapping[str, Sequence[float]]) -> None:
+    for model, y in curves.items():
+        name, look = MODELS[model]
+        axis.plot(x, y, label=name, **look)
+
+
+def _errors(axis: Any, x: Sequence[float], quantities: Sequence[Quantity]) -> None:
+    """The formula's errors against both finite elements, in the colours of these."""
+    axis.plot(x, [quantity.error_percent for quantity in quantities], **MODELS["fem"][1])
+    axis.plot(x, [quantity.homogeneous_error_percent for quantity in quantities], **MODELS["fem_homogeneous"][1])
     bands(axis)
 
 
@@ -96,8 +109,8 @@ def _volts(axis: Any, design: Design) -> None:
 def _legend(figure: Any, axes: Sequence[Any], models: Sequence[str]) -> None:
     handles: dict[str, Any] = {}
     for axis in axes:
-        found, labels = axis.get_legend_handles_labels()
-        handles |= dict(zip(labels, found, strict=True))
+        drawn, labels = axis.get_legend_handles_labels()
+        handles |= dict(zip(labels, drawn, strict=True))
     names = [MODELS[model][0] for model in models if MODELS[model][0] in handles]
     shown = [handles[name] for name in names] + band_handles()
     figure.legend(handles=shown, loc="outside upper center", ncols=2 if len(names) == 4 else 3, frameon=False)
