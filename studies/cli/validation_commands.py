@@ -214,21 +214,23 @@ def ladder(
     """
     asked = command(ladder, locals())
     from studies.output.provenance import versions
+    from studies.validation import formula_level_report
     from studies.validation import formula_levels as work
 
     most = len(work.designs())
     if not 1 <= count <= most:
         raise BadInput(f"count must lie between 1 and {most}; got {count}")
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = []
-        for row in work.run(accuracy, count, progress):
-            rows.append(row)
+        comparisons = []
+        for comparison in work.run(accuracy, count, progress):
+            comparisons.append(comparison)
             if as_json:
-                print(atomic_files.json_line(row), flush=True)
+                print(atomic_files.json_line(comparison.row()), flush=True)
         if folder is not None:
-            work.write(folder, rows, versions(), asked)
+            formula_level_report.write(folder, comparisons, versions(), asked)
     if not as_json:
-        console.report(work.summary(rows), as_json=False, title="Errors of the formulas, root mean square", wide=wide)
+        table = [errors.row() for errors in formula_level_report.summary(comparisons)]
+        console.report(table, as_json=False, title="Errors of the formulas, root mean square", wide=wide)
     return GOOD
 
 

@@ -1,14 +1,14 @@
 """Every level of the formulas beside finite elements: ten designs, presses, and shears of a plate that sticks.
 
-ABOUT, which the report prints, says how.
+ABOUT says how. Statistics of the errors and the pages are in `studies.validation.formula_level_report`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
 
 from analytic import beam, buckling
 from fem import equilibrium
@@ -16,8 +16,9 @@ from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
+from studies.output import records
 from studies.output.console import Progress
-from studies.output.provenance import made
+from studies.output.records import FlatRow
 
 ABOUT = """\
 The designs span D, L/D and the magnet (none, small, wide, tall). Four numbers of the press and two of the shear in
@@ -34,26 +35,65 @@ sensor is among them. Errors, as root mean squares over the states of a region:
 A state where a level refuses the load, or the finite elements stop, keeps its row with a message and is in no mean.
 """
 
-Row = dict[str, Any]
-
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
 UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
 """Depths of the presses, depths under the shears, and shears, over D."""
-ERRORS = {
-    "press_force": "press force",
-    "sinking": "sinking",
-    "press_under_shear": "press under shear",
-    "shear_force": "shear force",
-    "shift": "shift",
-    "tilt": "tilt",
-}
 
-REGIONS: dict[str, Callable[[Row], bool]] = {
-    "press to 0.06 D": lambda row: not row["shear_over_D"] and row["depth_over_D"] <= 0.06,
-    "press to D/4": lambda row: not row["shear_over_D"] and row["depth_over_D"] > 0.06,
-    "shear of 0.05 D": lambda row: row["shear_over_D"] == 0.05,
-    "shear to 0.3 D": lambda row: row["shear_over_D"] > 0.05,
-}
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Force, shift and tilt of the magnet in the plane of the shear."""
+
+    force_x_N: float
+    force_z_N: float
+    shift_x_mm: float
+    shift_z_mm: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors of a level in one state, as shares; None where a press or a shear has none.
+
+    The force of a press is one quantity, that under a shear another: see ABOUT for what each is relative to.
+    """
+
+    sinking_error: float
+    press_force_error: float | None = None
+    press_under_shear_error: float | None = None
+    shear_force_error: float | None = None
+    shift_error: float | None = None
+    tilt_error: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One level of the formulas beside finite elements in one state of one design.
+
+    Attributes
+    ----------
+    outside : why the state is out of the level's own range, or empty.
+    formula, fem, errors : None where a level refuses the load or the finite elements stop.
+    """
+
+    design: int
+    D_mm: float
+    L_over_D: float
+    magnet_diameter_over_D: float
+    magnet_height_over_D: float
+    depth_over_D: float
+    shear_over_D: float
+    level: str
+    outside: str
+    status: Literal["ok", "refused", "not_converged"]
+    message: str
+    formula: Motion | None = field(default=None, metadata={"prefix": ""})
+    fem: Motion | None = field(default=None, metadata={"prefix": "fem_"})
+    errors: Errors | None = field(default=None, metadata={"prefix": ""})
+
+    def row(self) -> FlatRow:
+        """Its columns in ladder.csv and in JSON."""
+        return records.known(records.flat(self))
 
 
 def designs() -> list[Design]:
@@ -74,13 +114,13 @@ def _design(D: float, slenderness: float, diameter: float, height: float) -> Des
     )
 
 
-def run(accuracy: str, count: int, progress: Progress) -> Iterator[Row]:
-    """A row for each state and level of the first `count` designs, as soon as it is there."""
+def run(accuracy: str, count: int, progress: Progress) -> Iterator[Comparison]:
+    """A comparison for each state and level of the first `count` designs, as soon as it is there."""
     for number, design in enumerate(designs()[:count]):
         progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
         for load, state in _states(design, accuracy):
             for level in beam.LEVELS:
-                yield _row(number, design, load, state, level)
+                yield compare(number, design, load, state, level)
 
 
 def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | None]]:
@@ -99,142 +139,61 @@ def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | No
                 yield load, reached.get((load.depth, load.shear_x))
 
 
-def _row(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Row:
-    shape = design.shape
-    row: Row = {
-        "design": number,
-        "D_mm": design.D,
-        "L_over_D": design.L / design.D,
-        "magnet_diameter_over_D": shape.magnet_diameter / design.D,
-        "magnet_height_over_D": shape.magnet_height / design.D,
-        "depth_over_D": round(load.depth / design.D, 6),
-        "shear_over_D": round(load.shear_x / design.D, 6),
-        "level": level,
-        "outside": beam.outside(design, load, level),
-        "status": "ok",
-        "message": "",
-    }
+def compare(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Comparison:
+    """A level of the formulas beside the state of the finite elements, None where they stop."""
+    status: Literal["ok", "refused", "not_converged"] = "ok"
+    message, formula, fem, errors = "", None, None, None
     if state is None:
-        return row | {"status": "not_converged", "message": "the finite elements do not reach this load"}
-    try:
-        found = beam.solve(design, load, level)
-        before = beam.solve(design, Load(depth=load.depth), level).force[2]
-    except BadInput as error:
-        return row | {"status": "refused", "message": str(error)}
-    return row | _errors(design, load, found, before, state.response)
+        status, message = "not_converged", "the finite elements do not reach this load"
+    else:
+        try:
+            response = beam.solve(design, load, level)
+            before = beam.solve(design, Load(depth=load.depth), level).force[2]
+        except BadInput as error:
+            status, message = "refused", str(error)
+        else:
+            formula, fem = _motion(response), _motion(state.response)
+            errors = _errors(design, load, response, before, state.response)
+    D, shape = design.D, design.shape
+    return Comparison(
+        design=number,
+        D_mm=D,
+        L_over_D=design.L / D,
+        magnet_diameter_over_D=shape.magnet_diameter / D,
+        magnet_height_over_D=shape.magnet_height / D,
+        depth_over_D=round(load.depth / D, 6),
+        shear_over_D=round(load.shear_x / D, 6),
+        level=level,
+        outside=beam.outside(design, load, level),
+        status=status,
+        message=message,
+        formula=formula,
+        fem=fem,
+        errors=errors,
+    )
 
 
-def _errors(design: Design, load: Load, found: Response, before: float, truth: Response) -> Row:
-    """Forces of both, N; shifts, mm; tilts, rad; errors as shares."""
-    row: Row = {}
-    for name, response in (("", found), ("fem_", truth)):
-        row |= {
-            f"{name}force_x_N": response.force[0],
-            f"{name}force_z_N": response.force[2],
-            f"{name}shift_x_mm": response.shift[0],
-            f"{name}shift_z_mm": response.shift[2],
-            f"{name}tilt_rad": response.tilt,
-        }
-    row["sinking_error"] = found.shift[2] / truth.shift[2] - 1
+def _motion(response: Response) -> Motion:
+    (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
+    return Motion(force_x, force_z, shift_x, shift_z, response.tilt)
+
+
+def _errors(design: Design, load: Load, formula: Response, before: float, fem: Response) -> Errors:
+    """Errors of the formulas, as shares.
+
+    Parameters
+    ----------
+    before : the formulas' press force before the shear, N.
+    """
+    sinking = formula.shift[2] / fem.shift[2] - 1
     if not load.shear_x:
-        return row | {"press_force_error": found.force[2] / truth.force[2] - 1}
+        return Errors(sinking, press_force_error=formula.force[2] / fem.force[2] - 1)
     inertia = math.pi * design.D**4 / 64
     cantilever = 1 / (design.L**3 / (3 * design.E * inertia) + design.L / buckling.shear_stiffness(design))
-    return row | {
-        "press_under_shear_error": (found.force[2] - truth.force[2]) / before,
-        "shear_force_error": (found.force[0] - truth.force[0]) / (cantilever * load.shear_x),
-        "shift_error": (found.shift[0] - truth.shift[0]) / load.shear_x,
-        "tilt_error": (found.tilt - truth.tilt) * design.R / load.shear_x,
-    }
-
-
-def summary(rows: Sequence[Row]) -> list[Row]:
-    """Errors of each level by region, percent; and those of the states in the level's own range."""
-    table: list[Row] = []
-    for level in beam.LEVELS:
-        own = [row for row in rows if row["level"] == level and row["status"] == "ok"]
-        parts = {region: [row for row in own if within(row)] for region, within in REGIONS.items()}
-        parts["in its own range"] = [row for row in own if not row["outside"]] if level != "paper" else []
-        table += [
-            {"level": level, "region": region, "states": len(part), **_means(part)}
-            for region, part in parts.items()
-            if part
-        ]
-    return table
-
-
-def _means(rows: Sequence[Row]) -> Row:
-    """Root mean squares, percent, None where no row has the error."""
-    found: Row = {}
-    for name in ERRORS:
-        values = [row[f"{name}_error"] for row in rows if f"{name}_error" in row]
-        found[f"{name}_error_percent"] = (
-            100 * math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
-        )
-    return found
-
-
-def by_design(rows: Sequence[Row], level: str) -> list[Row]:
-    """Errors of one level, design by design, percent."""
-    table: list[Row] = []
-    for number in sorted({row["design"] for row in rows}):
-        own = [row for row in rows if (row["design"], row["level"], row["status"]) == (number, level, "ok")]
-        if own:
-            keys = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
-            table.append({key: own[0][key] for key in keys} | {"states": len(own)} | _means(own))
-    return table
-
-
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
-    """ladder.csv, ladder.png and LADDER.md."""
-    from studies.output.atomic_files import write_text
-    from studies.output.csv_tables import write_table
-
-    write_table(folder / "ladder.csv", rows)
-    picture(folder / "ladder.png", rows)
-    best = beam.LEVELS[-1]
-    lines = ["# The levels of the formulas beside finite elements", "", *ABOUT.splitlines(), ""]
-    lines += ["![Errors of the levels](ladder.png)", "", "## By level and region", "", *_markdown(summary(rows)), ""]
-    lines += [f"## Level {best} by design", "", *_markdown(by_design(rows, best)), ""]
-    lost = {f"- design {row['design']}: {row['message']}" for row in rows if row["message"]}
-    write_text(folder / "LADDER.md", "\n".join([*lines, *sorted(lost), "", made(command, origin)]) + "\n")
-
-
-def _markdown(table: Sequence[Row]) -> list[str]:
-    heads = [f"{ERRORS[key[: -len('_error_percent')]]} %" if key.endswith("_percent") else key for key in table[0]]
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for row in table:
-        cells = ["" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()]
-        lines.append(f"| {' | '.join(cells)} |")
-    return lines
-
-
-def picture(path: Path, rows: Sequence[Row]) -> None:
-    """Error of each level over the depth, root mean square of designs and shears, logarithmic."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from studies.output.atomic_files import atomic
-    from studies.output.table_plots import COLOURS, STYLE
-
-    over = {"shear_force": " / k₀ δ", "shift": " / δ", "tilt": " R / δ"}
-    with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(2, 3, sharex=True).ravel()
-        for ax, (name, label) in zip(axes, ERRORS.items(), strict=True):
-            for colour, level in zip(COLOURS, beam.LEVELS, strict=False):
-                own = [row for row in rows if row["level"] == level and f"{name}_error" in row]
-                own = [row for row in own if name != "sinking" or not row["shear_over_D"]]
-                x = sorted({row["depth_over_D"] for row in own})
-                y = [_means([row for row in own if row["depth_over_D"] == depth]) for depth in x]
-                ax.plot(x, [mean[f"{name}_error_percent"] for mean in y], "o-", color=colour, label=level)
-            ax.set(yscale="log", ylim=(0.5, 300), title=f"{label}{over.get(name, '')}")
-            ax.set_yticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
-        for ax in axes[3:]:
-            ax.set_xlabel("depth / D (1)")
-        for ax in axes[::3]:
-            ax.set_ylabel("error, rms (%)")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
-        figure.savefig(temporary, dpi=160)
+    return Errors(
+        sinking,
+        press_under_shear_error=(formula.force[2] - fem.force[2]) / before,
+        shear_force_error=(formula.force[0] - fem.force[0]) / (cantilever * load.shear_x),
+        shift_error=(formula.shift[0] - fem.shift[0]) / load.shear_x,
+        tilt_error=(formula.tilt - fem.tilt) * design.R / load.shear_x,
+    )
