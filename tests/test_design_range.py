@@ -1,6 +1,7 @@
 """The study of the range: its samples reach the ends, its rows say what is wrong, it goes on where it stopped."""
 
 import json
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -11,18 +12,18 @@ def test_samples_reach_the_ends_and_stay_the_same():
     found = design_range.samples(design_range.COUNT)
     assert len(found) >= 60
     assert design_range.samples(5) == found[:5]
-    D = [one["D"] for one in found]
+    D = [one.D for one in found]
     assert (min(D), max(D)) == (1, 50)
-    assert min(one["L"] - one["D"] / 2 for one in found) == pytest.approx(design_range.LEAST_STEM)
-    assert max(one["L"] / one["D"] for one in found) == pytest.approx(10, rel=1e-3)
-    assert min(one["magnet_diameter"] for one in found) == design_range.LEAST_DIAMETER
-    ratios = [one["magnet_height"] / one["magnet_diameter"] for one in found]
+    assert min(one.L - one.D / 2 for one in found) == pytest.approx(design_range.LEAST_STEM)
+    assert max(one.L / one.D for one in found) == pytest.approx(10, rel=1e-3)
+    assert min(one.magnet_diameter for one in found) == design_range.LEAST_DIAMETER
+    ratios = [one.magnet_height / one.magnet_diameter for one in found]
     assert 0.0999 < min(ratios) < max(ratios) < 4.001
 
 
 def test_the_largest_magnets_leave_the_wall():
     made = [
-        design_range.Design(**design_range._sample([x, y, 1.0, z, 0.0]))
+        design_range.Design(**asdict(design_range._sample([x, y, 1.0, z, 0.0])))
         for x in (0.5, 1)
         for y in (0.6, 1)
         for z in (0, 0.5)
@@ -34,26 +35,26 @@ def test_the_largest_magnets_leave_the_wall():
 @pytest.mark.parametrize(("number", "ending"), [(3, "impossible"), (20, "ok"), (21, "ok")])
 def test_some_designs(number, ending, tmp_path):
     """A stem too short for its magnet, a small disc in a beam of 50 mm, one close to the base."""
-    row = design_range.examine(number, design_range.samples(number + 1)[number], tmp_path)
-    assert row["status"] == ending
+    result = design_range.examine(number, design_range.samples(number + 1)[number], tmp_path)
+    assert result.status == ending
     if ending == "impossible":
-        assert "needs 0.1 mm: take a smaller magnet" in row["message"]
+        assert "needs 0.1 mm: take a smaller magnet" in result.message
         return
-    assert (row["section"], row["solid_mesh"]) == ("ok", "ok")
-    assert row["solids"] == "ok" or row["message"]
-    assert row["cached_ms"] < 100
-    assert row["least_jacobian"] > 0.04
+    assert (result.section, result.solid_mesh) == ("ok", "ok")
+    assert result.solids == "ok" or result.message
+    assert result.cached_ms < 100
+    assert result.least_jacobian > 0.04
 
 
 def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch, tmp_path):
-    def broken(design):
+    def broken(design, result):
         raise ZeroDivisionError("of the test")
 
     monkeypatch.setattr(design_range, "_solids", broken)
-    monkeypatch.setattr(design_range, "_solid_mesh", lambda design, cache: {"tetrahedra": 7})
-    row = design_range.examine(18, design_range.samples(19)[18], tmp_path)
-    assert (row["status"], row["solids"], row["section"], row["tetrahedra"]) == ("failed", "failed", "ok", 7)
-    assert row["message"] == "solids: ZeroDivisionError: of the test"
+    monkeypatch.setattr(design_range, "_solid_mesh", lambda design, result, cache: replace(result, tetrahedra=7))
+    result = design_range.examine(18, design_range.samples(19)[18], tmp_path)
+    assert (result.status, result.solids, result.section, result.tetrahedra) == ("failed", "failed", "ok", 7)
+    assert result.message == "solids: ZeroDivisionError: of the test"
 
 
 @pytest.fixture
@@ -61,14 +62,11 @@ def quick(monkeypatch):
     """Rows without work; every third design fails."""
     done = []
 
-    def examine(number, values, cache):
+    def examine(number, sample, cache):
         done.append(number)
         status = "failed" if number % 3 == 2 else "ok"
-        names = ("magnet_diameter", "magnet_height", "D", "L")
-        row = {"design": number} | {f"{name}_mm": values[name] for name in names}
-        return (
-            row | dict.fromkeys(design_range.COLUMNS) | {"status": status, "message": "", "tetrahedra": 10 * number}
-        )
+        sizes = sample.D, sample.L, sample.magnet_diameter, sample.magnet_height, sample.magnet_edge_radius
+        return design_range.DesignResult(number, *sizes, status=status, tetrahedra=10 * number)
 
     monkeypatch.setattr(design_range, "examine", examine)
     return done

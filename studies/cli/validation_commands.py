@@ -252,16 +252,17 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
         raise BadInput(f"count must lie between 1 and 1024; got {count}")
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = []
-        for row in work.run(count, folder, progress):
-            rows.append(row)
+        results = []
+        for result in work.run(count, folder, progress):
+            results.append(result)
             if as_json:
-                print(atomic_files.json_line(row), flush=True)
+                print(atomic_files.json_line(result.row()), flush=True)
         if folder is not None:
-            work.write(folder, rows, origin, asked)
+            work.write(folder, results, origin, asked)
     if not as_json:
-        console.report(work.summary(rows), as_json=False, title="Range of designs", wide=wide)
-    failed = [f"design {row['design']}" for row in rows if row["status"] == "failed"]
+        table = [spread.row() for spread in work.summary(results)]
+        console.report(table, as_json=False, title="Range of designs", wide=wide)
+    failed = [f"design {result.design}" for result in results if result.status == "failed"]
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} designs fail: {', '.join(failed)}")
+        console.say(f"magtip: {len(failed)} of {len(results)} designs fail: {', '.join(failed)}")
     return FAILED if failed else GOOD

@@ -14,13 +14,15 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 from geometry.design import BadInput, Design
-from studies.output import result_store
+from studies.output import records, result_store
 from studies.output.atomic_files import write_text
 from studies.output.provenance import made
+from studies.output.records import FlatRow
 
 ABOUT = """\
 The whole range of designs, sampled: solids, mould and meshes of each, or what makes it impossible.
@@ -35,7 +37,7 @@ steps are good with volumes right to 1e-5, the base to 1e-4 and no Jacobian belo
 """
 
 Progress = Callable[[float, str], None]
-Row = dict[str, Any]
+Outcome = Literal["ok", "impossible", "failed"]
 
 SEED, COUNT = 1960, 64
 WALL, LEAST_STEM = 0.15, 0.05
@@ -48,8 +50,85 @@ VOLUME, BASE, CACHED_S = 1e-5, 1e-4, 0.1
 """Largest errors of volumes and of the base, and longest time of a mesh from the cache, s."""
 
 
-def samples(count: int) -> list[dict[str, float]]:
-    """What the sampled designs have, mm; the first of them are the same for any count."""
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Fields of a sampled design, mm."""
+
+    D: float
+    L: float
+    magnet_diameter: float
+    magnet_height: float
+    magnet_edge_radius: float
+    l0: float
+
+
+@dataclass(frozen=True, slots=True)
+class DesignResult:
+    """One sampled design, and what its steps measured; None where a step was not done or did not end well.
+
+    Attributes
+    ----------
+    status : of the whole design; it is impossible where the design itself is refused.
+    message : why a step, or the design, is impossible or failed.
+    wall_mm : thickness of the silicone around the magnet.
+    solids, section, solid_mesh : outcomes of the steps.
+    section_volume_error, silicone_volume_error, magnet_volume_error, base_error : relative.
+    """
+
+    design: int
+    D_mm: float
+    L_mm: float
+    magnet_diameter_mm: float
+    magnet_height_mm: float
+    magnet_edge_radius_mm: float
+    status: Outcome = "ok"
+    message: str = ""
+    wall_mm: float | None = None
+    solids: Outcome | None = None
+    solids_s: float | None = None
+    section: Outcome | None = None
+    section_ms: float | None = None
+    triangles: int | None = None
+    section_volume_error: float | None = None
+    least_angle_rad: float | None = None
+    solid_mesh: Outcome | None = None
+    tetrahedra: int | None = None
+    mesh_s: float | None = None
+    mesh_cpu_s: float | None = None
+    cached_ms: float | None = None
+    silicone_volume_error: float | None = None
+    magnet_volume_error: float | None = None
+    base_error: float | None = None
+    gap_over_D: float | None = None
+    least_jacobian: float | None = None
+    least_shape: float | None = None
+    mean_shape: float | None = None
+
+    def row(self) -> FlatRow:
+        """Its columns in range.csv, in JSON and in the kept rows."""
+        return records.flat(self)
+
+
+Step = Callable[[Design, DesignResult], DesignResult]
+"""Adds what it measures to the result."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Least, median and greatest magnitude of a measured quantity over the designs that have it."""
+
+    quantity: str
+    least: float
+    median: float
+    greatest: float
+
+    def row(self) -> FlatRow:
+        """Its columns in the printed table."""
+        return records.flat(self)
+
+
+def samples(count: int) -> list[Sample]:
+    """The sampled designs; the first of them are the same for any count."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))
@@ -58,7 +137,8 @@ def samples(count: int) -> list[dict[str, float]]:
     ]
 
 
-def _sample(x: list[float]) -> dict[str, float]:
+def _sample(x: list[float]) -> Sample:
+    """The design at a point of the unit cube: D, stem L - D/2, magnet's diameter, its height over that, its edge."""
     D = _down(50 ** x[0])
     stem = _down(LEAST_STEM * (9.5 * D / LEAST_STEM) ** x[1])
     ratio = SLENDER[0] * (SLENDER[1] / SLENDER[0]) ** x[3]
@@ -66,14 +146,14 @@ def _sample(x: list[float]) -> dict[str, float]:
     most = min(2 * (D / 2 - WALL) / math.hypot(1, ratio), 2 * (stem - WALL) / ratio)
     wide = _down(least * (max(most, least) / least) ** x[2])
     tall = _down(ratio * wide)
-    return {
-        "D": D,
-        "L": round(D / 2 + stem, 6),
-        "magnet_diameter": wide,
-        "magnet_height": tall,
-        "magnet_edge_radius": _down(x[4] * min(wide, tall) / 4) if x[4] else 0.0,
-        "l0": round(D / 2 + stem + 1, 6),
-    }
+    return Sample(
+        D=D,
+        L=round(D / 2 + stem, 6),
+        magnet_diameter=wide,
+        magnet_height=tall,
+        magnet_edge_radius=_down(x[4] * min(wide, tall) / 4) if x[4] else 0.0,
+        l0=round(D / 2 + stem + 1, 6),
+    )
 
 
 def _down(value: float) -> float:
@@ -82,16 +162,16 @@ def _down(value: float) -> float:
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
-def run(count: int, folder: Path | None, progress: Progress) -> Iterator[Row]:
-    """A row for each design as it ends; those in the folder's rows.jsonl by the same code are not done again."""
+def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignResult]:
+    """A result for each design as it ends; those in the folder's rows.jsonl by the same code are not done again."""
     store = result_store.opened(None if folder is None else folder / "rows.jsonl", code())
     with tempfile.TemporaryDirectory() as cache:
-        for number, values in enumerate(samples(count)):
+        for number, sample in enumerate(samples(count)):
             progress(number / count, f"design {number}")
-            name = json.dumps([number, *values.values()])
+            name = json.dumps([number, *astuple(sample)])
             if name not in store.known:
-                store.keep(name, examine(number, values, Path(cache)))
-            yield store.known[name]
+                store.keep(name, examine(number, sample, Path(cache)).row())
+            yield DesignResult(**store.known[name])
 
 
 @functools.cache
@@ -100,29 +180,36 @@ def code() -> str:
     return result_store.digest([*result_store.modules("geometry"), Path(__file__)])
 
 
-def examine(number: int, values: dict[str, float], cache: Path) -> Row:
-    """The row of one design. An exception that is no refusal is a failure, with its text as the message."""
-    row: Row = {"design": number} | {f"{name}_mm": value for name, value in values.items() if name != "l0"}
-    row |= dict.fromkeys(COLUMNS, None) | {"status": "ok", "message": ""}
+def examine(number: int, sample: Sample, cache: Path) -> DesignResult:
+    """The result of one design. An exception that is no refusal is a failure, with its text as the message."""
+    result = DesignResult(
+        design=number,
+        D_mm=sample.D,
+        L_mm=sample.L,
+        magnet_diameter_mm=sample.magnet_diameter,
+        magnet_height_mm=sample.magnet_height,
+        magnet_edge_radius_mm=sample.magnet_edge_radius,
+    )
     try:
-        design = Design(**values)  # type: ignore[arg-type]
+        design = Design(**asdict(sample))
     except BadInput as refusal:
-        return row | {"status": "impossible", "message": str(refusal)}
-    row["wall_mm"] = design.shape.wall
-    steps: dict[str, Callable[[Design], Row]]
+        return replace(result, status="impossible", message=str(refusal))
+    result = replace(result, wall_mm=design.shape.wall)
+    steps: dict[str, Step]
     steps = {"solids": _solids, "section": _section, "solid_mesh": functools.partial(_solid_mesh, cache=cache)}
     for name, step in steps.items():
         try:
-            row |= {name: "ok"} | step(design)
+            result = step(design, result)
         except BadInput as refusal:
-            row |= {name: "impossible", "message": str(refusal)}
+            result = replace(result, message=str(refusal), **{name: "impossible"})  # type: ignore[arg-type]
         except Exception as error:
             # any way to end that nobody meant is what this table is there to find
-            row |= {name: "failed", "status": "failed", "message": f"{name}: {type(error).__name__}: {error}"}
-    return row
+            message = f"{name}: {type(error).__name__}: {error}"
+            result = replace(result, status="failed", message=message, **{name: "failed"})  # type: ignore[arg-type]
+    return result
 
 
-def _solids(design: Design) -> Row:
+def _solids(design: Design, result: DesignResult) -> DesignResult:
     """The three bodies against their volumes, and the mould with its checks."""
     from geometry import cad, mold
     from geometry.fabrication import mold_checks, mold_solids
@@ -138,10 +225,11 @@ def _solids(design: Design) -> Row:
     failed = [check.name for check in checks if not check.passed]
     if failed:
         raise RuntimeError(f"the mould fails its check '{failed[0]}'")
-    return {"solids_s": time.perf_counter() - begin}
+    return replace(result, solids="ok", solids_s=time.perf_counter() - begin)
 
 
-def _section(design: Design) -> Row:
+def _section(design: Design, result: DesignResult) -> DesignResult:
+    """The (r, z) section with the magnet as a hole: its volume of revolution, and its angles."""
     import numpy as np
     import skfem
 
@@ -160,15 +248,18 @@ def _section(design: Design) -> Row:
     angles = np.angle((np.roll(corners, 1, axis=0) - corners) / (np.roll(corners, -1, axis=0) - corners))
     if not (abs(error) < VOLUME and angles.min() > 0):
         raise RuntimeError(f"a volume error of {error:.2g}, a least angle of {angles.min():.2g} rad")
-    return {
-        "section_ms": 1e3 * seconds,
-        "triangles": mesh.nelements,
-        "section_volume_error": error,
-        "least_angle_rad": float(np.abs(angles).min()),
-    }
+    return replace(
+        result,
+        section="ok",
+        section_ms=1e3 * seconds,
+        triangles=mesh.nelements,
+        section_volume_error=error,
+        least_angle_rad=float(np.abs(angles).min()),
+    )
 
 
-def _solid_mesh(design: Design, cache: Path) -> Row:
+def _solid_mesh(design: Design, result: DesignResult, cache: Path) -> DesignResult:
+    """Tetrahedra of the half body with its magnet, made anew and then read from the cache."""
     from fem.accuracy import QUICK
     from geometry.mesh import tetrahedra
     from geometry.meshing.curved_mesh import LEAST_JACOBIAN
@@ -182,24 +273,26 @@ def _solid_mesh(design: Design, cache: Path) -> Row:
         begin = time.perf_counter()
         tetrahedra(design.shape, size)
         cached = time.perf_counter() - begin
-    found = quality(mesh, design.shape)
-    worst = max(map(abs, found.volume_errors.values()))
-    right = worst < VOLUME and abs(found.base_error) < BASE and found.least_jacobian >= 0.9 * LEAST_JACOBIAN
+    measured = quality(mesh, design.shape)
+    worst = max(map(abs, measured.volume_errors.values()))
+    right = worst < VOLUME and abs(measured.base_error) < BASE and measured.least_jacobian >= 0.9 * LEAST_JACOBIAN
     if not (right and cached < CACHED_S):
-        raise RuntimeError(f"{found}, {cached:.2g} s from the cache")
-    return {
-        "tetrahedra": found.cells,
-        "mesh_s": seconds,
-        "mesh_cpu_s": sum(now[k] - spent[k] for k in range(4)),
-        "cached_ms": 1e3 * cached,
-        "silicone_volume_error": found.volume_errors["silicone"],
-        "magnet_volume_error": found.volume_errors["magnet"],
-        "base_error": found.base_error,
-        "gap_over_D": found.gap / design.D,
-        "least_jacobian": found.least_jacobian,
-        "least_shape": found.least_shape,
-        "mean_shape": found.mean_shape,
-    }
+        raise RuntimeError(f"{measured}, {cached:.2g} s from the cache")
+    return replace(
+        result,
+        solid_mesh="ok",
+        tetrahedra=measured.cells,
+        mesh_s=seconds,
+        mesh_cpu_s=sum(now[k] - spent[k] for k in range(4)),
+        cached_ms=1e3 * cached,
+        silicone_volume_error=measured.volume_errors["silicone"],
+        magnet_volume_error=measured.volume_errors["magnet"],
+        base_error=measured.base_error,
+        gap_over_D=measured.gap / design.D,
+        least_jacobian=measured.least_jacobian,
+        least_shape=measured.least_shape,
+        mean_shape=measured.mean_shape,
+    )
 
 
 @contextlib.contextmanager
@@ -217,53 +310,46 @@ def _kept_in(folder: Path) -> Iterator[None]:
             os.environ[VARIABLE] = before
 
 
-COLUMNS = (
-    "status",
-    "message",
-    "wall_mm",
-    *("solids", "solids_s", "section", "section_ms", "triangles", "section_volume_error", "least_angle_rad"),
-    *("solid_mesh", "tetrahedra", "mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error"),
-    *("magnet_volume_error", "base_error", "gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
+MEASURED = (
+    *("wall_mm", "solids_s", "section_ms", "triangles", "section_volume_error", "least_angle_rad", "tetrahedra"),
+    *("mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error", "magnet_volume_error", "base_error"),
+    *("gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
 )
+"""Fields of a result that hold a measured number."""
 
 
-def summary(rows: Sequence[Row]) -> list[Row]:
-    """Least, median and greatest of what was measured."""
-    found = []
-    for name in COLUMNS:
-        values = [abs(row[name]) for row in rows if isinstance(row[name], (int, float))]
+def summary(results: Sequence[DesignResult]) -> list[Spread]:
+    """Spreads of what was measured, of errors the magnitudes."""
+    spreads = []
+    for name in MEASURED:
+        values = [abs(value) for result in results if (value := getattr(result, name)) is not None]
         if values:
-            numbers = {"least": min(values), "median": statistics.median(values), "greatest": max(values)}
-            found.append({"quantity": name} | numbers)
-    return found
+            spreads.append(Spread(name, min(values), statistics.median(values), max(values)))
+    return spreads
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
+def write(folder: Path, results: Sequence[DesignResult], origin: str, command: str) -> None:
     """range.csv with all columns, RANGE.md to read."""
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "range.csv", rows, digits=6)
-    count = {status: sum(row["status"] == status for row in rows) for status in ("ok", "impossible", "failed")}
-    lines = ["# Range of designs", "", f"Of {len(rows)} designs {count['ok']} are good, "]
-    lines[-1] += f"{count['impossible']} impossible, {count['failed']} failed."
-    lines += [
-        "",
-        *ABOUT.splitlines(),
-        "",
-        "Least, median and greatest, of errors the magnitudes:",
-        "",
-    ]
+    write_table(folder / "range.csv", [result.row() for result in results], digits=6)
+    good, impossible, failed = (
+        sum(result.status == status for result in results) for status in ("ok", "impossible", "failed")
+    )
+    counts = f"Of {len(results)} designs {good} are good, {impossible} impossible, {failed} failed."
+    lines = ["# Range of designs", "", counts, "", *ABOUT.splitlines(), ""]
+    lines += ["Least, median and greatest, of errors the magnitudes:", ""]
     lines += ["| quantity | least | median | greatest |", "|---|---|---|---|"]
-    for row in summary(rows):
-        cells = [f"{row[name]:.3g}" for name in ("least", "median", "greatest")]
-        lines.append(f"| {row['quantity'].replace('_', ' ')} | {' | '.join(cells)} |")
+    for spread in summary(results):
+        numbers = " | ".join(f"{value:.3g}" for value in (spread.least, spread.median, spread.greatest))
+        lines.append(f"| {spread.quantity.replace('_', ' ')} | {numbers} |")
     heads = ["design", "D", "L", "magnet", "wall", "status", "tetrahedra", "s", "least Jacobian", "message"]
     lines += ["", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for row in rows:
-        magnet = f"{row['magnet_diameter_mm']:g} x {row['magnet_height_mm']:g}"
-        cells = [str(row["design"]), f"{row['D_mm']:g}", f"{row['L_mm']:g}", magnet, _text(row["wall_mm"])]
-        cells += [row["status"], _text(row["tetrahedra"], 6), _text(row["mesh_s"]), _text(row["least_jacobian"])]
-        lines.append(f"| {' | '.join([*cells, row['message']])} |")
+    for result in results:
+        magnet = f"{result.magnet_diameter_mm:g} x {result.magnet_height_mm:g}"
+        cells = [str(result.design), f"{result.D_mm:g}", f"{result.L_mm:g}", magnet, _text(result.wall_mm)]
+        cells += [result.status, _text(result.tetrahedra, 6), _text(result.mesh_s), _text(result.least_jacobian)]
+        lines.append(f"| {' | '.join([*cells, result.message])} |")
     write_text(folder / "RANGE.md", "\n".join([*lines, "", made(command, origin)]) + "\n")
 
 
