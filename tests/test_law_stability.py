@@ -56,8 +56,8 @@ def visited(depth):
     path = equilibrium._start(paper(), [load], STANDARD, "rigid", "axisymmetric", None)
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
-        e = path.d.system.elements
-        return material_stability.strains(e, slice(None), path.u), element_integrals.volumes(e, slice(None)).ravel()
+        e, u = path.state.d.system.elements, path.state.u
+        return material_stability.strains(e, slice(None), u), element_integrals.volumes(e, slice(None)).ravel()
     finally:
         path.close()
 

@@ -52,7 +52,7 @@ def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lo
     path = equilibrium._start(SOFT, [load], QUICK, "rigid", "axisymmetric", None)
     try:
         assert not path.go(depth / SOFT.D, np.zeros(2))
-        state = read(path, SOFT, load, np.array([1.0, 0.0]), "no_convergence", 0.0)
+        state = read(path.state, SOFT, load, np.array([1.0, 0.0]), "no_convergence")
     finally:
         path.close()
     assert state.status == "not_converged"
@@ -96,6 +96,6 @@ def test_what_is_always_stable_is_never_lost():
     path = equilibrium._start(paper(), [Load(depth=2.0)], QUICK, "rigid", "axisymmetric", None)
     try:
         assert not path.go(2.0 / paper().D, np.zeros(2))
-        assert material_stability.lost(path.d.system, path.u) is None
+        assert material_stability.lost(path.state.d.system, path.state.u) is None
     finally:
         path.close()
