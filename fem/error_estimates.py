@@ -19,11 +19,9 @@ from fem.error_estimate_rules import (
     RESPONSE_RULES,
     STICK_SHEAR,
     SURE_SHARE,
-    TANGENT_RULES,
     UNUSUAL,
     ErrorRule,
     LoadCase,
-    TangentQuantity,
     press_limits,
 )
 from fem.solution import Estimates
@@ -84,19 +82,16 @@ def estimate_response(
     )
 
 
-def estimate_number(
-    quantity: TangentQuantity,
-    one: float,
-    other: float | None,
-    magnet: Magnet,
-    accuracy: Accuracy,
-    base: float = 1.0,
-) -> float | None:
-    """Error of a number by its rule in TANGENT_RULES; None where it is nothing or the companion has none."""
+def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: float, base: float) -> float | None:
+    """Error of a number, from its companion's; None where it is 0 or the companion has none.
+
+    Parameters
+    ----------
+    rule : one of `fem.error_estimate_rules.TANGENT_RULES`, whose base is told there.
+    edge : edge length of the section over D.
+    """
     difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
-    if difference is None:
-        return None
-    return _bounded(TANGENT_RULES[quantity, magnet], difference, accuracy.section_size, base)
+    return None if difference is None else _bounded(rule, difference, edge, base)
 
 
 def load_case(load: Load, loads: Sequence[Load], model: str, magnet: Magnet, design: Design) -> LoadCase:

@@ -28,7 +28,7 @@ from fem.contact.plate_contact import Plate
 from fem.discretisation import elements, rigid_inclusion, symmetry_models
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.equilibrium import contact_end
-from fem.error_estimate_rules import TangentQuantity
+from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.material import lame, law
 from fem.solvers.direct_solver import Solver
@@ -49,12 +49,12 @@ MOST = 40
 class Modes:
     """Natural frequencies, Hz, in rising order, and the names of their shapes.
 
-    `frequency_error_estimate` holds their relative errors from the mesh, None where they were not estimated.
+    `estimates` are those of their relative errors from the mesh, None where they were not estimated.
     """
 
     frequency: tuple[float, ...]
     shape: tuple[str, ...]
-    frequency_error_estimate: tuple[float | None, ...] = ()
+    estimates: tuple[float | None, ...] = ()
 
 
 def modes(
@@ -80,31 +80,33 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     check_load(design, Load(depth=depth), magnet)
-    found = _modes(design, magnet, count, depth, accuracy)
+    lowest = _modes(design, magnet, count, depth, accuracy)
     if not estimate:
-        return found
+        return lowest
     try:
         companion = _modes(design, magnet, count, depth, coarser(accuracy))
     except BadInput:  # a coarse mesh may stop before, or turn unstable
-        return found
-    return beside(found, companion, magnet, accuracy, design, depth)
+        return lowest
+    return replace(lowest, estimates=estimate_frequencies(lowest, companion, design, magnet, accuracy, depth))
 
 
-def beside(one: Modes, other: Modes, magnet: Magnet, accuracy: Accuracy, design: Design, depth: float) -> Modes:
-    """The modes with their errors, estimated from those of a mesh coarser by COARSER.
+def estimate_frequencies(
+    one: Modes, other: Modes, design: Design, magnet: Magnet, accuracy: Accuracy, depth: float
+) -> tuple[float | None, ...]:
+    """Errors of frequencies, from those of a mesh coarser by COARSER.
 
     The first, second, ... mode of a shape belong together.
     """
     left = {
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
-    quantity: TangentQuantity = "pressed frequency" if depth else "frequency"
-    unit = _unit(design)
+    rule = TANGENT_RULES["pressed frequency" if depth else "frequency", magnet]
+    edge, unit = accuracy.section_size, _unit(design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
         companion = left[name].pop(0) if left[name] else None
-        errors.append(estimate_number(quantity, frequency, companion, magnet, accuracy, unit / frequency))
-    return replace(one, frequency_error_estimate=tuple(errors))
+        errors.append(estimate_number(rule, frequency, companion, edge, unit / frequency))
+    return tuple(errors)
 
 
 def _modes(design: Design, magnet: Magnet, count: int, depth: float, accuracy: Accuracy) -> Modes:

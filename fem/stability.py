@@ -23,7 +23,7 @@ from fem.discretisation import symmetry_models
 from fem.discretisation.nonlinear_system import Assembly
 from fem.discretisation.symmetry_models import Discretisation
 from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
-from fem.error_estimate_rules import LEAST_DEPTH, LEAST_RADIUS
+from fem.error_estimate_rules import LEAST_DEPTH, LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.material import law
 from fem.results.lateral_stiffness import SidewaysModel, lateral, normal_force
@@ -58,6 +58,14 @@ larger elements the lateral stiffness scatters with the place where the contact 
 
 
 @dataclass(frozen=True, slots=True)
+class CriticalEstimates:
+    """Estimates of the relative errors of a critical depth and force from the mesh; None where there are none."""
+
+    depth: float | None = None
+    force: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Critical:
     """Where a press turns unstable.
 
@@ -66,15 +74,23 @@ class Critical:
     depth, force : mm and N, None where no sideways instability was found.
     stable_to : depth up to which there is none, mm.
     message : what to know; empty if nothing.
-    depth_error_estimate, force_error_estimate : relative errors from the mesh, None where they were not estimated.
+    estimates : of the errors.
     """
 
     depth: float | None
     force: float | None
     stable_to: float
     message: str
-    depth_error_estimate: float | None = None
-    force_error_estimate: float | None = None
+    estimates: CriticalEstimates = CriticalEstimates()
+
+
+@dataclass(frozen=True, slots=True)
+class SmallShearEstimates:
+    """Estimates of the relative errors of a small shear from the mesh; None where there are none."""
+
+    stiffness: float | None = None
+    shift: float | None = None
+    tilt: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +102,7 @@ class SmallShear:
     stiffness : tangential force over the plate's motion, N/mm.
     shift, tilt : motion of the magnet's centre over the plate's, and its rotation, rad/mm.
     force, contact_radius : of the press, N and mm.
-    stiffness_error_estimate, shift_error_estimate, tilt_error_estimate : relative errors from the mesh, None where
-        they were not estimated.
+    estimates : of the errors.
     """
 
     stiffness: float
@@ -95,9 +110,7 @@ class SmallShear:
     tilt: float
     force: float
     contact_radius: float
-    stiffness_error_estimate: float | None = None
-    shift_error_estimate: float | None = None
-    tilt_error_estimate: float | None = None
+    estimates: SmallShearEstimates = SmallShearEstimates()
 
 
 def critical(
@@ -127,22 +140,24 @@ def critical(
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     deepest = DEEPEST * room if deepest is None else deepest
     check_load(design, Load(depth=deepest), magnet)
-    found = _critical(design, magnet, guided, accuracy, deepest)
-    if not estimate or found.depth is None:
-        return found
-    return with_companion(
-        found, _critical(design, magnet, guided, coarser(accuracy), deepest), magnet, accuracy, design.D
-    )
+    state = _critical(design, magnet, guided, accuracy, deepest)
+    if not estimate or state.depth is None:
+        return state
+    companion = _critical(design, magnet, guided, coarser(accuracy), deepest)
+    return replace(state, estimates=estimate_critical(state, companion, magnet, accuracy, design.D))
 
 
-def with_companion(one: Critical, other: Critical, magnet: Magnet, accuracy: Accuracy, D: float) -> Critical:
-    """A critical state with its errors, estimated from what a mesh coarser by COARSER says of it."""
+def estimate_critical(
+    one: Critical, other: Critical, magnet: Magnet, accuracy: Accuracy, D: float
+) -> CriticalEstimates:
+    """Errors of a critical state, from what a mesh coarser by COARSER says of it."""
     if one.depth is None or one.force is None:
-        return one
-    base = max(one.depth / D, LEAST_DEPTH)
-    depth = estimate_number("critical depth", one.depth, other.depth, magnet, accuracy, base)
-    force = estimate_number("critical force", one.force, other.force, magnet, accuracy, base)
-    return replace(one, depth_error_estimate=depth, force_error_estimate=force)
+        return CriticalEstimates()
+    edge, base = accuracy.section_size, max(one.depth / D, LEAST_DEPTH)
+    return CriticalEstimates(
+        depth=estimate_number(TANGENT_RULES["critical depth", magnet], one.depth, other.depth, edge, base),
+        force=estimate_number(TANGENT_RULES["critical force", magnet], one.force, other.force, edge, base),
+    )
 
 
 def _critical(design: Design, magnet: Magnet, guided: bool, accuracy: Accuracy, deepest: float) -> Critical:
@@ -181,23 +196,26 @@ def small_shear(
         reach the depth.
     """
     check_depth(design, depth, magnet)
-    found = _small_shear(design, depth, magnet, accuracy)
+    shear = _small_shear(design, depth, magnet, accuracy)
     if not estimate:
-        return found
+        return shear
     try:
         companion = _small_shear(design, depth, magnet, coarser(accuracy))
     except BadInput:  # a coarse mesh may stop before
-        return found
-    return beside(found, companion, magnet, accuracy, design.D)
+        return shear
+    return replace(shear, estimates=estimate_small_shear(shear, companion, magnet, accuracy, design.D))
 
 
-def beside(one: SmallShear, other: SmallShear, magnet: Magnet, accuracy: Accuracy, D: float) -> SmallShear:
-    """A small shear with its errors, estimated from what a mesh coarser by COARSER says of it."""
-    radius = max(one.contact_radius / D, LEAST_RADIUS)
-    stiffness = estimate_number("stiffness", one.stiffness, other.stiffness, magnet, accuracy, radius)
-    shift = estimate_number("shift", one.shift, other.shift, magnet, accuracy, radius)
-    tilt = estimate_number("tilt", one.tilt, other.tilt, magnet, accuracy, radius)
-    return replace(one, stiffness_error_estimate=stiffness, shift_error_estimate=shift, tilt_error_estimate=tilt)
+def estimate_small_shear(
+    one: SmallShear, other: SmallShear, magnet: Magnet, accuracy: Accuracy, D: float
+) -> SmallShearEstimates:
+    """Errors of a small shear, from what a mesh coarser by COARSER says of it."""
+    edge, radius = accuracy.section_size, max(one.contact_radius / D, LEAST_RADIUS)
+    return SmallShearEstimates(
+        stiffness=estimate_number(TANGENT_RULES["stiffness", magnet], one.stiffness, other.stiffness, edge, radius),
+        shift=estimate_number(TANGENT_RULES["shift", magnet], one.shift, other.shift, edge, radius),
+        tilt=estimate_number(TANGENT_RULES["tilt", magnet], one.tilt, other.tilt, edge, radius),
+    )
 
 
 def _small_shear(design: Design, depth: float, magnet: Magnet, accuracy: Accuracy) -> SmallShear:

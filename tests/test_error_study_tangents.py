@@ -23,8 +23,8 @@ def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
     _, (row,) = solved("critical")
     found = stability.critical(paper(), accuracy=QUICK)
     assert (row["status"], row["depth"], row["force"]) == ("ok", found.depth, found.force)
-    assert row["depth_estimate"] == found.depth_error_estimate
-    assert row["force_estimate"] == found.force_error_estimate
+    assert row["depth_estimate"] == found.estimates.depth
+    assert row["force_estimate"] == found.estimates.force
     assert row["depth_error"] == pytest.approx(abs(row["depth"] / row["reference_depth"] - 1))
 
 
@@ -33,7 +33,7 @@ def test_the_study_judges_the_errors_of_a_small_shear_that_a_user_gets():
     assert [row["depth_mm"] for row in rows] == [load.depth for load in task.trial.loads]
     found = stability.small_shear(paper(), rows[-1]["depth_mm"], accuracy=QUICK)
     for name in ("stiffness", "shift", "tilt"):
-        assert rows[-1][f"{name}_estimate"] == getattr(found, f"{name}_error_estimate")
+        assert rows[-1][f"{name}_estimate"] == getattr(found.estimates, name)
 
 
 def test_the_study_judges_every_frequency():
@@ -41,9 +41,7 @@ def test_the_study_judges_every_frequency():
     assert len(rows) == 2 * error_study_tangents.COUNT
     found = modes.modes(paper(), depth=task.trial.loads[1].depth, accuracy=QUICK)
     assert [row["frequency"] for row in rows[error_study_tangents.COUNT :]] == list(found.frequency)
-    assert [row["frequency_estimate"] for row in rows[error_study_tangents.COUNT :]] == list(
-        found.frequency_error_estimate
-    )
+    assert [row["frequency_estimate"] for row in rows[error_study_tangents.COUNT :]] == list(found.estimates)
     assert {row["scene"] for row in error_statistics.summary(rows)} == {"modes"}
 
 

@@ -13,6 +13,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import elements
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import on_axis
+from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.material import lame
 from geometry.design import BadInput, paper
@@ -123,14 +124,15 @@ def test_every_frequency_has_an_error_that_holds_against_a_finer_mesh():
     finer = replace(STANDARD, section_size=0.05, section_patch=0.003)
     one, truth = (modes.modes(paper(), count=6, depth=0.5, accuracy=level) for level in (QUICK, finer))
     assert one.shape == truth.shape
-    for value, true, error in zip(one.frequency, truth.frequency, one.frequency_error_estimate, strict=True):
+    for value, true, error in zip(one.frequency, truth.frequency, one.estimates, strict=True):
         assert abs(value / true - 1) <= error < 0.02
 
 
 def test_companions_are_paired_by_shape():
     one = modes.Modes((1.0, 2.0, 3.0, 4.0), ("bending", "torsion", "bending", "axial"), (None,) * 4)
     other = modes.Modes((1.1, 2.2, 3.3, 5.0), ("bending", "bending", "torsion", "ovalling"), (None,) * 4)
-    found = modes.beside(one, other, "rigid", STANDARD, paper(), 0.0).frequency_error_estimate
+    found = modes.estimate_frequencies(one, other, paper(), "rigid", STANDARD, 0.0)
+    rule = TANGENT_RULES["frequency", "rigid"]
     pairs = [(1.0, 1.1), (2.0, 3.3), (3.0, 2.2)]
-    assert found[:3] == tuple(estimate_number("frequency", a, b, "rigid", STANDARD) for a, b in pairs)
+    assert found[:3] == tuple(estimate_number(rule, a, b, STANDARD.section_size, 1.0) for a, b in pairs)
     assert found[3] is None

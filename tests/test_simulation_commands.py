@@ -61,7 +61,11 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     from geometry.design import paper
     from studies.simulation import stability_report
 
-    found = {False: stability.Critical(0.9, 1.0, 0.9, "", 0.01, 0.02), True: stability.Critical(None, None, 3.5, "")}
+    estimates = stability.CriticalEstimates(0.01, 0.02)
+    found = {
+        False: stability.Critical(0.9, 1.0, 0.9, "", estimates),
+        True: stability.Critical(None, None, 3.5, ""),
+    }
     monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
     monkeypatch.setattr(stability, "small_shear", lambda *_, **__: stability.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
     said = [stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]

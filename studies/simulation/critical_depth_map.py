@@ -68,8 +68,8 @@ def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
             f"{name}critical_depth_mm": critical.depth,
             f"{name}critical_force_N": critical.force,
             f"{name}stable_to_mm": critical.stable_to,
-            f"{name}critical_depth_error_estimate": critical.depth_error_estimate,
-            f"{name}critical_force_error_estimate": critical.force_error_estimate,
+            f"{name}critical_depth_error_estimate": critical.estimates.depth,
+            f"{name}critical_force_error_estimate": critical.estimates.force,
         }
         said.append(critical.message)
     formulas: dict[str, Callable[[Design], float]] = {

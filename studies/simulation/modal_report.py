@@ -37,7 +37,7 @@ def run(
     status = "ok"
     try:
         found = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
-        frequencies, shapes, errors = found.frequency, found.shape, found.frequency_error_estimate
+        frequencies, shapes, errors = found.frequency, found.shape, found.estimates
         message = _verdict(frequencies, shapes)
     except BadInput as error:
         status, message = "failed", str(error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from typing import Any
 
 from analytic import buckling
@@ -10,7 +11,7 @@ from geometry.loads import Magnet
 from studies.output.console import Progress
 
 PER_MM = ("stiffness_N_per_mm", "shift_per_mm", "tilt_rad_per_mm")
-ERRORS = ("stiffness_error_estimate", "shift_error_estimate", "tilt_error_estimate")
+ESTIMATES = ("stiffness_error_estimate", "shift_error_estimate", "tilt_error_estimate")
 
 
 def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> dict[str, Any]:
@@ -34,16 +35,16 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
         "message": "; ".join(text for text in (free.message, guided.message) if text),
         "critical_depth_mm": free.depth,
         "critical_force_N": free.force,
-        "critical_depth_error_estimate": free.depth_error_estimate,
-        "critical_force_error_estimate": free.force_error_estimate,
+        "critical_depth_error_estimate": free.estimates.depth,
+        "critical_force_error_estimate": free.estimates.force,
         "stable_to_mm": free.stable_to,
         "euler_N": buckling.euler(design),
         "haringx_N": buckling.haringx(design),
         "haringx_depth_mm": buckling.depth(design, buckling.haringx(design)),
         "guided_critical_depth_mm": guided.depth,
         "guided_critical_force_N": guided.force,
-        "guided_critical_depth_error_estimate": guided.depth_error_estimate,
-        "guided_critical_force_error_estimate": guided.force_error_estimate,
+        "guided_critical_depth_error_estimate": guided.estimates.depth,
+        "guided_critical_force_error_estimate": guided.estimates.force,
         "guided_stable_to_mm": guided.stable_to,
         "guided_euler_N": buckling.euler(design, buckling.GUIDED),
     }
@@ -62,7 +63,7 @@ def _at(
     try:
         small = stability.small_shear(design, depth, magnet, accuracy=LEVELS[accuracy])
     except BadInput as error:
-        none = dict.fromkeys(("force_N", "contact_radius_mm", *PER_MM, *ERRORS))
+        none = dict.fromkeys(("force_N", "contact_radius_mm", *PER_MM, *ESTIMATES))
         return {"status": "not_converged", "message": "; ".join([*said, str(error)]), "depth_mm": depth} | none
     free, guided = record["critical_depth_mm"], record["guided_critical_depth_mm"]
     if guided is not None and depth > guided:
@@ -81,7 +82,7 @@ def _at(
         "force_N": [0.0, 0.0, small.force],
         "contact_radius_mm": small.contact_radius,
         **dict(zip(PER_MM, (small.stiffness, small.shift, small.tilt), strict=True)),
-        **{name: getattr(small, name) for name in ERRORS},
+        **dict(zip(ESTIMATES, astuple(small.estimates), strict=True)),
     }
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from fem import modes, stability
 from fem.accuracy import Accuracy
 from fem.error_estimate_rules import PRESS_DEPTH, press_limits
 from fem.modes import Modes
-from fem.stability import Critical, SmallShear
+from fem.stability import Critical, CriticalEstimates, SmallShear, SmallShearEstimates
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from studies.validation.error_study_cases import Trial, designs, rounded
@@ -115,24 +116,26 @@ def rows_of(trial: Trial, level: Accuracy, paths: dict[str, list[State]]) -> lis
 
 
 def _restored(scene: str, state: State) -> Found:
+    """What was solved, without estimates."""
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in state["found"].items()}
-    return KINDS[scene](**values)
+    return KINDS[scene](**{name: value for name, value in values.items() if name != "estimates"})
 
 
 def _pairs(trial: Trial, depth: float, level: Accuracy, one: Found, other: Found, truth: Found) -> list[Row]:
     """Errors and estimates, as a user would get them."""
     if isinstance(one, Modes) and isinstance(other, Modes) and isinstance(truth, Modes):
-        return _modes(modes.beside(one, other, trial.magnet, level, trial.design, depth), truth)
+        estimates = modes.estimate_frequencies(one, other, trial.design, trial.magnet, level, depth)
+        return _modes(replace(one, estimates=estimates), truth)
+    judged: CriticalEstimates | SmallShearEstimates
     if isinstance(one, Critical) and isinstance(other, Critical):
-        judged: Found = stability.with_companion(one, other, trial.magnet, level, trial.design.D)
+        judged = stability.estimate_critical(one, other, trial.magnet, level, trial.design.D)
     else:
         assert isinstance(one, SmallShear)
         assert isinstance(other, SmallShear)
-        judged = stability.beside(one, other, trial.magnet, level, trial.design.D)
+        judged = stability.estimate_small_shear(one, other, trial.magnet, level, trial.design.D)
     row: Row = {}
     for name in SCENES[trial.scene]:
-        value, true = getattr(judged, name), getattr(truth, name)
-        row |= _pair(name, value, true, getattr(judged, f"{name}_error_estimate"))
+        row |= _pair(name, getattr(one, name), getattr(truth, name), getattr(judged, name))
         row |= {f"companion_{name}": getattr(other, name)}
     return [row]
 
@@ -143,7 +146,7 @@ def _modes(judged: Modes, truth: Modes) -> list[Row]:
     for frequency, name in zip(truth.frequency, truth.shape, strict=True):
         left.setdefault(name, []).append(frequency)
     rows = []
-    for value, name, error in zip(judged.frequency, judged.shape, judged.frequency_error_estimate, strict=True):
+    for value, name, error in zip(judged.frequency, judged.shape, judged.estimates, strict=True):
         if left.get(name):
             rows.append({"shape": name} | _pair("frequency", value, left[name].pop(0), error))
     return rows
