@@ -1,0 +1,153 @@
+"""What the documents name is there: modules in the maps, links, dotted names, verbs, the version."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from studies.cli import commands
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("geometry", "fem", "analytic", "studies")
+DOCUMENTS = sorted(
+    path
+    for folder in (".", *PACKAGES, "results")
+    for path in (ROOT / folder).glob("*.md" if folder == "." else "**/*.md")
+)
+HEADING = re.compile(r"^### `([\w.]+)`$")
+ROW = re.compile(r"^\| `(\w+)` \|")
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+DOTTED = re.compile(rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
+
+
+def name(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def prose(path):
+    """The text without fenced blocks."""
+    return re.sub(r"^( *)```.*?^\1```$", "", path.read_text("utf-8"), flags=re.M | re.S)
+
+
+def mapped(text):
+    """Modules that the section Map of a README names, by package."""
+    found, package = {}, None
+    for line in text.partition("\n## Map\n")[2].partition("\n## ")[0].splitlines():
+        if heading := HEADING.match(line):
+            package = heading[1]
+            found[package] = []
+        elif (row := ROW.match(line)) and package:
+            found[package].append(row[1])
+    return found
+
+
+def modules(package):
+    """Modules on disk by package."""
+    found = {}
+    for path in (ROOT / package).rglob("*.py"):
+        if path.stem != "__init__":
+            found.setdefault(".".join(path.parent.relative_to(ROOT).parts), []).append(path.stem)
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_map_names_every_module_and_no_other(package):
+    shown = mapped((ROOT / package / "README.md").read_text("utf-8"))
+    assert {key: sorted(names) for key, names in shown.items()} == {
+        key: sorted(names) for key, names in modules(package).items()
+    }
+
+
+def test_map_is_read_by_package():
+    text = (
+        "# a\n## Map\n### `a`\n| module | |\n|---|---|\n| `b` | x |\n### `a.c`\n| `d` | y |\n## More\n| `e` | z |\n"
+    )
+    assert mapped(text) == {"a": ["b"], "a.c": ["d"]}
+
+
+def slug(heading):
+    """The anchor of a heading, as it is made for pages: lower case, dashes for spaces, no other signs."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=name)
+def test_links_lead_to_files_and_headings(path):
+    for target in LINK.findall(prose(path)):
+        if target.startswith(("http://", "https://")):
+            continue
+        file, _, anchor = target.partition("#")
+        goal = (path.parent / file) if file else path
+        assert goal.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", prose(goal), flags=re.M)
+            assert anchor in map(slug, headings), target
+
+
+def test_files_of_the_wheel_do_not_leave_it():
+    """The wheel shows the README of the root: its links are relative, as are those of all documents."""
+    assert all(not target.startswith("/") for path in DOCUMENTS for target in LINK.findall(prose(path)))
+
+
+def defined(path):
+    """Names that a module defines at its top."""
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Assign):
+            yield from (target.id for target in node.targets if isinstance(target, ast.Name))
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            yield node.target.id
+
+
+def resolves(dotted):
+    """Whether a name leads to a package, a module, or something that a module defines."""
+    parts = dotted.split(".")
+    for count in range(len(parts), 0, -1):
+        place = ROOT.joinpath(*parts[:count])
+        if place.with_suffix(".py").exists():
+            return count == len(parts) or parts[count] in defined(place.with_suffix(".py"))
+        if (place / "__init__.py").exists():
+            return count == len(parts)
+    return False
+
+
+@pytest.mark.parametrize("path", [path for path in DOCUMENTS if path.name != "CHANGELOG.md"], ids=name)
+def test_dotted_names_are_defined(path):
+    """The changelog also names what was before, and so does no other document."""
+    assert not [dotted for dotted in DOTTED.findall(path.read_text("utf-8")) if not resolves(dotted)]
+
+
+def test_a_wrong_name_is_no_name():
+    assert resolves("geometry.design.Design")
+    assert resolves("fem.solvers")
+    assert not resolves("geometry.design.Desing")
+    assert not resolves("geometry.designs")
+
+
+def test_moved_paths_are_right():
+    """The changelog's table: the new path is there, a module of the old one is not."""
+    rows = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
+    assert len(rows) > 100
+    assert not [new for _, new in rows if not resolves(new)]
+    assert not [old for old, _ in rows if ROOT.joinpath(*old.split(".")).with_suffix(".py").exists()]
+
+
+def test_every_verb_has_a_row():
+    text = (ROOT / "studies" / "README.md").read_text("utf-8")
+    verbs = {verb for verb in commands.app if not verb.startswith("-")}
+    assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
+
+
+def test_readme_of_the_root_is_short():
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
+
+
+def test_one_version():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        version = tomllib.load(file)["project"]["version"]
+    newest = re.search(r"^## \[?(\d+\.\d+\.\d+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
+    assert newest is not None
+    assert newest[1] == version
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
