@@ -54,7 +54,7 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
 
 def test_the_judge_of_extremes_measures_the_cone():
     loads = tuple(Load(depth=0.5, shear_x=x, friction=0.1) for x in (0.0, 0.6))
-    scene = robustness_checks.Scene(
+    scene = robustness_checks.Case(
         "small", loads, robustness_checks.cone, 0.01, coulomb_study.COARSE, magnet="ignored"
     )
     found = robustness_checks.cone(scene, robustness_checks.path(scene))

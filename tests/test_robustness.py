@@ -12,10 +12,10 @@ from fem.solution import Facts
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.validation import robustness, robustness_checks
-from studies.validation.robustness_checks import Scene, press
+from studies.validation import robustness, robustness_checks, robustness_ends
+from studies.validation.robustness_checks import Case, press
 
-SCENES = {scene.name: scene for scene in robustness.scenes(quick=True)}
+SCENES = {scene.name: scene for scene in robustness.cases(quick=True)}
 SLOW = {
     "L = D/2 + 0.05 mm: other model",
     "magnet 0.2 mm high to the largest",
@@ -31,7 +31,7 @@ ELSEWHERE = {
     "D = 50 mm, similar",
     "depth 1e-9 mm, all silicone",
 }
-SMALL = Scene("small", press(0.98, 0.99, 1.0), robustness_checks.work, 2e-3, QUICK)
+SMALL = Case("small", press(0.98, 0.99, 1.0), robustness_checks.work, 2e-3, QUICK)
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +41,11 @@ def pressed():
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in SLOW | ELSEWHERE])
 def test_a_scene_ends_as_it_should(name):
-    row = robustness.judge(SCENES[name])
-    assert row["verdict"] == "pass", robustness.line(row)
-    assert row["passed"]
-    assert row["status"] in SCENES[name].ends
-    assert row["measured"] <= row["bound"]
+    row = robustness.examine(SCENES[name])
+    assert row.verdict == "pass", robustness.line(row)
+    assert row.passed
+    assert row.status in SCENES[name].ends
+    assert row.measured <= row.bound
 
 
 def test_larger_magnets_take_larger_forces():
@@ -56,14 +56,14 @@ def test_larger_magnets_take_larger_forces():
 
 
 def test_names_are_unique_and_the_full_run_holds_all_of_the_quick_one():
-    full = [scene.name for scene in robustness.scenes()]
+    full = [scene.name for scene in robustness.cases()]
     assert len(set(full)) == len(full)
     assert set(SCENES) < set(full)
     assert set(SCENES) >= SLOW | ELSEWHERE
 
 
 def test_samples_are_the_same_in_every_run_and_can_be_made():
-    for one, other in zip(robustness.scenes(), robustness.scenes(), strict=True):
+    for one, other in zip(robustness.cases(), robustness.cases(), strict=True):
         assert (one.name, one.changes, one.loads) == (other.name, other.changes, other.loads)
         if one.name.startswith("sample"):
             assert 0 < one.loads[-1].depth < one.design.L - one.design.magnet_height
@@ -107,30 +107,30 @@ def test_a_wrong_force_fails_its_scene(monkeypatch):
 
     trace = robustness_checks.trace
     monkeypatch.setattr(robustness_checks, "trace", wrong)
-    row = robustness.judge(SMALL)
-    assert not row["passed"]
-    assert row["measured"] == pytest.approx(0.01, rel=0.1)
+    row = robustness.examine(SMALL)
+    assert not row.passed
+    assert row.measured == pytest.approx(0.01, rel=0.1)
 
 
 def test_a_state_that_is_not_what_a_fresh_solve_gives_fails(pressed):
     stop = replace(pressed, status="not_converged", facts=Facts("no_convergence"))
     scene = replace(SMALL, loads=press(2.0))
-    assert robustness_checks.stopped(scene, stop).measured < 1e-9
-    assert robustness_checks.stopped(scene, replace(stop, energy=1.001 * stop.energy)).measured == pytest.approx(
+    assert robustness_ends.stopped(scene, stop).measured < 1e-9
+    assert robustness_ends.stopped(scene, replace(stop, energy=1.001 * stop.energy)).measured == pytest.approx(
         1e-3, rel=0.01
     )
 
 
 def off_by_a_percent(_, states):
-    return robustness_checks.Finding(states[-1], "a force", 0.01, 1e-3)
+    return robustness_checks.Measurement(states[-1], "a force", 0.01, 1e-3)
 
 
 def ended(monkeypatch, *ends):
     """The row of a scene whose path ends so; of several, those on ever other meshes."""
-    scene = replace(SMALL, judge=off_by_a_percent)
+    scene = replace(SMALL, measure=off_by_a_percent)
     states = iter(ends)
     monkeypatch.setattr(robustness_checks, "path", lambda _: [next(states)])
-    return robustness.judge(replace(scene, ends=("ok", "unstable")))
+    return robustness.examine(replace(scene, ends=("ok", "unstable")))
 
 
 def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypatch):
@@ -138,20 +138,20 @@ def test_beyond_an_onset_the_onset_is_measured_on_a_finer_mesh(pressed, monkeypa
         return replace(pressed, status="unstable", facts=Facts("", 1, "depth", (low, high)))
 
     near = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.7, 0.75))
-    assert (near["verdict"], near["measured"], near["bound"]) == (
+    assert (near.verdict, near.measured, near.bound) == (
         "pass",
         pytest.approx(0.05 / 0.9),
-        robustness_checks.ONSET,
+        robustness_ends.ONSET,
     )
-    assert "a force 0.01, at most 0.001" in near["check"]
+    assert "a force 0.01, at most 0.001" in near.check
     far = ended(monkeypatch, unstable(0.8, 0.9), unstable(0.5, 0.6))
-    assert (far["verdict"], far["measured"]) == ("fail", pytest.approx(0.2 / 0.9))
+    assert (far.verdict, far.measured) == ("fail", pytest.approx(0.2 / 0.9))
 
 
 def test_an_onset_that_a_finer_mesh_does_not_have_fails(pressed, monkeypatch):
     unstable = replace(pressed, status="unstable", facts=Facts("", 1, "depth", (0.8, 0.9)))
     row = ended(monkeypatch, unstable, pressed)
-    assert (row["verdict"], row["measured"]) == ("fail", math.inf)
+    assert (row.verdict, row.measured) == ("fail", math.inf)
 
 
 def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatch):
@@ -159,20 +159,20 @@ def test_what_could_not_be_measured_is_neither_pass_nor_fail(pressed, monkeypatc
     unstable = replace(pressed, status="unstable", facts=Facts("", 1, "depth", (0.8, 0.9)))
     early = replace(pressed, status="not_converged", load=Load(depth=0.5), facts=Facts("no_convergence"))
     row = ended(monkeypatch, unstable, early)
-    assert (row["verdict"], row["passed"]) == ("not judged", False)
-    assert math.isnan(row["measured"])
+    assert (row.verdict, row.passed) == ("not judged", False)
+    assert math.isnan(row.measured)
     assert robustness.line(row).startswith("not judged  small")
 
 
 def test_a_comparison_that_stops_judges_nothing():
     def compare(scene, states):
-        return robustness_checks.Finding(
+        return robustness_checks.Measurement(
             states[-1], "force", robustness_checks.follow(scene, press(8.9), magnet="ignored")[-1].energy
         )
 
-    row = robustness.judge(replace(SMALL, judge=compare))
-    assert (row["status"], row["verdict"], row["passed"]) == ("ok", "not judged", False)
-    assert row["check"].startswith("what it is compared with stopped at depth")
+    row = robustness.examine(replace(SMALL, measure=compare))
+    assert (row.status, row.verdict, row.passed) == ("ok", "not judged", False)
+    assert row.check.startswith("what it is compared with stopped at depth")
 
 
 def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_says(pressed, monkeypatch):
@@ -180,28 +180,26 @@ def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_
     said = "unstable since a depth between 0.8 and 0.9 mm"
     state = replace(pressed, status="unstable", message=said, facts=Facts("", 1, "depth", (0.8, 0.9)))
     monkeypatch.setattr(robustness_checks, "path", lambda _: [state])
-    row = robustness.judge(
-        replace(SMALL, judge=lambda _, states: robustness_checks.Finding(states[-1], "a force", 0.0))
+    row = robustness.examine(
+        replace(SMALL, measure=lambda _, states: robustness_checks.Measurement(states[-1], "a force", 0.0))
     )
-    assert (row["status"], row["verdict"], row["passed"]) == ("unstable", "fail", False)
-    assert row["measured"] == 0
+    assert (row.status, row.verdict, row.passed) == ("unstable", "fail", False)
+    assert row.measured == 0
 
 
 def test_a_tip_that_gives_way_must_hold_less_energy(pressed):
     for factor in (0.5, 1.5):
-        finding = robustness_checks.stopped(
-            SMALL, replace(pressed, status="unstable", energy=factor * pressed.energy)
-        )
+        finding = robustness_ends.stopped(SMALL, replace(pressed, status="unstable", energy=factor * pressed.energy))
         assert (finding.measured, finding.bound) == (pytest.approx(factor), 1.0)
 
 
 def test_the_model_that_no_contact_points_to_is_tried(pressed):
-    far = Scene("far", press(1e-9), robustness_checks.work, 0.02, QUICK, magnet="ignored", ends=("no_contact",))
+    far = Case("far", press(1e-9), robustness_checks.work, 0.02, QUICK, magnet="ignored", ends=("no_contact",))
     silent = replace(pressed, status="no_contact", load=Load(depth=1e-9), facts=Facts(remark="no_touch"))
-    finding = robustness_checks.stopped(far, silent)
+    finding = robustness_ends.stopped(far, silent)
     assert finding.solution is silent
     assert finding.measured < 0.02
-    deep = robustness_checks.stopped(far, replace(silent, load=Load(depth=1.0)))
+    deep = robustness_ends.stopped(far, replace(silent, load=Load(depth=1.0)))
     assert deep.measured > 0.02
 
 
@@ -209,20 +207,20 @@ def test_wrong_ends_are_rows_that_fail():
     def crash(*_):
         raise ZeroDivisionError("division by zero")
 
-    crashed = robustness.judge(replace(SMALL, judge=crash))
-    assert (crashed["status"], crashed["passed"]) == ("crashed", False)
-    assert "division" in crashed["message"]
-    refused = robustness.judge(replace(SMALL, changes={"L": 3.0}))
-    assert (refused["status"], refused["passed"]) == ("bad_input", False)
-    short = robustness.judge(replace(SMALL, loads=press(1.0, 8.9), magnet="ignored"))
-    assert (short["status"], short["verdict"]) == ("not_converged", "fail")
-    unexpected = robustness.judge(replace(SMALL, ends=("not_converged",)))
-    assert (unexpected["status"], unexpected["passed"]) == ("ok", False)
+    crashed = robustness.examine(replace(SMALL, measure=crash))
+    assert (crashed.status, crashed.passed) == ("crashed", False)
+    assert "division" in crashed.message
+    refused = robustness.examine(replace(SMALL, changes={"L": 3.0}))
+    assert (refused.status, refused.passed) == ("bad_input", False)
+    short = robustness.examine(replace(SMALL, loads=press(1.0, 8.9), magnet="ignored"))
+    assert (short.status, short.verdict) == ("not_converged", "fail")
+    unexpected = robustness.examine(replace(SMALL, ends=("not_converged",)))
+    assert (unexpected.status, unexpected.passed) == ("ok", False)
 
 
 def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, monkeypatch, tmp_path):
     small = [SMALL, replace(SMALL, name="refused", changes={"L": 3.0}, ends=("bad_input",))]
-    monkeypatch.setattr(robustness, "scenes", lambda quick: small)
+    monkeypatch.setattr(robustness, "cases", lambda quick: small)
     status, out, err = run("extremes", "--quick", "--json", "--out", tmp_path)
     rows = strict(out)
     assert (status, err) == (GOOD, "")
@@ -235,7 +233,7 @@ def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, mo
 
 
 def test_a_failed_scene_is_status_three(run, monkeypatch):
-    monkeypatch.setattr(robustness, "scenes", lambda quick: [replace(SMALL, bound=1e-12)])
+    monkeypatch.setattr(robustness, "cases", lambda quick: [replace(SMALL, bound=1e-12)])
     status, out, err = run("extremes")
     assert status == FAILED
     assert out.startswith("FAIL  small")
@@ -244,10 +242,10 @@ def test_a_failed_scene_is_status_three(run, monkeypatch):
 
 def test_a_scene_that_is_not_judged_is_counted_apart_and_fails_nothing(run, monkeypatch, tmp_path):
     def unmeasured(_, states):
-        return robustness_checks.Finding(states[-1], "nothing to compare with", None)
+        return robustness_checks.Measurement(states[-1], "nothing to compare with", None)
 
-    both = [SMALL, replace(SMALL, name="open", judge=unmeasured)]
-    monkeypatch.setattr(robustness, "scenes", lambda quick: both)
+    both = [SMALL, replace(SMALL, name="open", measure=unmeasured)]
+    monkeypatch.setattr(robustness, "cases", lambda quick: both)
     status, out, err = run("extremes", "--out", tmp_path)
     assert status == GOOD
     assert "not judged  open" in out

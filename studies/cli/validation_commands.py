@@ -87,15 +87,17 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     from studies.validation import robustness as work
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = []
-        for row in work.run(quick=quick, folder=folder, command=asked, progress=progress):
-            print(atomic_files.json_line(row) if as_json else work.line(row), flush=True)
-            rows.append(row)
-    failed, unjudged = ([row["scene"] for row in rows if row["verdict"] == v] for v in ("fail", "not judged"))
+        results = []
+        for result in work.run(quick=quick, folder=folder, command=asked, progress=progress):
+            print(atomic_files.json_line(result.row()) if as_json else work.line(result), flush=True)
+            results.append(result)
+    failed, unjudged = (
+        [result.scene for result in results if result.verdict == verdict] for verdict in ("fail", "not judged")
+    )
     if unjudged:
-        console.say(f"magtip: {len(unjudged)} of {len(rows)} scenes are not judged: {'; '.join(unjudged)}")
+        console.say(f"magtip: {len(unjudged)} of {len(results)} scenes are not judged: {'; '.join(unjudged)}")
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} scenes end wrongly: {'; '.join(failed)}")
+        console.say(f"magtip: {len(failed)} of {len(results)} scenes end wrongly: {'; '.join(failed)}")
     return FAILED if failed else GOOD
 
 

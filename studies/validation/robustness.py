@@ -1,23 +1,25 @@
-"""The verb extremes: scenes at the edge of what is allowed, each with a verdict. See ABOUT."""
+"""The verb extremes: cases at the edge of what is allowed, each with a verdict. See ABOUT."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from geometry.design import BadInput
+from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
-from studies.validation import robustness_checks
-from studies.validation.robustness_cases import scenes
-from studies.validation.robustness_checks import Finding, Scene, StoppedError
+from studies.output.records import FlatRow
+from studies.validation import robustness_checks, robustness_ends
+from studies.validation.robustness_cases import cases
+from studies.validation.robustness_checks import Case, Measurement, StoppedError
 
 Progress = Callable[[float, str], None]
-Row = dict[str, Any]
 
 NAN = math.nan
 Verdict = Literal["pass", "fail", "not judged"]
@@ -36,154 +38,186 @@ integration (section meshes only).
 """
 
 
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a case ended; NaN where there is no number.
+
+    Attributes
+    ----------
+    status : of the last state, or "bad_input", or "crashed" where an exception ended it.
+    check : what was measured, or why nothing could be.
+    passed : the verdict is "pass".
+    ends : statuses that are right, separated by spaces.
+    depth_mm, shear_mm, force_x_N, force_z_N : of the last state.
+    inside_out_share : share of the silicone's volume that is inverted (J <= 0); section meshes only.
+    changes : fields that differ from the paper's design.
+    """
+
+    scene: str
+    verdict: Verdict
+    status: str
+    message: str
+    seconds: float
+    check: str
+    measured: float
+    bound: float
+    passed: bool
+    ends: str
+    model: str
+    accuracy: str
+    magnet: str
+    depth_mm: float
+    shear_mm: float
+    force_x_N: float
+    force_z_N: float
+    inside_out_share: float
+    changes: str
+
+    def row(self) -> FlatRow:
+        """Its columns in extremes.csv and in JSON."""
+        return records.flat(self)
+
+
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
-) -> Iterator[Row]:
-    """A row for each scene as it ends; at the end extremes.csv and EXTREMES.md are written if told where.
+) -> Iterator[Result]:
+    """A result for each case as it ends; at the end extremes.csv and EXTREMES.md are written if a folder is given.
 
+    Parameters
+    ----------
     command : that this is run by.
     """
-    rows: list[Row] = []
+    results: list[Result] = []
     origin = versions()
-    chosen = scenes(quick=quick)
-    for i, scene in enumerate(chosen):
+    chosen = cases(quick=quick)
+    for i, case in enumerate(chosen):
         if progress is not None:
-            progress(i / len(chosen), scene.name)
-        rows.append(judge(scene))
-        yield rows[-1]
+            progress(i / len(chosen), case.name)
+        results.append(examine(case))
+        yield results[-1]
     if folder is not None:
-        write(folder, rows, origin, command)
+        write(folder, results, origin, command)
 
 
-def judge(scene: Scene) -> Row:
-    """The row of one scene; an exception is a wrong end like any other, with its text as the message."""
+def examine(case: Case) -> Result:
+    """The result of one case; an exception is a wrong end like any other, with its text as the message."""
     begin = time.perf_counter()
-    finding: Finding | None = None
+    measurement: Measurement | None = None
     status: str
     try:
-        finding = _finding(scene)
-        end = finding.solution
+        measurement = _measured(case)
+        end = measurement.solution
         status, message = ("crashed", "") if end is None else (end.status, end.message)
     except BadInput as error:
         status, message = "bad_input", str(error)
-        finding = robustness_checks.refused(scene)
+        measurement = robustness_ends.refused(case)
     except Exception as error:
         # any way to end that nobody meant is what this table is there to find
         status, message = "crashed", f"{type(error).__name__}: {error}"
-    return _row(scene, finding, status, message, time.perf_counter() - begin)
+    return _result(case, measurement, status, message, time.perf_counter() - begin)
 
 
-def _finding(scene: Scene) -> Finding:
-    """What is measured of the scene: by its judge, or where it ended otherwise, of the state that was reached."""
-    states = robustness_checks.path(scene)
+def _measured(case: Case) -> Measurement:
+    """What is measured of the case: its own measure where it is followed to its end, else of its last state."""
+    states = robustness_checks.path(case)
     end = states[-1]
-    followed = end.status == "ok" or (end.status == "unstable" and "ok" in scene.ends)
+    followed = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
     try:
-        finding = scene.judge(scene, states) if followed else robustness_checks.stopped(scene, end)
+        measurement = case.measure(case, states) if followed else robustness_ends.stopped(case, end)
     except StoppedError as stop:
-        finding = Finding(end, f"what it is compared with {stop}", None)
-    settled = end.status not in scene.ends or _verdict(scene, finding, end.status) == "pass"
+        measurement = Measurement(end, f"what it is compared with {stop}", None)
+    settled = end.status not in case.ends or _verdict(case, measurement, end.status) == "pass"
     if settled or end.facts.onset is None:
-        return finding
-    return robustness_checks.onset(scene, end, _judged(finding.check, finding.measured, _bound(scene, finding)))
+        return measurement
+    judged = _judged(measurement.check, measurement.measured, _bound(case, measurement))
+    return robustness_ends.onset(case, end, judged)
 
 
-def _bound(scene: Scene, finding: Finding) -> float:
-    return scene.bound if finding.bound is None else finding.bound
+def _bound(case: Case, measurement: Measurement) -> float:
+    return case.bound if measurement.bound is None else measurement.bound
 
 
-def _verdict(scene: Scene, finding: Finding | None, status: str) -> Verdict:
-    """Whether a scene ended as it should, by its status and by what was measured; both must be right."""
-    if finding is None or status not in scene.ends:
+def _verdict(case: Case, measurement: Measurement | None, status: str) -> Verdict:
+    """Whether a case ended as it should, by its status and by what was measured; both must be right."""
+    if measurement is None or status not in case.ends:
         return "fail"
-    if finding.measured is None:
+    if measurement.measured is None:
         return "not judged"
-    return "pass" if finding.measured <= _bound(scene, finding) else "fail"
+    return "pass" if measurement.measured <= _bound(case, measurement) else "fail"
 
 
-def _row(scene: Scene, finding: Finding | None, status: str, message: str, seconds: float) -> Row:
-    end = finding.solution if finding else None
-    measured = finding.measured if finding else None
+def _result(case: Case, measurement: Measurement | None, status: str, message: str, seconds: float) -> Result:
+    end = measurement.solution if measurement else None
+    measured = measurement.measured if measurement else None
     response = end.response if end else None
-    verdict = _verdict(scene, finding, status)
-    return {
-        "scene": scene.name,
-        "verdict": verdict,
-        "status": status,
-        "message": message,
-        "seconds": seconds,
-        "check": finding.check if finding else "none",
-        "measured": NAN if measured is None else measured,
-        "bound": NAN if finding is None or measured is None else _bound(scene, finding),
-        "passed": verdict == "pass",
-        "ends": " ".join(scene.ends),
-        "model": end.model if end else scene.model,
-        "accuracy": scene.accuracy.name,
-        "magnet": scene.magnet,
-        "depth_mm": end.load.depth if end else NAN,
-        "shear_mm": end.load.shear_x if end else NAN,
-        "force_x_N": response.force[0] if response else NAN,
-        "force_z_N": response.force[2] if response else NAN,
-        "inside_out_share": robustness_checks.folded_share(end) if end and end.model == "axisymmetric" else NAN,
-        "changes": " ".join(f"{name}={value:.9g}" for name, value in scene.changes.items()),
-    }
+    verdict = _verdict(case, measurement, status)
+    return Result(
+        scene=case.name,
+        verdict=verdict,
+        status=status,
+        message=message,
+        seconds=seconds,
+        check=measurement.check if measurement else "none",
+        measured=NAN if measured is None else measured,
+        bound=NAN if measurement is None or measured is None else _bound(case, measurement),
+        passed=verdict == "pass",
+        ends=" ".join(case.ends),
+        model=end.model if end else case.model,
+        accuracy=case.accuracy.name,
+        magnet=case.magnet,
+        depth_mm=end.load.depth if end else NAN,
+        shear_mm=end.load.shear_x if end else NAN,
+        force_x_N=response.force[0] if response else NAN,
+        force_z_N=response.force[2] if response else NAN,
+        inside_out_share=robustness_checks.folded_share(end) if end and end.model == "axisymmetric" else NAN,
+        changes=" ".join(f"{name}={value:.9g}" for name, value in case.changes.items()),
+    )
 
 
-def line(row: Row) -> str:
-    """The row for a person to read.
-
-    >>> numbers = {"seconds": 0.52, "measured": 2e-4, "bound": 5e-3}
-    >>> texts = {"scene": "deep", "status": "ok", "check": "force", "message": "", "verdict": "pass"}
-    >>> line(numbers | texts)
-    'pass  deep: ok in 0.5 s; force 0.0002, at most 0.005'
-    """
-    verdict = "FAIL" if row["verdict"] == "fail" else row["verdict"]
-    message = f"; {row['message']}" if row["message"] else ""
-    measured = None if math.isnan(row["measured"]) else row["measured"]
-    judged = _judged(row["check"], measured, row["bound"])
-    return f"{verdict}  {row['scene']}: {row['status']} in {row['seconds']:.1f} s; {judged}{message}"
+def line(result: Result) -> str:
+    """The result for a person to read, as `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
+    verdict = "FAIL" if result.verdict == "fail" else result.verdict
+    message = f"; {result.message}" if result.message else ""
+    measured = None if math.isnan(result.measured) else result.measured
+    judged = _judged(result.check, measured, result.bound)
+    return f"{verdict}  {result.scene}: {result.status} in {result.seconds:.1f} s; {judged}{message}"
 
 
 def _judged(check: str, measured: float | None, bound: float) -> str:
     return check if measured is None else f"{check} {measured:.3g}, at most {bound:.3g}"
 
 
-def counted(rows: Sequence[Row]) -> str:
+def counted(verdicts: Sequence[Verdict]) -> str:
     """How many scenes have which verdict.
 
-    >>> counted([{"verdict": "pass"}, {"verdict": "not judged"}])
+    >>> counted(["pass", "not judged"])
     '1 of 2 scenes pass, 0 fail, 1 is not judged'
     """
-    passed, failed, open_ = (sum(row["verdict"] == v for row in rows) for v in ("pass", "fail", "not judged"))
-    verb = "is" if open_ == 1 else "are"
-    return f"{passed} of {len(rows)} scenes pass, {failed} fail, {open_} {verb} not judged"
+    passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
+    verb = "is" if not_judged == 1 else "are"
+    return f"{passed} of {len(verdicts)} scenes pass, {failed} fail, {not_judged} {verb} not judged"
 
 
-def write(folder: Path, rows: Sequence[Row], origin: str, command: str) -> None:
+def write(folder: Path, results: Sequence[Result], origin: str, command: str) -> None:
     """extremes.csv with all columns, EXTREMES.md to read."""
-    write_table(folder / "extremes.csv", rows, digits=9)
+    write_table(folder / "extremes.csv", [result.row() for result in results], digits=9)
     heads = ["scene", "status", "s", "how it was judged", "measured", "bound", "inside out", "", "what happened"]
-    lines = ["# Extremes", "", f"{counted(rows)}.", ""]
+    lines = ["# Extremes", "", f"{counted([result.verdict for result in results])}.", ""]
     lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
-    for row in rows:
-        numbers = [_number(row[key]) for key in ("measured", "bound", "inside_out_share")]
+    for result in results:
         cells = [
-            row["scene"],
-            row["status"],
-            f"{row['seconds']:.1f}",
-            row["check"],
-            *numbers,
-            "pass" if row["passed"] else f"**{row['verdict']}**",
-            row["message"],
+            result.scene,
+            result.status,
+            f"{result.seconds:.1f}",
+            result.check,
+            *(_number(value) for value in (result.measured, result.bound, result.inside_out_share)),
+            "pass" if result.passed else f"**{result.verdict}**",
+            result.message,
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", *ABOUT.splitlines(), "", *_designs(rows), "", made(command, origin)]
+    samples = [f"- {result.scene}: `{result.changes}`" for result in results if result.scene.startswith("sample")]
+    lines += ["", *ABOUT.splitlines(), "", *samples, "", made(command, origin)]
     write_text(folder / "EXTREMES.md", "\n".join(lines) + "\n")
-
-
-def _designs(rows: Sequence[Row]) -> list[str]:
-    samples = [row for row in rows if row["scene"].startswith("sample")]
-    return [f"- {row['scene']}: `{row['changes']}`" for row in samples]
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""The scenes of `extremes`: designs and loads at the edge of what is allowed, how each is judged, and its bound."""
+"""The cases of `extremes`: designs and loads at the edge of what is allowed, what each measures, and its bound."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.design import paper
 from geometry.loads import Load
 from studies.validation import robustness_checks
-from studies.validation.robustness_checks import NO_MAGNET, Scene, press
+from studies.validation.robustness_checks import NO_MAGNET, Case, press
 
 SEED = 2016
 MAY_STOP = ("ok", "not_converged")
@@ -25,27 +25,27 @@ WORK, SIMILAR, LIMIT, PATH, CONE = 2e-3, 1e-9, 1e-4, 1e-6, 1e-2
 """Bounds of the checks that do not depend on the mesh."""
 
 
-def scenes(*, quick: bool = False) -> list[Scene]:
+def cases(*, quick: bool = False) -> list[Case]:
     """All of them; if quick, at quick accuracy and without the slow ones."""
     a = QUICK if quick else STANDARD
-    found = [*_stiffness_and_size(a), *_shapes(a), *_presses(a), *_shears(a, quick=quick)]
-    return [*found, *([] if quick else [*_rubbing(), *_tetrahedra()]), *_samples(a, 4 if quick else 12)]
+    every_time = [*_stiffness_and_size(a), *_shapes(a), *_presses(a), *_shears(a, quick=quick)]
+    return [*every_time, *([] if quick else [*_rubbing(), *_tetrahedra()]), *_samples(a, 4 if quick else 12)]
 
 
-def _stiffness_and_size(a: Accuracy) -> list[Scene]:
+def _stiffness_and_size(a: Accuracy) -> list[Case]:
     lengths = {D: {name: getattr(paper(), name) * D / 8 for name in robustness_checks.LENGTHS} for D in (1.0, 50.0)}
     hertz, deep = BOUNDS[a.name]["hertz"], press(3.528, 3.564, 3.6)
     return [
         *(
-            Scene(f"E = {E:g} MPa", press(1.0), robustness_checks.similarity, SIMILAR, a, {"E": E})
+            Case(f"E = {E:g} MPa", press(1.0), robustness_checks.similarity, SIMILAR, a, {"E": E})
             for E in (1e-3, 1e3)
         ),
         *(
-            Scene(f"D = {D:g} mm, similar", press(D / 8), robustness_checks.similarity, SIMILAR, a, changes)
+            Case(f"D = {D:g} mm, similar", press(D / 8), robustness_checks.similarity, SIMILAR, a, changes)
             for D, changes in lengths.items()
         ),
         *(
-            Scene(
+            Case(
                 f"D = {D:g} mm, E = {E:g} MPa, touch",
                 press(1e-9),
                 robustness_checks.hertz,
@@ -56,10 +56,10 @@ def _stiffness_and_size(a: Accuracy) -> list[Scene]:
             for D, E in ((1.0, 1e3), (50.0, 1e-3))
         ),
         *(
-            Scene(f"nu = {nu:g}, depth 0.4 L", deep, robustness_checks.work, WORK, a, {"nu": nu})
+            Case(f"nu = {nu:g}, depth 0.4 L", deep, robustness_checks.work, WORK, a, {"nu": nu})
             for nu in (0.0, 0.3, 0.49999, 0.5)
         ),
-        Scene(
+        Case(
             "nu = 0.49999, depth 0.4 L: limit",
             press(3.6),
             robustness_checks.incompressible,
@@ -67,19 +67,19 @@ def _stiffness_and_size(a: Accuracy) -> list[Scene]:
             a,
             {"nu": 0.49999},
         ),
-        Scene("depth 0.4 L: inside out", press(3.6), robustness_checks.folded, 0.0, a),
+        Case("depth 0.4 L: inside out", press(3.6), robustness_checks.folded, 0.0, a),
     ]
 
 
-def _shapes(a: Accuracy) -> list[Scene]:
+def _shapes(a: Accuracy) -> list[Case]:
     bounds, largest = BOUNDS[a.name], robustness_checks.largest_height({})
     short, long = {"L": 4.05, **NO_MAGNET}, {"L": 80.0}
     heights = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     near = press(0.98, 0.99, 1.0)
     thin = {"magnet_height": 0.2}
     return [
-        Scene("L = D/2 + 0.05 mm", near, robustness_checks.work, WORK, a, short, "ignored"),
-        Scene(
+        Case("L = D/2 + 0.05 mm", near, robustness_checks.work, WORK, a, short, "ignored"),
+        Case(
             "L = D/2 + 0.05 mm: other model",
             press(0.5),
             robustness_checks.half_model,
@@ -88,7 +88,7 @@ def _shapes(a: Accuracy) -> list[Scene]:
             short,
             "ignored",
         ),
-        Scene(
+        Case(
             "L = D/2 + 0.05 mm with the magnet",
             near,
             robustness_checks.work,
@@ -97,19 +97,19 @@ def _shapes(a: Accuracy) -> list[Scene]:
             {"L": 4.05},
             ends=("bad_input",),
         ),
-        Scene("L = 10 D", press(1.96, 1.98, 2.0), robustness_checks.work, WORK, a, long),
-        Scene("L = 10 D: slender", press(2.0), robustness_checks.bar, bounds["bar"], a, long),
-        Scene("magnet 0.2 mm high", near, robustness_checks.work, WORK, a, thin),
-        Scene("magnet 6 mm high", press(0.99, 1.0, 1.01), robustness_checks.work, WORK, a, {"magnet_height": 6.0}),
+        Case("L = 10 D", press(1.96, 1.98, 2.0), robustness_checks.work, WORK, a, long),
+        Case("L = 10 D: slender", press(2.0), robustness_checks.bar, bounds["bar"], a, long),
+        Case("magnet 0.2 mm high", near, robustness_checks.work, WORK, a, thin),
+        Case("magnet 6 mm high", press(0.99, 1.0, 1.01), robustness_checks.work, WORK, a, {"magnet_height": 6.0}),
         *(
-            Scene(name, near, robustness_checks.work, WORK, a, {"magnet_height": height}, ends=ANY_CLEAR)
+            Case(name, near, robustness_checks.work, WORK, a, {"magnet_height": height}, ends=ANY_CLEAR)
             for name, height in (
                 ("magnet 6.3 mm high", 6.3),
                 (f"magnet {largest:.4g} mm high, the largest", largest),
             )
         ),
         # to 0.5 mm: the largest magnets have an instability beyond, where forces are no longer ordered by size
-        Scene(
+        Case(
             "magnet 0.2 mm high to the largest",
             press(0.5),
             robustness_checks.ordered("magnet_height", heights),
@@ -120,23 +120,23 @@ def _shapes(a: Accuracy) -> list[Scene]:
     ]
 
 
-def _presses(a: Accuracy) -> list[Scene]:
+def _presses(a: Accuracy) -> list[Case]:
     hertz, alone = BOUNDS[a.name]["hertz"], BOUNDS[a.name]["mesh"]
     fine = [2 + 0.2 * i for i in range(12)]
     twelve = [0.25 * i for i in range(1, 13)]
     return [
-        Scene("depth 1e-9 mm", press(1e-9), robustness_checks.hertz, hertz, a),
-        Scene("depth 1e-9 mm, all silicone", press(1e-9), robustness_checks.hertz, hertz, a, magnet="ignored"),
-        Scene("depth 1e-9 mm, then 3 mm", press(1e-9, 3.0), robustness_checks.alone, alone, a, ends=MAY_STOP),
-        Scene("one step to 3 mm, or down and back", press(3.0), robustness_checks.other_path(*press(3.5)), PATH, a),
-        Scene(
+        Case("depth 1e-9 mm", press(1e-9), robustness_checks.hertz, hertz, a),
+        Case("depth 1e-9 mm, all silicone", press(1e-9), robustness_checks.hertz, hertz, a, magnet="ignored"),
+        Case("depth 1e-9 mm, then 3 mm", press(1e-9, 3.0), robustness_checks.alone, alone, a, ends=MAY_STOP),
+        Case("one step to 3 mm, or down and back", press(3.0), robustness_checks.other_path(*press(3.5)), PATH, a),
+        Case(
             "0.25 to 3 mm in one step or 11",
             press(0.25, 3.0),
             robustness_checks.other_path(*press(*twelve[:-1])),
             PATH,
             a,
         ),
-        Scene(
+        Case(
             "2 to 4.4 mm in one step or 12",
             press(2.0, 4.4),
             robustness_checks.other_path(*press(*fine)),
@@ -144,10 +144,10 @@ def _presses(a: Accuracy) -> list[Scene]:
             a,
             ends=MAY_STOP,
         ),
-        Scene("depth 3 mm: inside out", press(3.0), robustness_checks.folded, 0.0, a),
-        Scene("to the last tenth above the magnet", press(2.646, 2.673, 2.7), robustness_checks.work, WORK, a),
-        Scene("to the last tenth on the axis", press(2.0, 6.3), robustness_checks.alone, alone, a, ends=MAY_STOP),
-        Scene(
+        Case("depth 3 mm: inside out", press(3.0), robustness_checks.folded, 0.0, a),
+        Case("to the last tenth above the magnet", press(2.646, 2.673, 2.7), robustness_checks.work, WORK, a),
+        Case("to the last tenth on the axis", press(2.0, 6.3), robustness_checks.alone, alone, a, ends=MAY_STOP),
+        Case(
             "to the last tenth, all silicone",
             press(2.0, 8.1),
             robustness_checks.alone,
@@ -160,20 +160,20 @@ def _presses(a: Accuracy) -> list[Scene]:
     ]
 
 
-def _shears(a: Accuracy, *, quick: bool) -> list[Scene]:
+def _shears(a: Accuracy, *, quick: bool) -> list[Case]:
     bound, n = BOUNDS[a.name]["shear"], 4 if quick else 8
     stick = tuple(Load(depth=1.0, shear_x=8 * i / n, friction="stick") for i in range(n + 1))
     grip = tuple(Load(grip=2.0, shear_x=8 * i / n) for i in range(n + 1))
-    gripped = Scene(
+    gripped = Case(
         "grip to 1.0 D, all silicone", grip, robustness_checks.work, bound, a, magnet="ignored", ends=MAY_STOP
     )
     if quick:
         return [gripped]
     return [
         gripped,
-        Scene("grip to 1.0 D", grip, robustness_checks.work, bound, a, ends=MAY_STOP),
-        Scene("press 1 mm, stick to 1.0 D", stick, robustness_checks.work, bound, a, ends=MAY_STOP),
-        Scene(
+        Case("grip to 1.0 D", grip, robustness_checks.work, bound, a, ends=MAY_STOP),
+        Case("press 1 mm, stick to 1.0 D", stick, robustness_checks.work, bound, a, ends=MAY_STOP),
+        Case(
             "press 1 mm, stick to 1.0 D, half model",
             stick,
             robustness_checks.work,
@@ -185,45 +185,53 @@ def _shears(a: Accuracy, *, quick: bool) -> list[Scene]:
     ]
 
 
-def _rubbing() -> list[Scene]:
+def _rubbing() -> list[Case]:
     """Coulomb friction, each shear in one go."""
 
-    def scene(name: str, mu: float, depth: float, shear: float, a: Accuracy = QUICK, **changes: float) -> Scene:
+    def case(name: str, mu: float, depth: float, shear: float, a: Accuracy = QUICK, **changes: float) -> Case:
         loads = tuple(Load(depth=depth, shear_x=x, friction=mu) for x in (0.0, shear))
-        return Scene(f"friction {mu:g}: {name}", loads, robustness_checks.cone, CONE, a, changes, ends=MAY_STOP)
+        return Case(f"friction {mu:g}: {name}", loads, robustness_checks.cone, CONE, a, changes, ends=MAY_STOP)
 
     largest = _rounded(0.99 * robustness_checks.largest_height({}))
     return [
-        scene("shear to 1.0 D", 0.01, 1.0, 8.0),
-        scene("shear to 1.0 D", 10.0, 1.0, 8.0),
-        scene("to a depth of 3 mm, then 4 mm aside", 0.3, 3.0, 4.0),
-        scene("first touch, 1e-6 mm", 0.3, 1e-6, 1e-5),
-        scene("nu = 0.49999", 0.5, 1.0, 4.0, nu=0.49999),
-        scene("magnet 0.2 mm high", 0.5, 1.0, 4.0, magnet_height=0.2),
-        scene(f"magnet {largest:g} mm high", 0.2, 1.0, 2.0, magnet_height=largest),
-        scene("8 harmonics", 0.1, 1.0, 1.0, replace(QUICK, section_size=0.2, harmonics=8)),
+        case("shear to 1.0 D", 0.01, 1.0, 8.0),
+        case("shear to 1.0 D", 10.0, 1.0, 8.0),
+        case("to a depth of 3 mm, then 4 mm aside", 0.3, 3.0, 4.0),
+        case("first touch, 1e-6 mm", 0.3, 1e-6, 1e-5),
+        case("nu = 0.49999", 0.5, 1.0, 4.0, nu=0.49999),
+        case("magnet 0.2 mm high", 0.5, 1.0, 4.0, magnet_height=0.2),
+        case(f"magnet {largest:g} mm high", 0.2, 1.0, 2.0, magnet_height=largest),
+        case("8 harmonics", 0.1, 1.0, 1.0, replace(QUICK, section_size=0.2, harmonics=8)),
     ]
 
 
-def _tetrahedra() -> list[Scene]:
+def _tetrahedra() -> list[Case]:
     """Statuses of the half model, whose mesh does not follow the contact, and that can give way sideways."""
-    judge, hertz = robustness_checks.work, BOUNDS["quick"]["hertz"]
+    measure, hertz = robustness_checks.work, BOUNDS["quick"]["hertz"]
     return [
-        Scene(
-            "depth 1e-9 mm, half model", press(1e-9), judge, hertz, QUICK, {}, "ignored", "half", ends=("no_contact",)
+        Case(
+            "depth 1e-9 mm, half model",
+            press(1e-9),
+            measure,
+            hertz,
+            QUICK,
+            {},
+            "ignored",
+            "half",
+            ends=("no_contact",),
         ),
-        Scene(
-            "L = 4 D, half model", press(4.0), judge, 1.0, QUICK, {"L": 32.0}, "ignored", "half", ends=("unstable",)
+        Case(
+            "L = 4 D, half model", press(4.0), measure, 1.0, QUICK, {"L": 32.0}, "ignored", "half", ends=("unstable",)
         ),
     ]
 
 
-def _samples(a: Accuracy, count: int) -> list[Scene]:
+def _samples(a: Accuracy, count: int) -> list[Case]:
     """Several extremes at once, from a fixed seed; every second magnet is the largest that fits."""
     return [_sample(i, np.random.default_rng([SEED, i]), a) for i in range(1, count + 1)]
 
 
-def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Scene:
+def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Case:
     D = _rounded(50 ** rng.uniform())
     L = _rounded(D / 2 + 0.05 + (9.5 * D - 0.05) * 0.01 ** rng.uniform())
     E, nu = _rounded(10 ** rng.uniform(-3, 3)), float(rng.choice([0.3, 0.49, 0.4998, 0.49999, 0.5]))
@@ -234,7 +242,7 @@ def _sample(i: int, rng: np.random.Generator, a: Accuracy) -> Scene:
     shape |= {"magnet_height": _rounded(height)} if fits else NO_MAGNET
     room = min(L - shape["magnet_height"], D)
     depth = _rounded(room * 10 ** rng.uniform(-8, math.log10(0.4)) if i % 3 == 0 else room * rng.uniform(0.05, 0.4))
-    return Scene(
+    return Case(
         f"sample {i}: depth {depth:g} mm",
         press(0.98 * depth, 0.99 * depth, depth),
         robustness_checks.work,

@@ -1,4 +1,4 @@
-"""How a scene of `extremes` is judged: a judge measures one number of its states, which must not exceed a bound.
+"""What the cases of `extremes` measure: one number of a case's states, which must not exceed a bound.
 
 Independent of the solver: Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of the applied force,
 the integral of F ds by Simpson's rule, against the energy gained; the uniform bar that lies between a long and a
@@ -25,24 +25,16 @@ LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet
 NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
 WIDE = 3.0
 """Times that a share which is told may be less than another grid of points finds."""
-SHORT = 0.02
-"""How far a fresh solve to a last good state may stop short of it, as a share of the load."""
-SAME = 1e-6
-"""Largest relative difference of force and energy between a last good state and a fresh solve to it."""
-RUBBED, RUBBED_SHORT = 1e-2, 0.05
-"""The same two with Coulomb friction, where the answer and the end depend on the steps of the way."""
-FINER, ONSET = 0.7, 0.1
-"""Edges of the mesh that an onset is looked for again on, over the scene's, and how far off it may then be."""
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """What a judge saw: the scene's last state (None of a refused scene), and what was measured of it.
+class Measurement:
+    """What was measured of a case's last state (None of a refused case).
 
     Attributes
     ----------
     check : what was measured, or why nothing could be.
-    measured, bound : a number, and the largest that it may be; without a bound, the scene's. None if not judged.
+    measured, bound : a number, and the largest that it may be; without a bound, the case's. None if not judged.
     """
 
     solution: Solution | None
@@ -52,22 +44,22 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
-    """One extreme: what is solved, and how its end is judged.
+class Case:
+    """One extreme: what is solved, and what is measured of its end.
 
     Attributes
     ----------
     loads : the path; the last load is the extreme.
     changes : fields that differ from the paper's design.
-    judge : measures the states of the path, if it is followed to its end.
-    bound : the largest value that the judge may measure.
-    ends : statuses that are right; where a path stops short, or gives way in a scene that has no "ok" here, what was
-        reached is judged instead.
+    measure : what is measured of the states of the path, if it is followed to its end.
+    bound : the largest value that may be measured.
+    ends : statuses that are right; where a path stops short, or gives way in a case that has no "ok" here, what was
+        reached is measured instead.
     """
 
     name: str
     loads: tuple[Load, ...]
-    judge: Judge
+    measure: Measure
     bound: float
     accuracy: Accuracy
     changes: Mapping[str, float] = field(default_factory=dict)
@@ -80,7 +72,7 @@ class Scene:
         return replace(paper(), **self.changes)  # type: ignore[arg-type]
 
 
-Judge = Callable[[Scene, Sequence[Solution]], Finding]
+Measure = Callable[[Case, Sequence[Solution]], Measurement]
 
 
 def press(*depths: float) -> tuple[Load, ...]:
@@ -96,20 +88,20 @@ class StoppedError(Exception):
         self.solution = solution
 
 
-def path(scene: Scene) -> list[Solution]:
-    """The states of the scene's own path, to its end or to where it stopped."""
-    return trace(scene.design, scene.loads, scene.accuracy, magnet=scene.magnet, model=scene.model, estimate=False)
+def path(case: Case) -> list[Solution]:
+    """The states of the case's own path, to its end or to where it stopped."""
+    return trace(case.design, case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False)
 
 
-def follow(scene: Scene, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
-    """The states of a path to compare with, which differs from the scene's in its loads, changes, magnet or model.
+def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
+    """The states of a path to compare with, which differs from the case's in its loads, changes, magnet or model.
 
     Raises
     ------
     StoppedError
         The path stopped short of its last load.
     """
-    states = path(replace(scene, loads=tuple(loads or scene.loads), **other))  # type: ignore[arg-type]
+    states = path(replace(case, loads=tuple(loads or case.loads), **other))  # type: ignore[arg-type]
     if states[-1].status not in ("ok", "unstable"):
         raise StoppedError(states[-1])
     return states
@@ -126,31 +118,31 @@ def off(value: float, reference: float) -> float:
     return error if math.isfinite(error) else math.inf
 
 
-def hertz(scene: Scene, states: Sequence[Solution]) -> Finding:
+def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
     """The force at first touch."""
-    last, design = states[-1], scene.design
+    last, design = states[-1], case.design
     reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
-    return Finding(last, "force against Hertz 1882", off(force(last), reference))
+    return Measurement(last, "force against Hertz 1882", off(force(last), reference))
 
 
-def work(scene: Scene, states: Sequence[Solution]) -> Finding:
+def work(case: Case, states: Sequence[Solution]) -> Measurement:
     """The work of the applied force between the first state and the last, against the energy gained."""
-    if scene.loads[0].shear_x == scene.loads[-1].shear_x:
+    if case.loads[0].shear_x == case.loads[-1].shear_x:
         ways, forces = [s.load.depth for s in states], [force(s) for s in states]
     else:
         ways, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
     gained = states[-1].energy - states[0].energy
-    return Finding(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
+    return Measurement(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
 
 
-def cone(_: Scene, states: Sequence[Solution]) -> Finding:
+def cone(_: Case, states: Sequence[Solution]) -> Measurement:
     """Tangential force over the coefficient times the normal one: 1 at full slip, and never more."""
     last = states[-1]
     across, along, normal = last.response.force
     ratio = math.hypot(across, along) / (float(last.load.friction) * normal) if normal > 0 else math.inf
     short = last.slip_share == 1 and ratio < 1
     check = "tangential force over mu times the normal one, less 1"
-    return Finding(last, check, 1 - ratio if short else max(ratio - 1, 0.0))
+    return Measurement(last, check, 1 - ratio if short else max(ratio - 1, 0.0))
 
 
 def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
@@ -164,17 +156,17 @@ def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
     return float(weights @ np.asarray(forces)) * (ways[-1] - ways[0]) / (len(ways) - 1) / 3
 
 
-def similarity(scene: Scene, states: Sequence[Solution]) -> Finding:
+def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
     """Force over E D^2, shift over D and tilt, against the paper's own E and D."""
-    last, (one, other) = states[-1], (scene.design, paper())
+    last, (one, other) = states[-1], (case.design, paper())
     ratio = other.D / one.D
-    loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in scene.loads]
-    changes = {key: value for key, value in scene.changes.items() if key not in (*LENGTHS, "E")}
-    match = follow(scene, loads, changes=changes)[-1]
+    loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in case.loads]
+    changes = {key: value for key, value in case.changes.items() if key not in (*LENGTHS, "E")}
+    match = follow(case, loads, changes=changes)[-1]
     a = np.array([*last.response.force, *last.response.shift, last.response.tilt])
     b = np.array([*match.response.force, *match.response.shift, match.response.tilt])
     b *= [one.E / other.E / ratio**2] * 3 + [1 / ratio] * 3 + [1]
-    return Finding(last, "force / (E D^2) and pose / D against the paper's sensor", _farthest(a, b))
+    return Measurement(last, "force / (E D^2) and pose / D against the paper's sensor", _farthest(a, b))
 
 
 def _farthest(a: np.ndarray, b: np.ndarray) -> float:
@@ -182,78 +174,81 @@ def _farthest(a: np.ndarray, b: np.ndarray) -> float:
     return max(off(float(x), float(y)) for x, y in pairs)
 
 
-def incompressible(scene: Scene, states: Sequence[Solution]) -> Finding:
+def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
     """The force, which is smooth in 1 - 2 nu, against the line through nu = 0.4998 and 0.5."""
     last = states[-1]
-    near, limit = (force(follow(scene, changes={**scene.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
-    share = (1 - 2 * scene.design.nu) / (1 - 2 * 0.4998)
+    near, limit = (force(follow(case, changes={**case.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
+    share = (1 - 2 * case.design.nu) / (1 - 2 * 0.4998)
     reference = limit + share * (near - limit)
-    return Finding(last, "force against the line through nu 0.4998 and 0.5", off(force(last), reference))
+    return Measurement(last, "force against the line through nu 0.4998 and 0.5", off(force(last), reference))
 
 
-def bar(scene: Scene, states: Sequence[Solution]) -> Finding:
+def bar(case: Case, states: Sequence[Solution]) -> Measurement:
     """The beam, without its lower half, at the depth that leaves the same force if that half is a uniform bar.
 
     A bar of stretch s under F in the area A: F / A = E / 3 (s^-2 - s), the incompressible neo-Hookean law.
     """
     from scipy.optimize import brentq
 
-    last, design = states[-1], scene.design
+    last, design = states[-1], case.design
     stress, half = force(last) / (math.pi * design.R**2), design.L / 2
     s = brentq(lambda s: design.E / 3 * (s**-2 - s) - stress, 0.1, 1.0)
     load = Load(depth=last.load.depth - half * (1 - s))
-    shorter = follow(scene, [load], changes={**scene.changes, "L": half})[-1]
-    return Finding(last, "force against half the beam in series with a uniform bar", off(force(shorter), force(last)))
+    shorter = follow(case, [load], changes={**case.changes, "L": half})[-1]
+    return Measurement(
+        last, "force against half the beam in series with a uniform bar", off(force(shorter), force(last))
+    )
 
 
-def ordered(field: str, values: Sequence[float]) -> Judge:
-    """A judge: the all-silicone beam, ever larger magnets and then the scene's own take ever larger forces."""
+def ordered(field: str, values: Sequence[float]) -> Measure:
+    """A measure of the order of forces: all silicone, ever larger magnets and then the case's own take ever more."""
 
-    def judge(scene: Scene, states: Sequence[Solution]) -> Finding:
-        softest = force(follow(scene, magnet="ignored")[-1])
-        smaller = [follow(scene, changes={**scene.changes, field: value})[-1] for value in values]
+    def measure(case: Case, states: Sequence[Solution]) -> Measurement:
+        softest = force(follow(case, magnet="ignored")[-1])
+        smaller = [follow(case, changes={**case.changes, field: value})[-1] for value in values]
         forces = [softest, *map(force, smaller), force(states[-1])]
         largest = max(a / b for a, b in pairwise(forces))
         check = f"force of the next smaller magnet over its own, from none over {len(values) + 1} sizes"
-        return Finding(states[-1], check, largest)
+        return Measurement(states[-1], check, largest)
 
-    return judge
+    return measure
 
 
-def other_path(*loads: Load) -> Judge:
-    """A judge: another path to the same last load and on the same mesh ends in the same force and energy."""
+def other_path(*loads: Load) -> Measure:
+    """A measure of how far another path to the same last load on the same mesh ends in force and energy."""
 
-    def judge(scene: Scene, states: Sequence[Solution]) -> Finding:
-        other = follow(scene, [*loads, scene.loads[-1]])[-1]
+    def measure(case: Case, states: Sequence[Solution]) -> Measurement:
+        other = follow(case, [*loads, case.loads[-1]])[-1]
         check = f"force and energy against a path of {len(loads) + 1} loads"
-        return Finding(states[-1], check, _apart(states[-1], other))
+        return Measurement(states[-1], check, apart(states[-1], other))
 
-    return judge
+    return measure
 
 
-def _apart(one: Solution, other: Solution) -> float:
+def apart(one: Solution, other: Solution) -> float:
+    """Largest relative difference of two states' force and energy."""
     return max(off(math.hypot(*one.response.force), math.hypot(*other.response.force)), off(one.energy, other.energy))
 
 
-def alone(scene: Scene, states: Sequence[Solution]) -> Finding:
+def alone(case: Case, states: Sequence[Solution]) -> Measurement:
     """The force of a path's last load against that load by itself, on a mesh for it."""
     last = states[-1]
-    other = follow(scene, scene.loads[-1:])[-1]
-    return Finding(last, "force against the last load by itself", off(force(last), force(other)))
+    other = follow(case, case.loads[-1:])[-1]
+    return Measurement(last, "force against the last load by itself", off(force(last), force(other)))
 
 
-def half_model(scene: Scene, states: Sequence[Solution]) -> Finding:
+def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
     """The normal force against that of tetrahedra."""
     last = states[-1]
-    solid = follow(scene, model="half")[-1]
-    return Finding(last, "force against the half model", off(force(last), force(solid)))
+    solid = follow(case, model="half")[-1]
+    return Measurement(last, "force against the half model", off(force(last), force(solid)))
 
 
-def folded(_: Scene, states: Sequence[Solution]) -> Finding:
-    """The share of the silicone that is inside out, on a grid of 45 points in every triangle, beyond what is told."""
+def folded(_: Case, states: Sequence[Solution]) -> Measurement:
+    """The share of the silicone that is inverted (J <= 0) on 45 points in every triangle, beyond what is told."""
     last = states[-1]
     beyond = folded_share(last) - WIDE * last.facts.inside_out_share
-    return Finding(last, f"share inside out beyond {WIDE:g} times what the state says", max(beyond, 0.0))
+    return Measurement(last, f"share inside out beyond {WIDE:g} times what the state says", max(beyond, 0.0))
 
 
 def folded_share(solution: Solution) -> float:
@@ -279,62 +274,6 @@ def folded_share(solution: Solution) -> float:
     inside_out = (after / before <= 0) | ((r < 0) & (R > 0))
     volume = R * np.abs(before)
     return float(volume[inside_out].sum() / volume.sum())
-
-
-# Ends that are not "ok"
-
-
-def stopped(scene: Scene, end: Solution) -> Finding:
-    """The check of a state whose status is not "ok"."""
-    if end.status == "not_converged":
-        return kept(scene, end)
-    if end.status == "unstable":
-        symmetric = follow(scene, [end.load], model="axisymmetric")[-1]
-        return Finding(end, "its energy over that of the symmetric press", end.energy / symmetric.energy, 1.0)
-    # the state says that the axisymmetric model can: at first touch its force is known
-    found = hertz(scene, follow(scene, [end.load], model="axisymmetric"))
-    return replace(found, solution=end, check=f"the model that the message names: {found.check}")
-
-
-def kept(scene: Scene, end: Solution) -> Finding:
-    """The last good state against a fresh path that ends there."""
-    before = [load for load in scene.loads if _way(load) < _way(end.load)]
-    check = "last good state against a fresh solve to it"
-    try:
-        again = follow(scene, [*before, end.load])[-1]
-    except StoppedError as stop:
-        short = 1 - _way(stop.solution.load) / _way(end.load)
-        bound = SHORT if end.slip_share is None else RUBBED_SHORT
-        return Finding(end, f"{check}, which stopped short of it", short, bound)
-    return Finding(end, check, _apart(end, again), SAME if end.slip_share is None else RUBBED)
-
-
-def refused(scene: Scene) -> Finding:
-    """Of a design whose magnet does not fit: no smaller one that does would be refused with it."""
-    largest = largest_height({**scene.changes})
-    check = "height of the largest magnet that fits over its own"
-    return Finding(None, check, largest / float(scene.changes.get("magnet_height", paper().magnet_height)), 1.0)
-
-
-def onset(scene: Scene, end: Solution, why: str) -> Finding:
-    """Of a state beyond the onset of an instability, where equilibria part: the onset itself, on a finer mesh.
-
-    Parameters
-    ----------
-    why : how its state was to be judged, and what came of it.
-    """
-    finer = replace(scene.accuracy, section_size=FINER * scene.accuracy.section_size)
-    other = path(replace(scene, accuracy=finer))[-1]
-    (low, high), there = end.facts.onset_mm or (math.nan, math.nan), other.facts.onset_mm
-    check = f"{end.facts.onset} of the onset on a mesh with edges of {FINER:g} ({why})"
-    if there is None and _way(other.load) < high:
-        return Finding(end, f"{check}: the path on it stops before", None)
-    apart = math.inf if there is None else max(there[0] - high, low - there[1], 0.0) / high
-    return Finding(end, check, apart, ONSET)
-
-
-def _way(load: Load) -> float:
-    return load.depth + abs(load.shear_x)
 
 
 def largest_height(changes: Mapping[str, float]) -> float:
