@@ -10,7 +10,6 @@ z = H - l0 + c; a 3-axis chip at x = chip_x, z = H - l0.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -316,6 +315,8 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     >>> closest("d", ["D", "E"]), closest("magnet_hieght", ["D", "magnet_height"]), closest("colour", ["D"])
     ('D', 'magnet_height', None)
     """
+    import difflib
+
     known = list(words)
     same = [other for other in known if other.casefold() == word.casefold()]
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)

@@ -23,7 +23,6 @@ from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import Law, lame, neo_hookean
 from geometry.design import Shape
 from geometry.loads import Magnet
-from geometry.mesh import tetrahedra
 from geometry.meshing.section_grading import FILLET
 from geometry.section import section as section_mesh
 
@@ -188,4 +187,6 @@ def _solid_mesh(
     half: bool,
     magnet: Literal["hole", "none"],
 ) -> skfem.MeshTet2:
+    from geometry.mesh import tetrahedra
+
     return tetrahedra(shape, size, tip_size=tip_size, rim=rim, half=half, magnet=magnet)

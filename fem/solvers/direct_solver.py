@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import importlib.metadata
 import os
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from importlib.metadata import PackagePath
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -52,10 +55,12 @@ def _mkl() -> Any:
     return mkl
 
 
-def _files(package: str) -> list[importlib.metadata.PackagePath]:
+def _files(package: str) -> Sequence[PackagePath]:
+    from importlib import metadata
+
     try:
-        return importlib.metadata.files(package) or []
-    except importlib.metadata.PackageNotFoundError:
+        return metadata.files(package) or []
+    except metadata.PackageNotFoundError:
         return []
 
 

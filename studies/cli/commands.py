@@ -7,7 +7,6 @@ Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve 
 from __future__ import annotations
 
 import contextlib
-import difflib
 import errno
 import io
 import os
@@ -17,14 +16,6 @@ import sys
 from cyclopts import App, CycloptsError, Group, Parameter, UnknownOptionError, UnusedCliTokensError
 
 from geometry.design import BadInput
-from studies.cli import (
-    benchmark_commands,
-    design_commands,
-    exploration_commands,
-    sensing_commands,
-    simulation_commands,
-    validation_commands,
-)
 from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
 
@@ -42,46 +33,29 @@ app = App(
     name="magtip",
     help="Design, finite elements and formulas of soft magnetic three-axis force sensors. Units: mm and N.",
     version=_version,
+    help_format="plaintext",  # its list of verbs has no markup: 0.04 s of a Markdown library are for help of a verb
     default_parameter=Parameter(negative=""),
     suppress_keyboard_interrupt=False,
 )
 
 VERBS = {
-    "Design": (design_commands.design, design_commands.cad, design_commands.mesh, design_commands.cache),
-    "Simulation": (
-        simulation_commands.solve,
-        simulation_commands.analytic,
-        simulation_commands.compare,
-        simulation_commands.stability,
-        simulation_commands.modes,
-        simulation_commands.fit,
-        simulation_commands.demo,
-    ),
-    "Sensing": (
-        sensing_commands.field,
-        sensing_commands.readings,
-        sensing_commands.decode,
-        sensing_commands.table,
-        sensing_commands.layout,
-    ),
-    "Exploration": (exploration_commands.sweep,),
-    "Validation": (
-        validation_commands.verify,
-        validation_commands.friction,
-        validation_commands.extremes,
-        validation_commands.accuracy,
-        validation_commands.crosscheck,
-        validation_commands.ladder,
-        validation_commands.range_,
-        benchmark_commands.bench,
-    ),
+    "Design": {"design_commands": "design cad mesh cache"},
+    "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
+    "Sensing": {"sensing_commands": "field readings decode table layout"},
+    "Exploration": {"exploration_commands": "sweep"},
+    "Validation": {
+        "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
+        "benchmark_commands": "bench",
+    },
 }
-"""Groups of verbs, and the verbs of each, in the order of `--help`."""
+"""Groups in the order of `--help`: modules beside this one, and their functions that are verbs."""
 
-for title, verbs in VERBS.items():
+for title, modules in VERBS.items():
     group = Group.create_ordered(title)
-    for place, verb in enumerate(verbs):
-        app.command(verb, group=group, sort_key=place)
+    paths = [f"studies.cli.{module}:{verb}" for module, verbs in modules.items() for verb in verbs.split()]
+    for place, path in enumerate(paths):
+        # a path in place of a function: a command line then imports the module of its own verb only
+        app.command(path, group=group, sort_key=place, help_format="markdown")
 options = Group.create_ordered("Options")
 for name in ("--help", "--version"):
     app[name].group = options
@@ -104,6 +78,8 @@ def _joined(tokens: list[str]) -> list[str]:
 
 def _unknown(error: UnknownOptionError) -> str:
     """What to do about an option that a verb does not have; the dashes, alike in all, say nothing of nearness."""
+    import difflib
+
     given = error.token.keyword or error.token.value
     known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
     close = difflib.get_close_matches(given.strip("-"), [name.strip("-") for name in known], n=1)
@@ -123,16 +99,15 @@ def _unused(error: UnusedCliTokensError) -> str:
 def run(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
     standard_streams.complete()
+    words = _joined(sys.argv[1:] if tokens is None else tokens)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
         with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
-            status = app(
-                _joined(sys.argv[1:] if tokens is None else tokens),
-                exit_on_error=False,
-                print_error=False,
-                result_action="return_value",
-            )
+            if not words or words[0].startswith("-"):
+                # the list of verbs would have but the name of each that is not imported
+                list(map(app.__getitem__, app))
+            status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
     except UnknownOptionError as error:
         console.say(f"magtip: {_unknown(error)}")

@@ -12,11 +12,12 @@ from studies.inputs import user_input
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.output import atomic_files, console
-from studies.simulation import design_summary
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
     """Every value of a design and where it comes from, derived values, what is assumed, warnings."""
+    from studies.simulation import design_summary
+
     design_summary.show(user_input.read_design(source, sets or []), as_json=as_json)
     return GOOD
 
@@ -99,6 +100,8 @@ def mesh(
     half
         Only the half at y >= 0.
     """
+    from studies.simulation import design_summary
+
     given = design_of(source, sets)
     atomic_files.check_apart([out], [source])
     with console.progress(as_json=as_json) as progress:

@@ -10,7 +10,6 @@ from cyclopts import Parameter
 from geometry.loads import Magnet
 from studies.cli.command_output import print_remarks, say_what_is_ignored
 from studies.cli.parameters import AsJson, Sets, Wide
-from studies.exploration import sweep_axes
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, say_what_is_idle
 from studies.inputs.user_input import AccuracyName
@@ -56,6 +55,8 @@ def sweep(
     out
         Folder of the table and the plot, and of the solves, from which a sweep that was stopped goes on.
     """
+    from studies.exploration import sweep_axes
+
     case = sweep_axes.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
     say_what_is_idle(case.design)
     atomic_files.check_apart(atomic_files.inside(out, sweep_axes.FILES), [source, design])

@@ -15,7 +15,6 @@ from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import LEVEL, Basis, FieldLevel, Pose, Whole
 from studies.output import atomic_files, console
-from studies.sensing import decode_readings, field_readings, lookup_table
 
 
 def field(
@@ -37,6 +36,8 @@ def field(
     out
         The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
     """
+    from studies.sensing import field_readings
+
     given = design_of(source, sets)
     atomic_files.check_apart([out], [source, points])
     with atomic_files.sole_writer(out):
@@ -72,6 +73,8 @@ def readings(
         States printed by `magtip solve --json` (or `analytic --json`), a line each: a row of readings for each,
         without --shift and --tilt.
     """
+    from studies.sensing import field_readings
+
     given = design_of(source, sets)
     sensing = field_readings.sensing_of(given, level, mode, ambient, seed)
     if responses is None:
@@ -123,6 +126,8 @@ def decode(
     out
         The .csv file with the results added; standard output by default.
     """
+    from studies.sensing import decode_readings
+
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
@@ -187,6 +192,8 @@ def table(
     plane
         The table of two dimensions that is enough where the magnet does not tilt: B_rho and B_z over (rho, Z).
     """
+    from studies.sensing import decode_readings, lookup_table
+
     given = design_of(source, sets)
     target = lookup_table.target(out, [source, responses])
     model, grid = lookup_table.plan(given, step, level, responses)

@@ -13,14 +13,12 @@ from geometry.loads import Magnet
 from studies.cli.command_output import judged, print_record, print_remarks, say_what_is_ignored
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
-from studies.exploration import sweep_axes
 from studies.inputs import user_input
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, LawName, Method, Motion, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
-from studies.simulation import load_cases, modal_report, stability_report
 
 COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
 Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
@@ -49,6 +47,8 @@ def solve(
     picture
         A .png file for the deformed section of the last state.
     """
+    from studies.simulation import load_cases
+
     given = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
     loads = load_cases.loads_of(motion)
@@ -92,6 +92,8 @@ def analytic(
     level
         Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
     """
+    from studies.simulation import load_cases
+
     given = design_of(source, sets)
     if level == "paper" and given.law != "neo-hookean":
         say_no_effect("law", "the paper's formulas know E only")
@@ -123,6 +125,8 @@ def stability(
         Folder of their table, plot and STABILITY.md.
     """
     asked = command(stability, locals())
+    from studies.simulation import stability_report
+
     given = design_of(source, sets, magnet)
     if slenderness is not None:
         if depth is not None:
@@ -198,6 +202,8 @@ def modes(
     count
         How many, pairs of bending or ovalling modes counted once.
     """
+    from studies.simulation import modal_report
+
     given = design_of(source, sets, magnet)
     with console.progress(as_json=as_json) as progress:
         record = modal_report.run(given, magnet, count, depth, accuracy, progress)
@@ -229,6 +235,7 @@ def compare(
     """
     given = design_of(source, sets)
     from fem.accuracy import LEVELS
+    from studies.exploration import sweep_axes
     from studies.simulation import compare as work
 
     say_what_is_ignored(given)

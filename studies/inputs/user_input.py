@@ -6,9 +6,7 @@ Everything that cannot be used ends here in a `BadInput` of one sentence.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -249,6 +247,9 @@ def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) ->
 
 def _table(path: str, what: str) -> dict[str, Any]:
     """The table in a TOML file."""
+    import difflib
+    import tomllib
+
     remedy = f"; presets: {', '.join(PRESETS)}" if what != "file" else ""
     text = ""
     try:
