@@ -33,23 +33,23 @@ def prose(path):
 
 def mapped(text):
     """Modules that the section Map of a README names, by package."""
-    found, package = {}, None
+    stems, package = {}, None
     for line in text.partition("\n## Map\n")[2].partition("\n## ")[0].splitlines():
         if heading := HEADING.match(line):
             package = heading[1]
-            found[package] = []
+            stems[package] = []
         elif (row := ROW.match(line)) and package:
-            found[package].append(row[1])
-    return found
+            stems[package].append(row[1])
+    return stems
 
 
 def modules(package):
     """Modules on disk by package."""
-    found = {}
+    stems = {}
     for path in (ROOT / package).rglob("*.py"):
         if path.stem != "__init__":
-            found.setdefault(".".join(path.parent.relative_to(ROOT).parts), []).append(path.stem)
-    return found
+            stems.setdefault(".".join(path.parent.relative_to(ROOT).parts), []).append(path.stem)
+    return stems
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -138,6 +138,14 @@ def test_every_verb_has_a_row():
     text = (ROOT / "studies" / "README.md").read_text("utf-8")
     verbs = {verb for verb in commands.app if not verb.startswith("-")}
     assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
+
+
+def test_counts_of_the_readme_are_those_of_the_results():
+    """Each `N of M` stands in the page of results that its row links."""
+    rows = re.findall(r"(\d+ of \d+) .*?\]\((results/\S+\.md)\)", (ROOT / "README.md").read_text("utf-8"))
+    assert len(rows) == 2
+    for count, page in rows:
+        assert re.search(rf"^{count} ", (ROOT / page).read_text("utf-8"), flags=re.M), page
 
 
 def test_readme_of_the_root_is_short():

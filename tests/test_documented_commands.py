@@ -48,14 +48,14 @@ class Block:
 
 def blocks(path):
     """Fenced blocks of a document; the output of a snippet belongs to it."""
-    found = []
+    parts = []
     for number, (indent, kind, text) in enumerate(FENCE.findall(path.read_text("utf-8"))):
         text = "".join(line.removeprefix(indent) for line in text.splitlines(keepends=True))
-        if kind == "text" and found and found[-1].kind == "python":
-            found[-1] = Block(path, found[-1].number, "python", found[-1].text, text)
+        if kind == "text" and parts and parts[-1].kind == "python":
+            parts[-1] = Block(path, parts[-1].number, "python", parts[-1].text, text)
         else:
-            found.append(Block(path, number, kind, text, None))
-    return found
+            parts.append(Block(path, number, kind, text, None))
+    return parts
 
 
 BLOCKS = [block for path in READMES for block in blocks(path)]
