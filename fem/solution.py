@@ -123,14 +123,14 @@ class Solution:
     load: Load
     response: Response
     energy: float
-    status: Status
-    message: str
     model: str
     dofs: int
     newton_iterations: int
     seconds: float
     field: Field
-    facts: Facts
+    facts: Facts = Facts()
+    status: Status = "ok"
+    message: str = ""
     dissipated: float = 0.0
     slip_share: float | None = None
     estimates: Estimates = Estimates()

@@ -10,11 +10,11 @@ from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.solution import Facts
 from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED
 from geometry.design import paper
-from geometry.loads import Load, Response
+from geometry.loads import Load
 from studies.simulation import load_cases
 
-RESPONSE = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.1), 0.0, 1.0)
 X = np.array([1.0, 0.0])
 
 
@@ -43,10 +43,15 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     assert record["onset_shear_from_mm"] is None
 
 
+@pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
+def test_a_path_that_stopped_has_not_converged_whatever_else_is_known(stop):
+    assert diagnostics.classify(Facts(stop, 1, "depth", (0.5, 0.6))) == "not_converged"
+
+
 def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
     unstable = replace(pressed, unstable=0, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
-    found = diagnostics.gather(unstable, 8.0, Load(depth=0.4), "", RESPONSE, None)
-    assert (found.onset, found.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
+    facts = read(unstable, paper(), Load(depth=0.4), X).facts
+    assert (facts.onset, facts.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
 
 @pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])

@@ -1,41 +1,59 @@
 """Facts in words: where a solve stopped, why, what to try, what to beware of."""
 
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 
-from fem.accuracy import STANDARD
+from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
 from fem.results import diagnostics, state_messages
-from fem.solution import Facts
+from fem.solution import Facts, Remark
 from fem.solvers.newton import STOPPED
 from geometry.design import paper
-from geometry.loads import Load, Response
-
-RESPONSE = Response((0.0, 0.0, 1.0), (0.0, 0.0, -0.1), 0.0, 1.0)
+from geometry.loads import Load
 
 
-def said(known: Facts, load: Load | None = None) -> str:
-    return state_messages.sentence(known, paper(), load or Load(depth=1.0), RESPONSE, None, "axisymmetric")
+@pytest.fixture(scope="module")
+def told():
+    """The text of facts that a pressed state might have, under another load than its own if one is given."""
+    pressed = solve(paper(), Load(depth=1.0), QUICK)
+
+    def text(facts, load=None):
+        status = diagnostics.classify(facts)
+        return state_messages.describe(
+            replace(pressed, facts=facts, status=status, load=load or pressed.load), paper()
+        )
+
+    return text
 
 
-def test_an_onset_that_is_past_is_told():
-    assert "past it now" in said(Facts(unstable_directions=0, onset="shear", onset_mm=(0.0, 0.4)))
+def test_where_all_is_well_there_is_nothing_to_say(told):
+    assert told(Facts(unstable_directions=0)) == ""
+
+
+def test_an_onset_that_is_past_is_told(told):
+    assert "past it now" in told(Facts(unstable_directions=0, onset="shear", onset_mm=(0.0, 0.4)))
 
 
 @pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
-def test_a_stop_says_where_why_and_what_to_try(stop):
-    known = Facts(stop, 1, "depth", (0.5, 0.6))
-    text = said(known, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
-    assert diagnostics.status(known) == "not_converged"
+def test_a_stop_says_where_why_and_what_to_try(told, stop):
+    facts = Facts(stop, 1, "depth", (0.5, 0.6))
+    text = told(facts, Load(depth=0.75, shear_x=0.3, shear_y=0.4, friction="stick"))
     assert text.startswith(f"stopped at depth 0.75 mm, shear 0.5 mm: {STOPPED[stop]}; try a smaller load")
     assert "unstable since a depth between 0.5 and 0.6 mm" in text
 
 
-def test_what_is_inside_out_is_told_of_a_state_of_any_status():
-    for known in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
-        assert "2e-05 of the silicone is inside out" in said(replace(known, inside_out_share=2e-5))
-        assert "inside out" not in said(replace(known, inside_out_share=1e-7)).partition("first guess")[0]
+def test_each_remark_is_a_sentence_of_its_own(told):
+    texts = [told(Facts(remark=remark)) for remark in get_args(Remark)]
+    assert all(texts)
+    assert len(set(texts)) == len(texts)
+
+
+def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
+    for facts in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
+        assert "2e-05 of the silicone is inside out" in told(replace(facts, inside_out_share=2e-5))
+        assert "inside out" not in told(replace(facts, inside_out_share=1e-7)).partition("first guess")[0]
 
 
 def test_silicone_that_is_inside_out_is_told():

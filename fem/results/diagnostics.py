@@ -1,6 +1,6 @@
 """What is known of a state beside its answer: why its path stopped, where it turned unstable, what to beware of.
 
-`gather` looks at a state and `status` follows from the facts; `fem.results.state_messages` puts them into words.
+`gather` looks at a state and `classify` gives its status; `fem.results.state_messages` puts them into words.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
 from fem.results import material_stability
 from fem.results.lateral_stiffness import Margin, SidewaysModel, lateral, margin
-from fem.solution import Facts, Remark, Status
+from fem.solution import Facts, Remark, Solution, Status
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
-from geometry.loads import Load, Response
+from geometry.loads import Response
 
 Array = NDArray[np.float64]
 
@@ -36,29 +36,24 @@ elements at a time."""
 
 
 def gather(
-    state: PathState,
-    D: float,
-    load: Load,
-    stop: Stop,
-    response: Response,
-    slip_share: float | None,
-    sideways: SidewaysModel | None = None,
+    state: PathState, solution: Solution, D: float, stop: Stop = "", sideways: SidewaysModel | None = None
 ) -> Facts:
     """The facts of a path's state.
 
     Parameters
     ----------
+    solution : what was read from the state, still without facts.
     D : the beam's diameter, mm.
-    load, response : of that state.
     stop : why the path ended before the load that was asked for; empty if it did not.
     sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
     onset, between = _onset(state, D)
-    upright = not stop and not state.unstable and onset is None and load.depth > 0 and response.force[2] > 0
+    upright = not stop and not state.unstable and onset is None and solution.load.depth > 0
+    upright = upright and solution.response.force[2] > 0
     looked = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
     near = margin(looked, state) if looked and state.friction is None else None
     gives_way = bool(near.unstable if near else looked and lateral(looked, state).unstable)
-    remark = None if stop else _remark(state, D, load, response, slip_share, near, gives_way=gives_way)
+    remark = None if stop else _choose_remark(state, solution, D, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
     stretches = material_stability.lost(state.d.system, state.u, reach)
@@ -75,10 +70,10 @@ def gather(
     )
 
 
-def status(facts: Facts) -> Status:
+def classify(facts: Facts) -> Status:
     """What became of a state.
 
-    >>> status(Facts()), status(Facts(unstable_directions=2)), status(Facts("no_convergence", 2))
+    >>> classify(Facts()), classify(Facts(unstable_directions=2)), classify(Facts("no_convergence", 2))
     ('ok', 'unstable', 'not_converged')
     """
     if facts.stop:
@@ -119,18 +114,11 @@ def _onset(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None
     return "shear", (float(np.linalg.norm(before[1:])) * D, float(np.linalg.norm(after[1:])) * D)
 
 
-def _remark(
-    state: PathState,
-    D: float,
-    load: Load,
-    response: Response,
-    slip_share: float | None,
-    near: Margin | None,
-    *,
-    gives_way: bool,
+def _choose_remark(
+    state: PathState, solution: Solution, D: float, near: Margin | None, *, gives_way: bool
 ) -> Remark | None:
     """What a user should know of an answer: first of all what it is not."""
-    normal, sheared = response.force[2], state.sheared
+    load, normal, sheared = solution.load, solution.response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared:
         return "no_touch"
@@ -140,7 +128,7 @@ def _remark(
         return "touch_lost"
     if pressed and normal < 0:
         return "pulled"
-    if pressed and not sheared and not load.plate_tilt and _aside(response, D) > BUCKLED:
+    if pressed and not sheared and not load.plate_tilt and _aside(solution.response, D) > BUCKLED:
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
@@ -149,7 +137,8 @@ def _remark(
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
         return "nearly_guided_only"
     if state.friction is not None:
-        return "full_slip" if slip_share == 1 and sheared else "part_slips" if slip_share else None
+        slips = solution.slip_share
+        return "full_slip" if slips == 1 and sheared else "part_slips" if slips else None
     return "idle_stick" if load.friction == "stick" and not sheared else None
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
+from fem.discretisation.nonlinear_system import State
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
 from fem.results.lateral_stiffness import SidewaysModel
@@ -41,40 +42,13 @@ def read(
     iterations, seconds : what the state has cost.
     sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
-    D, d = design.D, state.d
+    d, nodal = state.d, state.d.system.state(state.q)
     turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
-    if stop:
-        depth, shear = float(state.position[0]) * D, turn @ state.position[1:] * D
-        moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.slides else {}
-        load = replace(load, depth=depth, **moved)
-    nodal = d.system.state(state.q)
-    plate = state.plate
-    residual, _, _ = plate_contact.traction(state.skin, nodal.u, plate)
-    total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
-    shift, tilt = pose(d, nodal.u, state.q)
-    if d.model == "axisymmetric":
-        total[0] = shift[0] = tilt[0] = 0.0  # radial tractions, and rounding
-    if d.model != "full":
-        total[1] = shift[1] = tilt[1] = 0.0
-    force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    radius = plate_contact.patch_radius if state.sheared else plate_contact.contact_radius
-    response = Response(
-        force=(float(force[0]), float(force[1]), float(total[2])),
-        shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
-        tilt=float(tilt_xy[0]),
-        contact_radius=0.0 if state.grip else radius(state.skin, nodal.u, plate) * D,
-        tilt_y=float(tilt_xy[1]),
-    )
-    slip_share = (
-        coulomb_friction.slip_share(state.friction, state.skin.weights) if state.friction is not None else None
-    )
-    known = diagnostics.gather(state, D, load, stop, response, slip_share, sideways)
-    return Solution(
-        load=load,
-        response=response,
-        energy=state.energy * d.symmetry * design.E * D**3,
-        status=diagnostics.status(known),
-        message=state_messages.sentence(known, design, load, response, slip_share, d.model),
+    D, E, friction = design.D, design.E, state.friction
+    solution = Solution(
+        load=_carried(state, load, turn, D) if stop else load,
+        response=_respond(state, nodal, turn, design),
+        energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
         dofs=d.system.size,
         newton_iterations=iterations,
@@ -82,13 +56,51 @@ def read(
         field=Field(
             mesh=type(d.mesh)(d.mesh.doflocs * D, d.mesh.t),
             u=nodal.u * D,
-            p=nodal.p * design.E,
+            p=nodal.p * E,
             vertices=d.system.corner_nodes,
             angles=d.elements.angles,
         ),
-        facts=known,
-        dissipated=state.dissipated * d.symmetry * design.E * D**3,
-        slip_share=slip_share,
+        dissipated=state.dissipated * d.symmetry * E * D**3,
+        slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
+    )
+    # facts look at the numbers, status and message at the facts
+    facts = diagnostics.gather(state, solution, D, stop, sideways)
+    solution = replace(solution, facts=facts, status=diagnostics.classify(facts))
+    return replace(solution, message=state_messages.describe(solution, design))
+
+
+def _carried(state: PathState, load: Load, turn: Array, D: float) -> Load:
+    """The part of a load to which a path has come that stopped on the way."""
+    shear = turn @ state.position[1:] * D
+    moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.slides else {}
+    return replace(load, depth=float(state.position[0]) * D, **moved)
+
+
+def _respond(state: PathState, nodal: State, turn: Array, design: Design) -> Response:
+    """Force and motion of the magnet in the user's frame and units.
+
+    Parameters
+    ----------
+    nodal : the fields of the state at its nodes.
+    turn : (2, 2) from the model's x and y to the user's.
+    """
+    d, D = state.d, design.D
+    residual, _, _ = plate_contact.traction(state.skin, nodal.u, state.plate)
+    total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
+    shift, tilt = pose(d, nodal.u, state.q)
+    # what symmetry forbids is left of radial tractions and of rounding
+    if d.model == "axisymmetric":
+        total[0] = shift[0] = tilt[0] = 0.0
+    if d.model != "full":
+        total[1] = shift[1] = tilt[1] = 0.0
+    force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
+    radius = plate_contact.patch_radius if state.sheared else plate_contact.contact_radius
+    return Response(
+        force=(float(force[0]), float(force[1]), float(total[2])),
+        shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
+        tilt=float(tilt_xy[0]),
+        contact_radius=0.0 if state.grip else radius(state.skin, nodal.u, state.plate) * D,
+        tilt_y=float(tilt_xy[1]),
     )
 
 

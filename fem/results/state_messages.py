@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import math
 
-from fem.results.diagnostics import status
-from fem.solution import Facts, Remark
+from fem.solution import Facts, Remark, Solution
 from fem.solvers.newton import STOPPED
 from geometry.design import LAWS, Design
-from geometry.loads import Load, Response
+from geometry.loads import Load
 
 FOLDED = 1e-6
 """Share of the silicone that is inside out which is worth a word."""
 
 
-def sentence(
-    facts: Facts, design: Design, load: Load, response: Response, slip_share: float | None, model: str
-) -> str:
-    """The facts in words, with what to try; empty where all is well."""
-    weak = _weak(facts, design)
+def describe(solution: Solution, design: Design) -> str:
+    """The facts of a solution in words, with what to try; empty where all is well."""
+    facts, weak = solution.facts, _weak(solution.facts, design)
     parts = []
     if facts.stop:
         remedy = weak or "try a smaller load or another accuracy"
-        parts.append(f"stopped at {_place(load)}: {STOPPED[facts.stop]}; {remedy}")
-    if facts.onset or (status(facts) == "unstable" and facts.unstable_directions):
+        parts.append(f"stopped at {_place(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
+    if facts.onset or (solution.status == "unstable" and facts.unstable_directions):
         parts.append(_instability(facts))
     if weak and not facts.stop:
         parts.append(weak)
     if facts.remark:
-        parts.append(_remark_text(facts.remark, load, response, slip_share, model, facts.critical_depth))
+        parts.append(_remark_text(facts.remark, solution))
     if facts.inside_out_share >= FOLDED:
         parts.append(
             f"{facts.inside_out_share:.1g} of the silicone is inside out between points of integration, at edges "
@@ -70,17 +67,16 @@ def _weak(facts: Facts, design: Design) -> str:
     )
 
 
-def _remark_text(
-    remark: Remark, load: Load, response: Response, slip_share: float | None, model: str, critical: float | None
-) -> str:
+def _remark_text(remark: Remark, solution: Solution) -> str:
     """A remark in words."""
+    load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
     at = f", at about {critical:.3g} mm, give or take a tenth (now {load.depth:.4g} mm)" if critical else ""
     leads = f"the branch to which an imperfection of {load.imperfection:g} N leads"
     remedy = (
         "the plate has not reached it to within rounding: take a larger depth"
-        if model == "axisymmetric"
+        if solution.model == "axisymmetric"
         else "choose model axisymmetric, whose mesh follows the contact"
     )
     texts: dict[Remark, str] = {
@@ -96,7 +92,7 @@ def _remark_text(
         "nearly_guided_only": f"a tip that is free to slide on a frictionless plate gives way sideways soon{at}: "
         "magtip stability says at which depth",
         "full_slip": "full slip: all that touches the plate slides",
-        "part_slips": f"{slip_share or 0:.2g} of the area in contact slips",
+        "part_slips": f"{solution.slip_share or 0:.2g} of the area in contact slips",
         "idle_stick": "stick acts once the plate shears: the press itself is frictionless",
     }
     return texts[remark]
