@@ -12,8 +12,10 @@ from geometry.design import paper
 from studies.cli import entry_point
 from studies.inputs.exit_status import FAILED
 from studies.output import result_store
+from studies.output.atomic_files import json_line
 from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents
 from studies.validation.error_study import QUANTITIES, Task
+from studies.validation.error_study_records import ErrorState, Judged, PathSolve, SolvedState, restored
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +28,23 @@ def known(press):
     return {error_study.key(*solve): error_study.follow(*solve) for solve in press.solves.values()}
 
 
-def row(true, estimate, **changes):
+def state(true, estimate, **changes):
     """A state whose quantities all have the same true error and estimate."""
-    state = {"status": "ok", "message": "", "model": "axisymmetric", "scene": "press", "path": "press"}
-    state |= {"design": 0, "odd": False, "magnet": "rigid", "level": "quick"}
-    state |= {"repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0}
-    errors = {f"{name}_error": true for name in QUANTITIES} | {f"{name}_estimate": estimate for name in QUANTITIES}
-    return state | errors | changes
+    judged = tuple(Judged(name, true, estimate) for name in QUANTITIES)
+    place = {"design": 0, "odd": False, "magnet": "rigid", "level": "quick", "scene": "press", "path": "press"}
+    place |= {"model": "axisymmetric", "repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok", "message": ""}
+    return ErrorState(**place | {"judged": judged} | changes)
+
+
+def solve(force_z=0.0, shift_z=0.0):
+    """An answer of the half model to a press."""
+    return PathSolve(0.0, force_z, 0.0, shift_z, 0.0, 100, 5, 0.1)
+
+
+def error(state, name):
+    """True error and estimate of a quantity."""
+    (judged,) = (one for one in state.judged if one.quantity == name)
+    return judged
 
 
 def test_there_are_twelve_designs_and_half_of_them_are_odd():
@@ -77,41 +89,49 @@ def test_rules_and_levels_may_change_without_new_solves():
 
 
 def test_the_study_judges_the_estimates_that_a_user_gets(press, known):
-    rows = error_study.rows_of(press, known)
+    states = error_study.states_of(press, known)
     solutions = equilibrium.trace(press.trial.design, press.trial.loads, QUICK)
-    for found, solution in zip(rows, solutions, strict=True):
-        assert found["status"] == "ok"
-        assert found["force_estimate"] == pytest.approx(solution.estimates.force, rel=1e-9)
-        assert found["shift_estimate"] == pytest.approx(solution.estimates.shift, rel=1e-9)
-        assert found["force_z_N"] == pytest.approx(solution.response.force[2], rel=1e-9)
+    for one, solution in zip(states, solutions, strict=True):
+        assert one.status == "ok"
+        assert error(one, "force").estimate == pytest.approx(solution.estimates.force, rel=1e-9)
+        assert error(one, "shift").estimate == pytest.approx(solution.estimates.shift, rel=1e-9)
+        assert one.solve.force_z_N == pytest.approx(solution.response.force[2], rel=1e-9)
 
 
 def test_quick_presses_of_the_paper_keep_their_promise(press, known):
-    for found in error_study.rows_of(press, known):
-        assert found["force_error"] <= min(found["force_estimate"], 0.03)
-        assert found["shift_error"] <= min(found["shift_estimate"], 0.03)
+    for one in error_study.states_of(press, known):
+        for judged in one.judged[:2]:
+            assert judged.error <= min(judged.estimate, 0.03)
 
 
 def test_the_true_error_is_that_to_the_reference(press, known):
-    found = error_study.rows_of(press, known)[-1]
-    assert found["force_error"] == pytest.approx(abs(found["force_z_N"] / found["reference_force_z_N"] - 1), rel=1e-6)
-    assert found["reference_dofs"] > 10 * found["dofs"]
-    assert math.isnan(found["tilt_error"])
+    last = error_study.states_of(press, known)[-1]
+    off = abs(last.solve.force_z_N / last.reference.force_z_N - 1)
+    assert error(last, "force").error == pytest.approx(off, rel=1e-6)
+    assert last.reference.dofs > 10 * last.solve.dofs
+    assert math.isnan(error(last, "tilt").error)
 
 
 def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
-    lost = {"status": "not_converged", "message": "stopped at depth 0.3 mm"}
     name = error_study.key(*press.solves["companion_"])
-    rows = error_study.rows_of(press, known | {name: [known[name][0], known[name][1] | lost]})
-    assert [found["status"] for found in rows] == ["ok", "not_converged", "not_converged"]
-    assert {found["states"] for found in error_statistics.summary(rows)} == {1}
-    assert rows[1]["message"] == "companion: stopped at depth 0.3 mm"
+    lost = replace(known[name][1], status="not_converged", message="stopped at depth 0.3 mm")
+    states = error_study.states_of(press, known | {name: [known[name][0], lost]})
+    assert [one.status for one in states] == ["ok", "not_converged", "not_converged"]
+    assert {errors.statistics.states for errors in error_statistics.summary(states)} == {1}
+    assert states[1].message == "companion: stopped at depth 0.3 mm"
+
+
+def test_a_kept_state_is_read_back(press, known):
+    for one in known[error_study.key(*press.solves[""])]:
+        assert restored("press", json.loads(json_line(one.kept()))) == one
+    crashed = SolvedState("crashed", "RuntimeError: no mesh")
+    assert restored("press", crashed.kept()) == crashed
 
 
 def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_path):
     monkeypatch.setattr(error_study, "tasks", lambda quick: [press])
     monkeypatch.setattr(error_study, "follow", lambda trial, level: known[error_study.key(trial, level)])
-    rows = error_study.run(folder=tmp_path)
+    states = error_study.run(folder=tmp_path)
     store = tmp_path / "solves.jsonl"
     lines = store.read_text("utf-8").splitlines()
     other = json.dumps(json.loads(lines[1]) | {"code": "older"})
@@ -120,7 +140,7 @@ def test_a_stopped_study_goes_on_where_it_was(press, known, monkeypatch, tmp_pat
     monkeypatch.setattr(
         error_study, "follow", lambda trial, level: again.append(level.name) or known[error_study.key(trial, level)]
     )
-    assert error_study.run(folder=tmp_path) == rows
+    assert list(map(str, error_study.run(folder=tmp_path))) == list(map(str, states))
     assert again == ["quick", "reference"]
 
 
@@ -129,7 +149,7 @@ def test_a_crash_is_a_finding(press, monkeypatch):
         raise RuntimeError("the section's outline could not be meshed")
 
     monkeypatch.setattr(equilibrium, "walk", fail)
-    assert error_study.follow(press.trial, QUICK)[0]["status"] == "crashed"
+    assert error_study.follow(press.trial, QUICK)[0].status == "crashed"
 
 
 def test_the_full_study_covers_all_levels_scenes_and_models():
@@ -153,48 +173,39 @@ def test_the_reference_is_held_against_a_finer_one():
         (_, used), (_, finer) = task.solves[""], task.solves["reference_"]
         assert finer.section_size < used.section_size
         assert finer.section_patch <= used.section_patch
-    found = row(0.0, 0.0, level="reference")
-    assert error_statistics.summary([found]) == []
-    assert error_statistics.references([found])[0]["force_percent"] == 0
+    checked_state = state(0.0, 0.0, level="reference")
+    assert error_statistics.summary([checked_state]) == []
+    assert error_statistics.references([checked_state])[0].force_percent == 0
 
 
 def test_shares_and_verdicts():
-    safe = [row(0.010, 0.015) for _ in range(19)]
-    assert error_statistics.verdicts([*safe, row(0.02, 0.015)]) == []
-    unsafe = error_statistics.verdicts([*safe, row(0.02, 0.015), row(0.02, 0.015)])
+    safe = [state(0.010, 0.015) for _ in range(19)]
+    assert error_statistics.verdicts([*safe, state(0.02, 0.015)]) == []
+    unsafe = error_statistics.verdicts([*safe, state(0.02, 0.015), state(0.02, 0.015)])
     assert len(unsafe) == len(QUANTITIES)
     assert "90% of the true errors" in unsafe[0]
-    blunt = error_statistics.verdicts([row(0.001, 0.0031) for _ in range(20)])
+    blunt = error_statistics.verdicts([state(0.001, 0.0031) for _ in range(20)])
     assert all("0% of the estimates" in said for said in blunt)
-    assert "goal 3 %" in error_statistics.verdicts([row(0.031, 0.04)])[0]
+    assert "goal 3 %" in error_statistics.verdicts([state(0.031, 0.04)])[0]
 
 
 def test_mesh_noise_is_the_spread_over_meshes():
-    numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "shift_z_mm": -1.0, "tilt_rad": 0.0}
-    rows = [row(0.01, 0.02, model="half", scene="pressed", force_z_N=f, **numbers) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = error_statistics.noise(rows)
-    assert force["mean_percent"] == pytest.approx(1.0)
-    assert shift["mean_percent"] == 0.0
+    half = [state(0.01, 0.02, model="half", scene="pressed", solve=solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
+    (force, shift) = error_statistics.noise(half)
+    assert force.mean_percent == pytest.approx(1.0)
+    assert shift.mean_percent == 0.0
 
 
 def test_depths_of_a_press_are_no_noise():
     """Nor is the tilt that tetrahedra have where there should be none."""
-    numbers = {"force_x_N": 0.0, "shift_x_mm": 0.0, "tilt_rad": 0.0}
-    rows = [
-        row(0.01, 0.02, model="half", depth_mm=d, force_z_N=d, shift_z_mm=-d, **numbers)
-        for d in (1.0, 2.0)
-        for _ in "ab"
-    ]
-    found = error_statistics.noise(rows)
-    assert [(one["quantity"], one["states"], one["max_percent"]) for one in found] == [
-        ("force", 2, 0.0),
-        ("shift", 2, 0.0),
-    ]
+    half = [state(0.01, 0.02, model="half", depth_mm=d, solve=solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
+    noise = error_statistics.noise(half)
+    assert [(one.quantity, one.states, one.max_percent) for one in noise] == [("force", 2, 0.0), ("shift", 2, 0.0)]
 
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
-        error_study, "run", lambda **options: [row(0.031, 0.04), row(0, 0, status="unstable", message="!")]
+        error_study, "run", lambda **options: [state(0.031, 0.04), state(0, 0, status="unstable", message="!")]
     )
     assert entry_point.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()

@@ -124,17 +124,19 @@ def accuracy(
     if minutes is not None and not minutes >= 0:
         raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies.output.provenance import versions
-    from studies.validation import error_statistics
+    from studies.validation import error_statistics, error_study_report
     from studies.validation import error_study as work
 
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(
+        states = work.run(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
         )
         if folder is not None:
-            error_statistics.write(folder, rows, origin, asked, quick=quick)
-    for name, table in (("Estimates", error_statistics.shares(rows)), ("Levels", error_statistics.summary(rows))):
+            error_study_report.write(folder, states, origin, asked, quick=quick)
+    estimates = [shares.row() for shares in error_statistics.shares(states)]
+    levels = [errors.row() for errors in error_statistics.summary(states)]
+    for name, table in (("Estimates", estimates), ("Levels", levels)):
         console.report(
             table,
             as_json=as_json,
@@ -142,7 +144,7 @@ def accuracy(
             first=("scene", "quantity", "states", "median_percent", "coverage"),
             wide=wide,
         )
-    missed = error_statistics.verdicts(rows)
+    missed = error_statistics.verdicts(states)
     if missed:
         console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
     return FAILED if missed else GOOD

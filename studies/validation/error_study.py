@@ -10,10 +10,9 @@ import functools
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, Accuracy, coarser
@@ -24,6 +23,18 @@ from studies.output import result_store
 from studies.output.provenance import ROOT
 from studies.validation import error_study_cases, error_study_tangents
 from studies.validation.error_study_cases import Trial
+from studies.validation.error_study_records import (
+    ROLES,
+    TANGENTS,
+    ErrorState,
+    Judged,
+    PathSolve,
+    SolvedState,
+    error_state,
+    nan_if_none,
+    restored,
+    without_jump,
+)
 
 ABOUT = """\
 How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
@@ -39,8 +50,6 @@ States that did not end well, or whose error exceeds JUMP, are listed and left o
 """
 
 Progress = Callable[[float, str], None]
-Row = dict[str, Any]
-State = dict[str, Any]
 
 RESPONSES = ("force", "shift", "tilt", "sideways")
 QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")
@@ -51,7 +60,6 @@ WIDER = {
     "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
 }
 COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
-JUMP = 0.25
 REPEATS, NUDGE = 3, 1e-4
 """Meshes of tetrahedra for each state, and the relative change of their size from one to the next: the least change
 makes fTetWild come to another mesh."""
@@ -93,10 +101,7 @@ def tasks(*, quick: bool = False) -> list[Task]:
     """All of them, the cheap ones first; if quick, two designs at level quick and against a rougher reference."""
     if quick:
         made = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
-        made += [
-            Task(error_study_tangents.trial(0, "rigid", scene), LEVELS["quick"])
-            for scene in error_study_tangents.SCENES
-        ]
+        made += [Task(error_study_tangents.trial(0, "rigid", scene), LEVELS["quick"]) for scene in TANGENTS]
         return [replace(task, fineness=0) for task in made]
     names, numbers, repeats = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS), range(REPEATS)
     magnets: Sequence[Magnet] = ("rigid", "ignored")
@@ -121,8 +126,8 @@ def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "a
 
 def run(
     *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf, progress: Progress | None = None
-) -> list[Row]:
-    """One row for each state; solves in the folder's solves.jsonl that the same code made are not done again.
+) -> list[ErrorState]:
+    """All states with their errors; solves in the folder's solves.jsonl that the same code made are not done again.
 
     After `minutes` no further solve is begun: states that miss one have the status not_run.
     """
@@ -137,16 +142,17 @@ def run(
             break
         if progress is not None:
             progress(i / len(needed), f"{trial.name}, {accuracy.name}")
-        store.keep(
-            name,
-            error_study_tangents.follow(trial, accuracy)
-            if trial.scene in error_study_tangents.SCENES
-            else follow(trial, accuracy),
-        )
-    return [row for task in chosen for row in rows_of(task, store.known)]
+        solve = error_study_tangents.follow if trial.scene in TANGENTS else follow
+        store.keep(name, [state.kept() for state in solve(trial, accuracy)])
+    known = {
+        name: [restored(trial.scene, answer) for answer in store.known[name]]
+        for name, (trial, _) in needed.items()
+        if name in store.known
+    }
+    return [state for task in chosen for state in states_of(task, known)]
 
 
-def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
+def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
     """The states of a trial, without estimates; an exception is the last state, with its text as the message."""
     states, begin = [], time.process_time()
     try:
@@ -154,32 +160,28 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[State]:
             trial.design, trial.loads, accuracy, magnet=trial.magnet, model=trial.model, estimate=False
         ):
             spent, begin = time.process_time() - begin, time.process_time()
-            states.append(
-                {"status": s.status, "message": s.message, "model": s.model, "dofs": s.dofs}
-                | {"iterations": s.newton_iterations, "cpu_s": spent, "response": dataclasses.asdict(s.response)}
-            )
+            states.append(SolvedState(s.status, s.message, s.model, s.dofs, s.newton_iterations, spent, s.response))
     except Exception as error:
         # whatever goes wrong with a mesh is a finding of this study
-        states.append({"status": "crashed", "message": f"{type(error).__name__}: {error}"})
+        states.append(SolvedState("crashed", f"{type(error).__name__}: {error}"))
     return states
 
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
     """What a solve depends on beside the code, as text; the end of a contact is found on sections of level quick."""
-    unused: dict[str, Any] = {"name": ""}
-    unused |= {"section_patch": 0} if trial.scene == "friction" else {"rub": 0}
-    unused |= {"solid_size": 0, "solid_patch": 0} if trial.model == "auto" else {}
-    unused |= {"harmonics": 0, "section_patch": 0} if trial.scene in ("press", "deep") else {}
-    if trial.scene in error_study_tangents.SCENES:
-        unused |= {"harmonics": 0}
+    used = replace(accuracy, name="")
+    used = replace(used, section_patch=0) if trial.scene == "friction" else replace(used, rub=0)
+    if trial.model == "auto":
+        used = replace(used, solid_size=0, solid_patch=0)
+    if trial.scene in ("press", "deep"):
+        used = replace(used, harmonics=0, section_patch=0)
+    if trial.scene in TANGENTS:
+        used = replace(used, harmonics=0)
     loads = [dataclasses.astuple(load) for load in trial.loads]
-    used = dataclasses.astuple(replace(accuracy, **unused))
-    kind = (
-        [trial.scene, _digest(error_study_tangents.MODULES)]
-        if trial.scene in error_study_tangents.SCENES
-        else trial.model
-    )
-    return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, used, QUICK.section_size])
+    tangent = trial.scene in TANGENTS
+    kind = [trial.scene, _digest(error_study_tangents.MODULES)] if tangent else trial.model
+    numbers = dataclasses.astuple(used), QUICK.section_size
+    return json.dumps([trial.magnet, kind, dataclasses.astuple(trial.design), *loads, *numbers])
 
 
 def code() -> str:
@@ -197,89 +199,56 @@ def _digest(names: tuple[str, ...]) -> str:
     return result_store.digest(ROOT / name for name in names)
 
 
-def rows_of(task: Task, known: dict[str, list[State]]) -> list[Row]:
-    """A row for each load of a task."""
-    none = [{"status": "not_run", "message": "no time"}]
-    paths = {role: known.get(key(*solve), none) for role, solve in task.solves.items()}
-    if task.trial.scene in error_study_tangents.SCENES:
-        return [_leap(row) for row in error_study_tangents.rows_of(task.trial, task.level, paths)]
-    return [
-        _row(
-            task,
-            i,
-            {role: path[min(i, len(path) - 1)] for role, path in paths.items()},
-            i >= min(map(len, paths.values())),
-        )
-        for i in range(len(task.trial.loads))
-    ]
+def states_of(task: Task, known: Mapping[str, Sequence[SolvedState]]) -> list[ErrorState]:
+    """A state with its errors for each load of a task, or for each of its natural frequencies.
+
+    Parameters
+    ----------
+    known : the solved states of each key.
+    """
+    trial, not_run = task.trial, [SolvedState("not_run", "no time")]
+    paths = {role: known.get(key(*task.solves[role]), not_run) for role in ROLES}
+    if trial.scene in TANGENTS:
+        return [without_jump(state) for state in error_study_tangents.states_of(trial, task.level, paths)]
+    states = []
+    for i, load in enumerate(trial.loads):
+        # a path that stopped ends in the state that says why
+        solved = {role: path[min(i, len(path) - 1)] for role, path in paths.items()}
+        lost = any(i >= len(path) for path in paths.values())
+        state = error_state(trial, task.level, load, solved, repeat=task.repeat, lost=lost)
+        states.append(_with_errors(task, load, state, solved) if state.status == "ok" else state)
+    return states
 
 
-def _row(task: Task, i: int, found: dict[str, State], lost: bool) -> Row:
-    trial, load = task.trial, task.trial.loads[i]
-    bad = {role: state for role, state in found.items() if state["status"] != "ok"}
-    row: Row = {
-        "design": trial.number,
-        "odd": trial.odd,
-        "magnet": trial.magnet,
-        "scene": "pressed" if trial.scene == "stick" and not load.shear_x else trial.scene,
-        "path": trial.scene,
-        "model": found[""].get("model", trial.model),
-        "level": task.level.name,
-        "repeat": task.repeat,
-        "depth_mm": load.depth,
-        "shear_mm": load.shear_x,
-        "status": next((state["status"] for state in bad.values()), "lost" if lost else "ok"),
-        "message": "; ".join(f"{role.strip('_') or 'level'}: {state['message']}" for role, state in bad.items()),
-    }
-    if row["status"] != "ok":
-        return row
-    for role, state in found.items():
-        row |= _numbers(role, state)
-    row |= _errors(task, row["model"], load, {role: _response(state) for role, state in found.items()})
-    return _leap(row)
+def _with_errors(task: Task, load: Load, state: ErrorState, solved: Mapping[str, SolvedState]) -> ErrorState:
+    """The state with the numbers of its solves, and with errors and estimates."""
+    responses = [solved[role].response for role in ROLES]
+    one, other, truth = (response for response in responses if response is not None)
+    level, companion, reference = (
+        _path_solve(solved[role], response) for role, response in zip(ROLES, (one, other, truth), strict=True)
+    )
+    judged = _judged(task, state.model, load, one, other, truth)
+    return without_jump(replace(state, solve=level, companion=companion, reference=reference, judged=tuple(judged)))
 
 
-def _leap(row: Row) -> Row:
-    """The row, with another status if an error is none of the mesh."""
-    if any(row.get(f"{name}_error", 0.0) > JUMP for name in QUANTITIES):
-        row |= {"status": "jump", "message": f"an error exceeds {JUMP:g}"}
-    return row
+def _path_solve(state: SolvedState, response: Response) -> PathSolve:
+    (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
+    return PathSolve(force_x, force_z, shift_x, shift_z, response.tilt, state.dofs, state.iterations, state.cpu_s)
 
 
-def _response(state: State) -> Response:
-    given = state["response"]
-    return Response(**given | {name: tuple(given[name]) for name in ("force", "shift")})
-
-
-def _numbers(role: str, state: State) -> Row:
-    r = _response(state)
-    return {
-        f"{role}force_x_N": r.force[0],
-        f"{role}force_z_N": r.force[2],
-        f"{role}shift_x_mm": r.shift[0],
-        f"{role}shift_z_mm": r.shift[2],
-        f"{role}tilt_rad": r.tilt,
-        f"{role}dofs": state["dofs"],
-        f"{role}iterations": state["iterations"],
-        f"{role}cpu_s": state["cpu_s"],
-    }
-
-
-def _errors(task: Task, model: str, load: Load, found: dict[str, Response]) -> Row:
+def _judged(task: Task, model: str, load: Load, one: Response, other: Response, truth: Response) -> Iterator[Judged]:
     """True errors and estimates, NaN where there is nothing to be relative to."""
-    one, other, truth = found[""], found["companion_"], found["reference_"]
     trial = task.trial
     estimates = estimate_response(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design)
-    pairs = [
-        (one.force, truth.force),
-        (one.shift, truth.shift),
-        ((one.tilt,), (truth.tilt,)),
-        ((one.force[0],), (truth.force[0] if load.shear_x else 0.0,)),
-    ]
-    row: Row = {}
-    for name, (a, b) in zip(RESPONSES, pairs, strict=True):
-        estimate = getattr(estimates, name)
-        some = name == "force" or math.hypot(*b) > NOTHING
-        row[f"{name}_error"] = math.dist(a, b) / math.hypot(*b) if some else math.nan
-        row[f"{name}_estimate"] = estimate if some and estimate is not None else math.nan
-    return row
+    sideways = truth.force[0] if load.shear_x else 0.0
+    vectors = (
+        ("force", one.force, truth.force, estimates.force),
+        ("shift", one.shift, truth.shift, estimates.shift),
+        ("tilt", (one.tilt,), (truth.tilt,), estimates.tilt),
+        ("sideways", (one.force[0],), (sideways,), estimates.sideways),
+    )
+    for name, a, b, estimate in vectors:
+        if name == "force" or math.hypot(*b) > NOTHING:
+            yield Judged(name, math.dist(a, b) / math.hypot(*b), nan_if_none(estimate))
+        else:
+            yield Judged(name, math.nan, math.nan)

@@ -1,0 +1,147 @@
+"""Pages of the study of error estimates: accuracy.csv, ACCURACY.md and errors.png."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from studies.output.atomic_files import atomic, write_text
+from studies.output.csv_tables import write_table
+from studies.output.provenance import made
+from studies.output.records import FlatRow
+from studies.validation import error_statistics, error_study, error_study_cases
+from studies.validation.error_study import QUANTITIES, SHARP
+from studies.validation.error_study_records import ErrorState
+
+LOOKS = {
+    "press": "#0072B2",
+    "deep": "#000000",
+    "pressed": "#56B4E9",
+    "stick": "#D55E00",
+    "far": "#882255",
+    "grip": "#009E73",
+    "friction": "#E69F00",
+    "half": "#CC79A7",
+    "critical": "#999999",
+    "small shear": "#F0E442",
+    "modes": "#6A3D9A",
+}
+TITLES = {"sideways": "sideways force", "depth": "critical depth", "stiffness": "small-shear stiffness"}
+MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
+LEAST = 1e-3
+"""Least true error in the picture, %; smaller ones are drawn there."""
+
+
+def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str, *, quick: bool) -> None:
+    """accuracy.csv with all states, ACCURACY.md to read, errors.png."""
+    write_table(folder / "accuracy.csv", [state.row() for state in states], digits=9)
+    picture(folder / "errors.png", states)
+    good, missed = sum(state.status == "ok" for state in states), error_statistics.verdicts(states)
+    estimates = [one.row() for one in error_statistics.shares(states)]
+    levels = [one.row() for one in error_statistics.summary(states)]
+    lines = ["# Accuracy", "", f"{good} of {len(states)} states compared. "]
+    lines[-1] += f"{len(missed)} promises are not kept." if missed else "All promises are kept."
+    lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
+    lines += ["", *error_study.ABOUT.splitlines(), "", "![Estimates over true errors](errors.png)", ""]
+    lines += ["## Estimates", "", *_markdown(estimates), "", "## Levels", "", *_markdown(levels), ""]
+    if spread := error_statistics.noise(states):
+        lines += ["## Mesh noise of the half model", "", "Standard deviation over meshes.", ""]
+        lines += [*_markdown([one.row() for one in spread]), ""]
+    lines += ["## Reference meshes", "", *_references(0 if quick else 1), ""]
+    if checked := error_statistics.references(states):
+        lines += ["Against one more refinement:", "", *_markdown([one.row() for one in checked]), ""]
+    lines += ["## States left out", "", *_left_out(states), "", "## Designs", "", *_designs(states), ""]
+    write_text(folder / "ACCURACY.md", "\n".join([*lines, made(command, origin)]) + "\n")
+
+
+def _references(fineness: int) -> list[str]:
+    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
+    return [f"- {name}: `{error_study_cases.reference(scene, fineness)}`" for name, scene in scenes]
+
+
+def _left_out(states: Sequence[ErrorState]) -> list[str]:
+    missing = sum(state.status == "not_run" for state in states)
+    lines = [f"- {missing} states were not solved: the time was up."] if missing else []
+    lines += [
+        f"- design {state.design}, magnet {state.magnet}, {state.model} {state.path}, {state.level}, depth "
+        f"{state.depth_mm:g} mm, shear {state.shear_mm:g} mm: {state.status}; {state.message}"
+        for state in states
+        if state.status not in ("ok", "not_run")
+    ]
+    return lines or ["None."]
+
+
+def _designs(states: Sequence[ErrorState]) -> list[str]:
+    names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    chosen = sorted({state.design for state in states})
+    values = [{name: f"{getattr(error_study_cases.designs()[i], name):g}" for name in names} for i in chosen]
+    return _markdown([{"design": i} | value for i, value in zip(chosen, values, strict=True)])
+
+
+def _markdown(rows: Sequence[FlatRow]) -> list[str]:
+    heads = list(rows[0]) if rows else []
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    return [*lines, *("| " + " | ".join(_cell(row[head]) for head in heads) + " |" for row in rows)]
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}" if math.isfinite(value) else ""
+    return str(value)
+
+
+def picture(path: Path, states: Sequence[ErrorState]) -> None:
+    """Estimate over true error of each quantity; between the lines an estimate is both safe and sharp."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from studies.output.table_plots import STYLE
+
+    with mpl.rc_context(STYLE), atomic(path) as temporary:
+        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
+        FigureCanvasAgg(figure)
+        grid = figure.subplots(2, -(-len(QUANTITIES) // 2), sharex=True, sharey=True)
+        axes = grid.ravel().tolist()
+        for axis, name in zip(axes, QUANTITIES, strict=False):
+            _scatter(axis, states, name)
+            axis.tick_params(labelbottom=True)
+        for unused in axes[len(QUANTITIES) :]:
+            unused.set_axis_off()
+        for first in grid[:, 0]:
+            first.set_ylabel("estimate (%)")
+        figure.supxlabel("true error (%)")
+        grey: dict[str, Any] = {"color": "#555555", "linestyle": ""}
+        handles = [Line2D([], [], marker=mark, label=level, **grey) for level, mark in MARKERS.items()]
+        lines = {"estimate = error": "-", f"estimate = {SHARP:g} errors": "--"}
+        handles += [Line2D([], [], color="black", linewidth=1, linestyle=a, label=text) for text, a in lines.items()]
+        scenes = {_colour(state) for state in states}
+        handles += [Line2D([], [], marker="o", linestyle="", color=LOOKS[n], label=n) for n in LOOKS if n in scenes]
+        # in the panel that is left over
+        small = {"fontsize": 9.5, "columnspacing": 1.0, "handlelength": 1.6}
+        axes[-1].legend(handles=handles, loc="center", ncols=2, frameon=False, **small)
+        figure.savefig(temporary, dpi=200)
+
+
+def _colour(state: ErrorState) -> str:
+    """Key of its colour in LOOKS."""
+    return "half" if state.model == "half" else state.scene
+
+
+def _scatter(axis: Any, states: Sequence[ErrorState], name: str) -> None:
+    for state in error_statistics.ended_well(states):
+        for error, estimate in error_statistics.pairs_of([state], name):
+            look = {"marker": MARKERS[state.level], "color": LOOKS[_colour(state)], "alpha": 0.55}
+            axis.plot(
+                max(100 * error, LEAST), 100 * estimate, linestyle="", markersize=4.5, markeredgewidth=0, **look
+            )
+    ends = [LEAST, 20]
+    axis.plot(ends, ends, color="black", linewidth=1)
+    axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
+    axis.set(xscale="log", yscale="log", title=TITLES.get(name, name), xlim=ends, ylim=(5e-3, 20))
+    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
