@@ -1,0 +1,134 @@
+"""Increments of the load: a state leads to the next or to a failure, and stays as it was."""
+
+import copy
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from fem.discretisation import symmetry_models
+from fem.solvers import load_increments
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_increments import increment, segment
+from fem.solvers.newton import TOLERANCE
+from fem.solvers.path_state import at_rest, glued, with_harmonics
+from geometry.design import paper
+
+SHAPE = paper().shape.without_magnet().scaled(1 / 8)
+DEEP, FAR = np.array([0.1, 0.0, 0.0]), np.array([0.1, 0.02, 0.0])
+CONTENT = ("position", "q", "energy", "least_J", "unstable", "dissipated", "direction")
+
+
+@pytest.fixture
+def solver():
+    solver = Solver()
+    yield solver
+    solver.close()
+
+
+def section(harmonics=0):
+    return symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics)
+
+
+def pressed(solver, mu=None):
+    """A press in several increments, with past and, if wanted, friction."""
+    return segment(solver, at_rest(section(), mu=mu), np.array([0.06, 0.0, 0.0])).state
+
+
+def sheared(solver):
+    """A press that is glued and has moved aside in two increments."""
+    state = glued(with_harmonics(pressed(solver), section(1)), None)
+    for way in (0.01, 0.02):
+        state = increment(Solver(), state, np.array([0.06, way, 0.0]), TOLERANCE, sure=True).state
+    return state
+
+
+def contents(state):
+    """All numbers of a state, copied."""
+    parts = [state, state.friction, state.bond, *state.past]
+    values = [getattr(part, field.name) for part in parts if part is not None for field in fields(part)]
+    return copy.deepcopy([value for value in values if isinstance(value, float | int | np.ndarray)])
+
+
+def same(one, other):
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
+
+
+@pytest.mark.parametrize("mu", [None, 0.3])
+def test_the_same_increment_from_the_same_state_leads_to_the_same_next_one(solver, mu):
+    state = pressed(solver, mu)
+    before, position = contents(state), np.array([0.07, 0.0, 0.0])
+    once, again = (increment(solver, state, position, TOLERANCE, sure=True) for _ in range(2))
+    assert same(contents(state), before)
+    assert not same(contents(once.state), before)
+    assert same(contents(once.state), contents(again.state))
+    assert (once.stop, once.iterations) == (again.stop, again.iterations) == ("", once.iterations)
+
+
+def test_a_glued_patch_moves_on_twice_alike(solver):
+    state, position = sheared(solver), np.array([0.06, 0.03, 0.0])
+    before = contents(state)
+    once, again = (increment(Solver(), state, position, TOLERANCE, sure=True) for _ in range(2))
+    assert same(contents(state), before)
+    assert same(contents(once.state), contents(again.state))
+
+
+@pytest.mark.parametrize("mu", [None, 0.3])
+def test_a_failed_increment_gives_no_state_and_leaves_the_one_before(solver, monkeypatch, mu):
+    state = pressed(solver, mu)
+    before, real = contents(state), load_increments.newton
+
+    def stubborn(*given, **options):
+        return replace(real(*given, **options), reason="step_inverted")
+
+    monkeypatch.setattr(load_increments, "newton", stubborn)
+    tried = increment(solver, state, DEEP, TOLERANCE, sure=True)
+    assert (tried.state, tried.stop, tried.easy) == (None, "step_inverted", False)
+    assert same(contents(state), before)
+
+
+def test_an_increment_through_the_clamp_fails(solver):
+    state = pressed(solver)
+    tried = increment(solver, state, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, sure=True)
+    assert tried.state is None
+    assert tried.stop
+
+
+def test_what_crushes_silicone_is_believed_of_short_increments_only(solver, monkeypatch):
+    state = replace(pressed(solver), least_J=1.0)
+    monkeypatch.setattr(load_increments, "CRUSHED", 1.0)  # which every deformation breaks
+    long, short = (increment(solver, state, DEEP, TOLERANCE, sure=sure) for sure in (False, True))
+    assert (long.state, long.stop) == (None, "")
+    assert short.state.least_J < 1
+
+
+@pytest.mark.parametrize("longest", [1.0, 0.02])
+def test_a_segment_ends_at_its_goal_with_the_present_state_behind_it(solver, monkeypatch, longest):
+    monkeypatch.setattr(load_increments, "LONGEST", longest)
+    reached = segment(solver, at_rest(section()), DEEP)
+    np.testing.assert_array_equal(reached.state.position, DEEP)
+    assert [len(reached.state.past), reached.stop] == [1 if longest == 1 else 2, ""]
+    assert reached.state.past[-1].position[0] == pytest.approx(max(0.1 - longest, 0.0), abs=1e-12)
+
+
+def test_a_segment_to_where_the_state_is_changes_nothing(solver):
+    state = pressed(solver)
+    reached = segment(solver, state, state.position)
+    assert reached.state is state
+    assert reached.iterations == 0
+
+
+def test_a_segment_that_stops_short_keeps_the_last_good_state(solver, monkeypatch):
+    real, start = load_increments.newton, at_rest(section())
+
+    def stubborn(system, solver, q, plate, *more, **options):
+        answer = real(system, solver, q, plate, *more, **options)
+        return replace(answer, reason="no_convergence") if plate.height < SHAPE.L - 0.05 else answer
+
+    monkeypatch.setattr(load_increments, "newton", stubborn)
+    monkeypatch.setattr(load_increments, "LONGEST", 0.02)
+    reached = segment(solver, start, DEEP)
+    assert reached.stop == "no_convergence"
+    assert 0.04 <= reached.state.position[0] <= 0.05
+    assert not start.position.any()
+    assert not start.q.any()

@@ -1,0 +1,72 @@
+"""The predictor: it saves increments, changes no answer, and is part of the state."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.discretisation import symmetry_models
+from fem.solvers import predictor
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_increments import segment
+from fem.solvers.path_state import at_rest, with_predictor
+from fem.solvers.predictor import predicted
+from geometry.design import paper
+
+SHAPE = paper().shape.without_magnet().scaled(1 / 8)
+ASIDE = np.array([0.0, 0.1, 0.0])
+
+
+@pytest.fixture
+def solvers():
+    pair = Solver(), Solver()
+    yield pair
+    for solver in pair:
+        solver.close()
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    """A gripped tip at rest, in a model with two harmonics and a predictor with one."""
+    one, two = (symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, around=2) for n in (1, 2))
+    return with_predictor(at_rest(two, grip=0.3), one)
+
+
+def test_it_leads_to_the_state_that_increments_lead_to(gripped, solvers):
+    at_once, _ = predicted(*solvers, gripped, ASIDE)
+    in_steps = segment(solvers[0], gripped, ASIDE).state
+    np.testing.assert_array_equal(at_once.position, ASIDE)
+    assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
+    np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
+
+
+def test_it_goes_along_and_leaves_the_state_before_as_it_was(gripped, solvers):
+    reduced, q = gripped.reduced, gripped.reduced.q.copy()
+    once, again = (predicted(*solvers, gripped, ASIDE) for _ in range(2))
+    assert gripped.reduced is reduced
+    np.testing.assert_array_equal(reduced.q, q)
+    np.testing.assert_array_equal(once[0].q, again[0].q)
+    np.testing.assert_array_equal(once[0].reduced.q, again[0].reduced.q)
+    np.testing.assert_array_equal(once[0].reduced.position, ASIDE)
+    assert once[1] == again[1]
+
+
+def test_where_its_correction_fails_only_the_predictor_has_moved(gripped, solvers, monkeypatch):
+    real = predictor.newton
+
+    def stubborn(*given, **options):
+        return replace(real(*given, **options), reason="no_convergence")
+
+    monkeypatch.setattr(predictor, "newton", stubborn)
+    state, iterations = predicted(*solvers, gripped, ASIDE)
+    assert state.q is gripped.q
+    assert state.position is gripped.position
+    np.testing.assert_array_equal(state.reduced.position, ASIDE)
+    assert iterations > 0
+
+
+def test_one_that_was_left_behind_says_nothing(gripped, solvers):
+    elsewhere = replace(gripped, position=np.array([0.0, 0.05, 0.0]))
+    assert predicted(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
+    alone = replace(gripped, reduced=None)
+    assert predicted(*solvers, alone, ASIDE) == (alone, 0)
