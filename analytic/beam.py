@@ -64,9 +64,9 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     if level not in LEVELS:
         raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
     if load.plate_tilt:
-        raise BadInput(f"formulas know an upright plate only, so plate tilt must be 0; got {load.plate_tilt:g} rad")
+        raise BadInput(f"the formulas cannot model a tilted plate: plate tilt must be 0; got {load.plate_tilt:g} rad")
     if load.imperfection:
-        raise BadInput(f"formulas know no imperfection, so it must be 0; got {load.imperfection:g} N")
+        raise BadInput(f"the formulas cannot model an imperfection: it must be 0; got {load.imperfection:g} N")
     terms = TERMS.get(level)
     rigid = terms is not None and terms.magnet and design.shape.has_magnet
     check_load(design, load, magnet="rigid" if rigid else "ignored")
@@ -86,9 +86,9 @@ def outside(design: Design, load: Load, level: str) -> str:
     if not design.nu >= 0.49:
         reasons.append(f"nu = {design.nu:g} is below 0.49")
     if design.law != "neo-hookean":
-        reasons.append(f"the formulas know E and nu, not the law {design.law}")
+        reasons.append(f"the formulas use E and nu only, not the law {design.law}")
     if level in ("column", "tip") and design.shape.has_magnet:
-        reasons.append("the level takes the magnet for silicone")
+        reasons.append("the level treats the magnet as silicone")
     if TERMS[level].magnet and design.shape.has_magnet:
         if not (design.magnet_diameter <= 0.7 * design.D and design.magnet_height <= 0.5 * design.D):
             reasons.append("the magnet is wider than 0.7 D or higher than 0.5 D")
@@ -102,7 +102,8 @@ def outside(design: Design, load: Load, level: str) -> str:
         reasons.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
     if load.grip is not None and not load.grip <= design.D / 16:
         reasons.append(f"grip is above D/16 = {design.D / 16:.3g} mm")
-    return "; ".join([*reasons, *_buckling_remarks(design, load, level)])
+    limits = [f"outside the range of level {level}: {', '.join(reasons)}"] if reasons else []
+    return "; ".join([*limits, *_buckling_remarks(design, load, level)])
 
 
 def _paper(design: Design, load: Load) -> Response:
@@ -131,8 +132,8 @@ def _paper(design: Design, load: Load) -> Response:
     """
     if not load.depth <= design.R:
         raise BadInput(
-            f"depth must not exceed the tip radius D/2 = {design.R:g} mm, where the contact area (7) ends; "
-            f"got {load.depth:g} mm: press less or take the finite elements"
+            f"depth must not exceed the tip radius D/2 = {design.R:g} mm, the limit of contact area (7); got "
+            f"{load.depth:g} mm: take a smaller depth, or finite elements"
         )
     area = math.pi * (design.D * load.depth - load.depth**2)
     normal = design.E * area * load.depth / design.L
@@ -172,14 +173,15 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
     """Solve at one of the levels above the paper's."""
     if load.coulomb is not None and load.grip is None:
         raise BadInput(
-            f"level paper alone knows Coulomb friction: choose it, or friction none or stick; got {load.coulomb:g}"
+            f"only level paper models Coulomb friction; got friction {load.coulomb:g}: "
+            "choose level paper, or friction none or stick"
         )
     pressed = press(design, load.depth, terms)
     size = load.shear
     if not size or not load.holds:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
-        raise BadInput("a plate that sticks needs a depth above 0: nothing is in contact yet")
+        raise BadInput("a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact")
     answer = _shear_state(design, load, terms)
     x, y = load.shear_x / size, load.shear_y / size
     return Response(
@@ -209,10 +211,11 @@ def _buckling_remarks(design: Design, load: Load, level: str) -> list[str]:
             return []
         answer = _shear_state(design, load, terms)
         return [
-            *([] if answer.stable else ["the press would give way sideways even with the patch glued"]),
-            *([] if answer.press > 0 else ["the tip leans so far that the press lets go"]),
+            *([] if answer.stable else ["the beam would buckle sideways even if the tip stuck to the plate"]),
+            *([] if answer.press > 0 else ["the tip leans so far that the press force vanishes"]),
         ]
     critical = buckling.haringx(design)
     if design.L < 2 * design.D or force <= critical:
         return []
-    return [f"a tip that slides gives way sideways at about {critical:.3g} N (Haringx), and this follows the upright"]
+    at = f"at about {critical:.3g} N (Haringx)"
+    return [f"a beam whose tip slides freely buckles sideways {at}: this result is for the upright beam"]

@@ -62,20 +62,18 @@ def warnings(
     found = []
     low = float(lowest(design, tilt)) + design.H + shift[2]
     if low < 0:
-        found.append(
-            f"the magnet would lie {-low:.3g} mm below the base plane: no press of the beam can bring it there"
-        )
+        found.append(f"the magnet's lowest point is {-low:.3g} mm below the base plane: no press reaches this pose")
     chosen = of_design(design) if elements is None else elements
     # the axes of a chip are at one place
     for element in {element.position: element for element in reversed(chosen)}.values():
         gap = magnet_gap(design, element.position, shift, tilt)
         if gap < element.plate / 2 or gap == 0:
-            found.append(f"{element.name} lies in the magnet, or its plate touches it (gap {gap:.3g} mm)")
+            found.append(f"{element.name} touches or overlaps the magnet (gap {gap:.3g} mm)")
         gap = wall_gap(design, element.position, shift)
         if gap < 0:
             beside = "raise f" if design.hall_layout == "three" else "raise l0 or chip_x"
             remedy = beside if math.hypot(*element.position[:2]) > 0 else "raise l0"
-            verb = "leans over" if element.position[2] < 0 else "reaches"
+            verb = "extends over" if element.position[2] < 0 else "overlaps"
             found.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: {remedy}")
     return found
 

@@ -98,7 +98,9 @@ def field_at(
         defined (see `cylinder_field`, `paper_field`).
     """
     if not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0), so there is no field to read: give it one")
+        raise BadInput(
+            "this design has no magnet (magnet_diameter is 0), so there is no field to read: give it a magnet"
+        )
     if field not in FIELDS:
         raise BadInput(f"field must be one of {', '.join(FIELDS)}; got {field!r}")
     local = in_magnet_frame(points, design, shift, tilt)

@@ -139,7 +139,7 @@ def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
     read = [
         dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements
     ]
-    return tuple(read), f"{CONVERTER}, since the design states none"
+    return tuple(read), f"{CONVERTER}, assumed: the design gives none"
 
 
 def columns(elements: Sequence[Element]) -> list[str]:

@@ -122,9 +122,7 @@ def at_poses(
     tilt = forward_model.rotation(ahead.tau, shift)
     weight = np.where(known(coder, shift), weight, 0.0)
     if not weight.sum() > 0:
-        raise BadInput(
-            "the mechanics know the tilt of no pose in the workspace: give states over more depths and shears"
-        )
+        raise BadInput("the tilt is not known at any pose in the workspace: give states over more depths and shears")
     by_element = np.array(
         [decode.at_rail([e], b[None]) for e, b in zip(ahead.elements, values, strict=True)], dtype=np.bool_
     )

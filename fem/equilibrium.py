@@ -219,14 +219,19 @@ def _check_path(loads: Sequence[Load]) -> None:
         != (first.grip, first.friction, first.plate_tilt, first.imperfection)
         for load in loads
     ):
-        raise BadInput("all loads of a path must share grip, friction, tilt of the plate and imperfection")
+        raise BadInput("all loads of a path must have the same grip, friction, plate tilt and imperfection")
     glued: float | None = None
     for load in loads:
         if glued is not None and load.depth != glued:
-            raise BadInput(f"the plate is glued since depth {glued:g} mm and cannot come to {load.depth:g} mm")
+            raise BadInput(
+                f"the plate sticks to the tip since depth {glued:g} mm and cannot move to {load.depth:g} mm: "
+                "press to the full depth before the shear"
+            )
         if load.glues:
             if load.depth == 0:
-                raise BadInput("a glued plate needs a depth above 0: nothing is in contact yet")
+                raise BadInput(
+                    "a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact"
+                )
             glued = load.depth
 
 
@@ -383,5 +388,5 @@ def _check_grip(design: Design, grip: float, patch_size: float) -> None:
     least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
     if grip < least:
         raise BadInput(
-            f"grip must be at least {least:.3g} mm at this accuracy, or the mesh misses it; got {grip:g} mm"
+            f"grip must be at least {least:.3g} mm for the mesh of this accuracy to resolve it; got {grip:g} mm"
         )

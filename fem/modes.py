@@ -114,7 +114,7 @@ def _modes(design: Design, magnet: Magnet, count: int, depth: float, accuracy: A
     found = [*_symmetric(press, design, magnet, count), *_torsion(press, design, magnet, max(count // 3, 2))]
     if min(found)[0] < 0:
         raise BadInput(
-            f"the press is not stable at depth {depth:g} mm, so it has no vibrations: take a smaller depth"
+            f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
     scale = _unit(design)
     found = sorted(found)[:count]

@@ -245,7 +245,7 @@ def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
     """Refuse a depth, mm, at which there is no patch to shear."""
     check_load(design, Load(depth=depth), magnet)
     if not depth > 0:
-        raise BadInput(f"depth must be above 0 for a shear of the patch in contact; got {depth:g} mm")
+        raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
 
 
 def _build(
@@ -344,7 +344,9 @@ def _searched(
 
 
 def _none(reached: float, end: float, D: float) -> Critical:
-    message = "" if reached >= end else f"the press itself stops at {reached * D:.4g} mm; stable up to there"
+    message = (
+        "" if reached >= end else f"the press does not converge beyond {reached * D:.4g} mm; it is stable up to there"
+    )
     return Critical(None, None, reached * D, message)
 
 

@@ -132,7 +132,10 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         # the board under the base carries the chip: the base is as thick as its plates lie deep
         thickness = CHIPS[design.hall_layout].plate - where[design.hall_layout][2]
         if base.thickness is not None and not abs(base.thickness - thickness) <= 1e-6:
-            raise BadInput(f"thickness is set by l0 for a chip, to {thickness:.4g} mm; got {base.thickness:g} mm")
+            raise BadInput(
+                f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "
+                "leave thickness out"
+            )
         seats, passages, posts = {design.hall_layout: _chip(design, where, fit, thickness)}, {}, {}
     blocks = [*seats.values(), *posts.values()]
     reach = max(max(abs(b.corner[k]), b.corner[k] + b.sides[k]) for b in blocks for k in (0, 1))
@@ -219,8 +222,8 @@ def _three(
         seats["S2"] = Block((near, -half, -thickness), (far - near, 2 * half, high + thickness))
     else:
         raise BadInput(
-            f"f must be at least {design.R + p.depth + fit:.4g} mm for the seats of S2 and S3 beside the beam (or c "
-            f"lower, for seats under it); got {design.f:g} mm"
+            f"f must be at least {design.R + p.depth + fit:.4g} mm to place the seats of S2 and S3 beside the beam; "
+            f"got {design.f:g} mm: raise f, or lower c to place the seats under the beam"
         )
     middle = design.f - p.depth + p.thickness / 2
     thin = p.lead / 2 + fit
@@ -233,7 +236,9 @@ def _three(
     found = {name: [block for group in (seats, passages) if (block := group[name]).sides[2] > 0] for name in seats}
     for one, other in (("S1", "S2"), ("S2", "S3")):
         if any(a.meets(b, WEB) for a in found[one] for b in found[other] if a.sides[0] > 0):
-            raise BadInput(f"f = {design.f:g} mm brings the seats of {one} and {other} within {WEB:g} mm: raise f")
+            raise BadInput(
+                f"f = {design.f:g} mm leaves less than {WEB:g} mm between the seats of {one} and {other}: raise f"
+            )
     return seats, passages, posts
 
 
@@ -262,7 +267,7 @@ def warnings(design: Design) -> list[str]:
     room = round(max(design.L - places(design)["S2"][2] - SS495A.height / 2, 0.0), 9)
     if room >= PRESS * design.D:
         return []
-    return [f"a wide flat plate meets S2 and S3 at a press of {room:.3g} mm: lower c or use a small plate"]
+    return [f"a wide flat plate touches S2 and S3 at a depth of {room:.3g} mm: lower c or use a smaller plate"]
 
 
 def checks(design: Design, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:

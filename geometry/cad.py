@@ -156,7 +156,7 @@ def magnet(design: Design | Shape) -> Solid:
         The design has no magnet.
     """
     if not design.magnet_diameter > 0:
-        raise BadInput("magnet_diameter must be positive to draw the magnet; got 0 mm, a design without one")
+        raise BadInput("magnet_diameter must be positive to draw the magnet; got 0 mm: this design has no magnet")
     return turned(_magnet(design))
 
 

@@ -158,18 +158,19 @@ class Design:
     hall_null: float = _quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
     hall_low: float = _quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
     hall_high: float = _quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
-    hall_noise: float = _quantity(
-        0.0, "V", 0.0, 10, "noise of a Hall element's output, root mean square", assumed=True
+    hall_noise: float = _quantity(0.0, "V", 0.0, 10, "noise (rms) of a Hall element's output", assumed=True)
+    hall_step: float = _quantity(0.0, "V", 0.0, 10, "step of the analog-to-digital converter (0: none)", assumed=True)
+    hall_plate: float = _quantity(
+        0.0, "mm", 0.0, 10, "side of a Hall element's square plate (0: a point)", assumed=True
     )
-    hall_step: float = _quantity(
-        0.0, "V", 0.0, 10, "step of the converter that reads an element (0: none)", assumed=True
-    )
-    hall_plate: float = _quantity(0.0, "mm", 0.0, 10, "side of an element's square plate (0: a point)", assumed=True)
     hall_layout: str = _choice(
-        "three", HALL_LAYOUTS, "three one-axis elements, or a 3-axis chip l0 below the magnet", assumed=False
+        "three",
+        HALL_LAYOUTS,
+        "three: one-axis elements S1, S2, S3; else a 3-axis chip l0 below the magnet",
+        assumed=False,
     )
     chip_x: float = _quantity(
-        0.0, "mm", -1000, 1000, "place of a 3-axis chip beside the axis (0: under it)", assumed=False
+        0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
     )
 
     def __post_init__(self) -> None:
@@ -181,8 +182,8 @@ class Design:
             raise BadInput(f"L must not exceed 20 D = {20 * self.D:g} mm; got {self.L:g} mm")
         if not self.hall_low < self.hall_null < self.hall_high:
             raise BadInput(
-                "hall_null must lie between hall_low and hall_high; got "
-                f"{self.hall_low:g} < {self.hall_null:g} < {self.hall_high:g} V"
+                "hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; got "
+                "{self.hall_null:g} V"
             )
         for name in ("ogden_alpha1", "ogden_alpha2"):
             alpha = getattr(self, name)
@@ -206,8 +207,8 @@ class Design:
             )
         if not self.shape.wall >= LEAST_WALL - 1e-9:
             raise BadInput(
-                f"the magnet ({self.magnet_diameter:g} x {self.magnet_height:g} mm) leaves a wall of "
-                f"{self.shape.wall:.3g} mm of silicone and needs {LEAST_WALL:g} mm: "
+                f"the magnet ({self.magnet_diameter:g} x {self.magnet_height:g} mm) leaves "
+                f"{self.shape.wall:.3g} mm of silicone around it and needs at least {LEAST_WALL:g} mm: "
                 "take a smaller magnet or a larger D or L"
             )
         if not self.l0 > self.magnet_height / 2:
@@ -272,10 +273,11 @@ class Design:
             found.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
         elif s23 > -1 and self.f - self.R < 1 - 1e-9:
             found.append(
-                f"only {self.f - self.R:.3g} mm between the beam's wall and S2, S3: a sheared beam may touch them"
+                f"only {self.f - self.R:.3g} mm separate S2 and S3 from the beam's wall: a sheared beam may touch "
+                f"them; raise f"
             )
         if self.L > 3 * self.D:
-            found.append(f"L/D = {self.L / self.D:.3g}: under a plate such a slender beam may buckle sideways")
+            found.append(f"L/D = {self.L / self.D:.3g}: a beam this slender may buckle sideways under a plate")
         return [*found, *self.doubts()]
 
     def doubts(self) -> list[str]:
@@ -283,8 +285,8 @@ class Design:
         found = self.in_vain()
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             found.append(
-                f"E = {self.E:g} MPa is no silicone's, {SILICONE_E[0]:g} MPa (gels) to {SILICONE_E[1]:g} MPa "
-                "(Shore A 90): check that it is in MPa"
+                f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "
+                f"{SILICONE_E[1]:g} MPa (Shore A 90): check that E is given in MPa"
             )
         return found
 
@@ -326,7 +328,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     if "choices" in spec.metadata:
         choices = spec.metadata["choices"]
         if not isinstance(value, str):
-            raise BadInput(f"{spec.name} must be a text, one of {', '.join(choices)}; got {value!r}")
+            raise BadInput(f"{spec.name} must be one of the names {', '.join(choices)}; got {value!r}")
         if value not in choices:
             raise BadInput(f"there is no {spec.name} {value!r}: {nearest(value, choices)}")
         return value

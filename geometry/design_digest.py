@@ -112,8 +112,8 @@ def check(about: Mapping[str, Any], needed: Fields, what: str) -> bool:
     made = about["made_for"]
     if not isinstance(made, Mapping) or about.get("digest") != digest(made):
         raise BadInput(
-            f"{what}: the digest {about.get('digest')!r} is not that of the fields in made_for: they were changed "
-            "afterwards, so make it again"
+            f"{what}: the digest {about.get('digest')!r} does not match the fields in made_for, which were edited "
+            f"afterwards: make the file again"
         )
     differing = [key for key, value in needed.items() if made.get(key) != value]
     if differing:
@@ -123,7 +123,7 @@ def check(about: Mapping[str, Any], needed: Fields, what: str) -> bool:
         more = f" (and {len(differing) - len(named)} more fields differ)" if len(differing) > len(named) else ""
         raise BadInput(
             f"{what} was made for another sensor, with {_shown(made, named)} where this design has "
-            f"{_shown(needed, named)}{more}: give the design that it was made for, or make it for this one"
+            f"{_shown(needed, named)}{more}: use that design, or make the file again for this one"
         )
     return True
 

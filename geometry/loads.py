@@ -68,7 +68,7 @@ class Load:
         if not math.isfinite(self.imperfection):
             raise BadInput(f"imperfection must be a finite number of N; got {self.imperfection:g}")
         if self.imperfection and (self.grip is not None or self.coulomb is not None):
-            raise BadInput("an imperfection goes with a plate that is frictionless or sticks: leave it out")
+            raise BadInput("an imperfection cannot be combined with Coulomb friction: leave one of them out")
         if self.grip is not None:
             if self.plate_tilt:
                 raise BadInput(f"a grip has no plate to tilt, so plate tilt must be 0; got {self.plate_tilt:g} rad")
@@ -215,7 +215,7 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
     room = design.L - (design.magnet_height if rigid else 0.0)
     if not load.depth < room:
         raise BadInput(
-            f"depth must be less than the {room:g} mm of silicone on the axis"
+            f"depth must be less than {room:g} mm, the silicone on the axis"
             f"{' above and below the magnet' if rigid else ''}; got {load.depth:g} mm"
         )
     if load.grip is not None and not load.grip < design.L:
@@ -233,7 +233,7 @@ def _check_imperfection(design: Design, force: float) -> None:
     if not abs(force) <= most:
         raise BadInput(
             f"imperfection must lie within +-{most:.3g} N, which bends the free beam by the tip radius; got "
-            f"{force:g} N: a thousandth of that, {most / 1000:.2g} N, is enough to pick a side"
+            f"{force:g} N: {most / 1000:.2g} N is enough to select the direction of buckling"
         )
 
 

@@ -132,7 +132,7 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
-        f"the mesh of size {wanted.bulk:g} D folds over, flattens or misses the volume on the exact surfaces"
+        f"the mesh of size {wanted.bulk:g} D has folded or flat cells, or a wrong volume, on the exact surfaces"
         + (" or has no edges along its rim: try a smaller size there" if wanted.ring else ": try a smaller size")
     )
 
@@ -242,7 +242,7 @@ def _tetwild(
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise RuntimeError(f"fTetWild did not end within {timeout:g} s: try a larger size") from None
+            raise RuntimeError(f"fTetWild did not finish within {timeout:g} s: try a larger size") from None
         if ended.returncode or not found.exists():
             cause = (ended.stderr.strip().splitlines() or ["no message"])[-1]
             raise RuntimeError(f"fTetWild failed with exit code {ended.returncode} ({cause}): try another size")

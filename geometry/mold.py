@@ -106,7 +106,9 @@ class Mold:
             if spec.name != "process" and (value is not None or spec.default is not None):
                 RANGES[spec.name].check(spec.name, value)
         if self.split and self.rows > 1:
-            raise BadInput(f"rows must be 1 for a mould that is split along a row; got {self.rows}: or leave split 0")
+            raise BadInput(
+                f"rows must be 1 when split is 1, as B is split along a row; got {self.rows}: set rows=1 or split=0"
+            )
 
     @property
     def printing(self) -> Process:
@@ -267,9 +269,9 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]
     at_end = design.R - math.hypot(radius - inset, half - edge) - edge
     if not min(design.R - radius, at_end) >= LEAST_WALL - 1e-9:
         raise BadInput(
-            f"pocket_gap = {mold.pocket_gap:g} mm and pin_edge = {edge:g} mm make a pin that leaves "
-            f"{min(design.R - radius, at_end):.3g} mm of silicone and must leave {LEAST_WALL:g} mm: lower pocket_gap "
-            "or leave pin_edge out"
+            f"pocket_gap = {mold.pocket_gap:g} mm and pin_edge = {edge:g} mm leave "
+            f"{min(design.R - radius, at_end):.3g} mm of silicone around the pin, which needs at least "
+            f"{LEAST_WALL:g} mm: lower pocket_gap or leave pin_edge out"
         )
     if not design.R - top >= LEAST_WALL - 1e-9:
         most = math.degrees(math.atan((design.R - LEAST_WALL - radius) / depth))

@@ -11,7 +11,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
 from studies.fabrication import sensor_parts
-from studies.output import atomic_files, vtk_files
+from studies.output import atomic_files
 from studies.output.console import Progress
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
@@ -34,15 +34,15 @@ MODELLING = (
     "The silicone is neo-Hookean, nearly incompressible and without hysteresis; E and nu hold at all strains.",
     "The magnet is rigid and bonded on all its faces; the pocket's second pour is silicone like the first.",
     "The base disc is clamped; the plate is flat, rigid and, in the press, free of friction.",
-    "For the shear the patch in contact is glued to the pressed plate, which then moves sideways at constant depth.",
+    "In a shear the contact area sticks to the pressed plate, which then moves sideways at constant depth.",
     (
-        "The press is axisymmetric: on a frictionless plate this sensor gives way sideways shortly before 3 mm "
-        "(`magtip stability paper` says where): the deepest state needs a plate that holds it."
+        "The press is axisymmetric: on a frictionless plate this sensor buckles sideways shortly before 3 mm "
+        "(`magtip stability paper` computes the depth): the deepest state needs a plate that holds the tip."
     ),
     "Skin that bulges below the base plane lies on it without friction; skin that folds onto itself passes through.",
     "Readings are the component of B that each Hall element senses, from the exact field of a sharp-edged cylinder.",
-    "The paper leaves l_t open: the bar is taken as uniform, so the magnet moves by H/L of the tip's motion.",
-    "The magnet's height decides the press force too: a taller one leaves less silicone to yield above and below it.",
+    "The paper does not give l_t: a uniform bar is assumed, so the magnet moves by H/L of the tip's displacement.",
+    "The magnet's height also affects the press force: a taller magnet leaves less silicone above and below it.",
     "The paper does not give that height, so its own agreement with F(d) may be a coincidence.",
 )
 
@@ -113,7 +113,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]
     if reached:
-        vtk_files.write_field(folder / f"{name}.vtu", reached[-1])
+        atomic_files.write_field(folder / f"{name}.vtu", reached[-1])
         section_picture(folder / f"{name}_section.png", design, reached[-1])
 
 

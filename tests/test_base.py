@@ -115,8 +115,12 @@ def test_screw_holes_go_through_and_can_be_left_out():
     ("fields", "choices", "text"),
     [
         ({"l0": 5.5}, {}, "l0 must be at least 6.2 mm to leave 0.6 mm of base between S1 and the beam; got 5.5 mm"),
-        ({"D": 10, "L": 10}, {}, "f must be at least 5.6 mm for the seats of S2 and S3 beside the beam"),
-        ({"f": 3.0, "c": -6, "l0": 12.0}, {}, "f = 3 mm brings the seats of S2 and S3 within 0.6 mm: raise f"),
+        ({"D": 10, "L": 10}, {}, "f must be at least 5.6 mm to place the seats of S2 and S3 beside the beam"),
+        (
+            {"f": 3.0, "c": -6, "l0": 12.0},
+            {},
+            "f = 3 mm leaves less than 0.6 mm between the seats of S2 and S3: raise f",
+        ),
         ({"hall_layout": "tmag5273a1", "l0": 5.5}, {}, "l0 must be at least 6.55 mm"),
         (
             {"hall_layout": "tmag5273a1", "l0": 4, "chip_x": 9},
@@ -124,7 +128,11 @@ def test_screw_holes_go_through_and_can_be_left_out():
             "l0 must be at least 6.55 mm to leave 0.6 mm of base",
         ),
         ({}, {"thickness": 2.0}, "thickness must be at least 3.27 mm for the elements' seats; got 2 mm"),
-        ({"hall_layout": "tmag5273a1"}, {"thickness": 5.0}, "thickness is set by l0 for a chip, to 2.8 mm; got 5 mm"),
+        (
+            {"hall_layout": "tmag5273a1"},
+            {"thickness": 5.0},
+            "l0 sets the thickness of a chip's base, here 2.8 mm; got 5 mm",
+        ),
         ({}, {"screw": -1.0}, "screw must lie between 0 and 10 mm; got -1 mm"),
         ({}, {"seat_wall": math.nan}, "seat_wall must lie between 0.4 and 10 mm; got nan mm"),
         ({}, {"seat_fit": "1"}, "seat_fit must be a number from 0 to 1 mm; got '1'"),
@@ -148,6 +156,6 @@ def test_an_element_that_does_not_fit_is_found():
 def test_a_plate_that_meets_the_elements_is_warned_of():
     assert warnings(Design()) == []
     assert warnings(Design(c=8.0, f=7.0)) == [
-        "a wide flat plate meets S2 and S3 at a press of 1.7 mm: lower c or use a small plate"
+        "a wide flat plate touches S2 and S3 at a depth of 1.7 mm: lower c or use a smaller plate"
     ]
     assert warnings(Design(c=8.0, hall_layout="tmag5273a1")) == []

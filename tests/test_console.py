@@ -87,11 +87,11 @@ def test_what_is_left_out_is_named(capsys, monkeypatch):
     rows = [{"depth_mm": k, "force_N": 0.5, "a_long_name_of_17": 2.0, "detail": 1.0} for k in (1, 2)]
     console.report(rows, as_json=False, brief=("detail",))
     out = capsys.readouterr().out
-    assert "Left out: detail; --wide shows" in out
+    assert "Left out: detail; --wide and" in out
     monkeypatch.setenv("COLUMNS", "16")
     console.report(rows, as_json=False, brief=("detail",), first=("force_N",))
     said = " ".join(capsys.readouterr().out.split())
-    assert "Left out: a long name of 17, detail; --wide shows all columns, --json too." in said
+    assert "Left out: a long name of 17, detail; --wide and --json show all columns." in said
 
 
 def test_needed_columns_are_never_left_out(capsys, monkeypatch):

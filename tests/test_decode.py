@@ -371,7 +371,7 @@ def test_mechanics_of_a_contact_and_of_few_states():
     states = [(load, contact(load)) for load in (Load(1.0), Load(2.0), Load(2.0, 1.0, friction="stick"))]
     few = response_surface.of_samples(states)
     assert max(few.errors) < 1e-6
-    with pytest.raises(BadInput, match="add both"):
+    with pytest.raises(BadInput, match="both presses and shears"):
         response_surface.of_samples(states[:2])
     with pytest.raises(BadInput, match="along the shear"):
         response_surface.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])

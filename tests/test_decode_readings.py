@@ -152,10 +152,10 @@ def responses(tmp_path, depth):
 
 
 OUT = {
-    "0,0,-1.25": ("depth", "the magnet sinks more than the 1.2 mm that the states reach: solve deeper"),
+    "0,0,-1.25": ("depth", "the magnet is deeper than 1.2 mm, the limit of the states: solve deeper"),
     "2.1,0,-1": (
         "shear",
-        "the magnet moves sideways by more than the 2 mm that the states reach: solve farther sideways",
+        "the magnet is more than 2 mm sideways, the limit of the states: solve farther sideways",
     ),
     "0,0,-3.2": (
         "workspace",
@@ -191,7 +191,7 @@ def test_formulas_that_end_ask_for_states(run, strict):
     status, out, _ = run("decode", "paper", "--readings", text, "--json")
     (record,) = strict(out)
     assert (status, record["beyond"]) == (3, "depth")
-    assert record["message"].endswith("mm that the formulas reach: give states by --responses that go deeper")
+    assert record["message"].endswith("mm, the limit of the formulas: give states by --responses that go deeper")
 
 
 def test_a_pose_whose_plate_would_pull_has_no_load(run, strict, tmp_path):
@@ -205,7 +205,7 @@ def test_a_pose_whose_plate_would_pull_has_no_load(run, strict, tmp_path):
     (record,) = strict(out)
     assert (status, record["status"], record["force_N"], record["depth_mm"]) == (3, "tension", [None] * 3, None)
     assert_allclose(record["shift_mm"], [0.9, 0, -0.05], atol=1e-8)
-    assert "the plate would have to pull there" in err
+    assert "the plate would have to pull on the tip there" in err
 
 
 def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
@@ -242,17 +242,17 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         (("--readings", "1,2,3", "--units", "G"), "G"),
         (("--readings", "1,2,3", "--level", "best"), "level must be"),
         (("--readings", "1,2,3", "--out", "d.csv"), "--out is for"),
-        (("--readings", "1,2,3", "--level", "paper", "--responses", "s"), "leave one"),
+        (("--readings", "1,2,3", "--level", "paper", "--responses", "s"), "give only one"),
         (("--readings", "1,2,3", "--responses", "none.jsonl"), "no file"),
         (("--readings", "1,2,3", "--responses", "r.csv"), "r.csv, line 1 is not JSON"),
         (("--readings", "1,2,3", "--responses", "nan.jsonl"), "nan.jsonl, line 2: numbers must be finite; got NaN"),
         (("--readings", "1,2,3", "--responses", "inf.jsonl"), "inf.jsonl, line 1: numbers must be finite; got 1e999"),
         (("--readings", "1,2,3", "--responses", "list.jsonl"), "list.jsonl, line 1 must hold a JSON object"),
-        (("--readings", "1,2,3", "--responses", "other.jsonl"), "other.jsonl, line 1 is no state"),
-        (("--readings", "1,2,3", "--responses", "empty.csv"), "add both"),
+        (("--readings", "1,2,3", "--responses", "other.jsonl"), "other.jsonl, line 1 is not a state"),
+        (("--readings", "1,2,3", "--responses", "empty.csv"), "both presses and shears"),
         (("--readings", "1,2,3", "--set", "magnet_diameter=0", "--set", "magnet_height=0"), "magnet"),
         (("--readings", "1,2,3", "--set", "l0=3", "--set", "c=0"), "inside the beam"),
-        (("--readings", "1,2,3", "--units", "V", "--set", "hall_layout=tmag5273a1"), "flux densities"),
+        (("--readings", "1,2,3", "--units", "V", "--set", "hall_layout=tmag5273a1"), "is a flux density"),
         (
             ("--readings", "0,0,0", "--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4"),
             "chip -z lies inside the beam, at (3, 0, 1) mm",

@@ -57,7 +57,7 @@ def test_another_sensor_is_refused_with_what_differs():
         design_digest.check(design_digest.label(design_digest.of_mechanics(OTHER)), needed, "states.jsonl")
     assert str(caught.value) == (
         "states.jsonl was made for another sensor, with D 10 mm, L 12 mm, E 0.5 MPa where this design has D 8 mm, "
-        "L 9 mm, E 1 MPa: give the design that it was made for, or make it for this one"
+        "L 9 mm, E 1 MPa: use that design, or make the file again for this one"
     )
     with pytest.raises(BadInput, match="with magnet ignored where this design has magnet rigid:"):
         design_digest.check(
@@ -69,7 +69,7 @@ def test_another_sensor_is_refused_with_what_differs():
 def test_fields_that_were_changed_afterwards_are_refused(made):
     label = design_digest.label(design_digest.of_mechanics(OTHER))
     changed = {**label["made_for"], **made} if isinstance(made, dict) else made
-    with pytest.raises(BadInput, match="changed afterwards"):
+    with pytest.raises(BadInput, match="edited afterwards"):
         design_digest.check({**label, "made_for": changed}, design_digest.of_mechanics(paper()), "states.jsonl")
 
 

@@ -45,7 +45,8 @@ def test_design_gives_the_outer_size_or_says_why_not(run, strict):
     record = strict(run("design", "paper", "--set", "L=12", "--json")[1])[0]
     assert record["derived"]["assembled_size_mm"] is None
     assert any(
-        text.startswith("no size of the assembled sensor: l0 must be at least 9.2") for text in record["warnings"]
+        text.startswith("the size of the assembled sensor is unknown: l0 must be at least 9.2")
+        for text in record["warnings"]
     )
 
 

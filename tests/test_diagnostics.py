@@ -69,8 +69,7 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
     else:
         assert state.facts.critical_depth == pytest.approx(2.87, rel=0.07)
         assert (
-            f"at about {state.facts.critical_depth:.3g} mm, give or take a tenth (now {depth:.4g} mm)"
-            in state.message
+            f"at a depth of about {state.facts.critical_depth:.3g} mm (+-10 %; now {depth:.4g} mm)" in state.message
         )
 
 

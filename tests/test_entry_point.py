@@ -11,7 +11,7 @@ import pytest
 
 from geometry.design import BadInput
 from studies.inputs import exit_status
-from studies.output import atomic_files, console, vtk_files
+from studies.output import atomic_files, console
 from studies.simulation import load_cases
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -137,7 +137,7 @@ def test_bad_input_is_one_sentence(run, tmp_path, tokens):
         (("solve", "papre", "--depth", 1), "did you mean paper?"),
         (("design", "paper", "--set", "magnet_hieght=3"), "did you mean magnet_height?"),
         (("solve", "paper", "--depth", 1, "--accuracy", "best"), '"quick", "standard", "fine"'),
-        (("solve", "paper", "--depth", 7.5), "less than the 7 mm of silicone"),
+        (("solve", "paper", "--depth", 7.5), "less than 7 mm, the silicone"),
     ],
 )
 def test_remedies(run, tokens, part):
@@ -149,7 +149,7 @@ def test_file_in_place_of_a_folder(run, tmp_path):
     for tokens in (("cad", "paper", "--out", "taken"), ("cad", "paper", "--out", "taken/parts")):
         status, out, err = run(*tokens)
         assert (status, out) == (2, "")
-        assert "is, or lies in, a file" in err
+        assert "it or one of its parents is a file" in err
     assert (tmp_path / "taken").read_text() == ""
 
 
@@ -244,7 +244,7 @@ def test_full_disk_is_a_sentence(run, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device", "field.vtu")
 
-    monkeypatch.setattr(vtk_files, "write_field", full)
+    monkeypatch.setattr(atomic_files, "write_field", full)
     status, out, err = run("solve", "paper", "--depth", 0.5, "--json", "--out", "field.vtu", *QUICK)
     # the state was printed before its file was to be written
     assert (status, out.count("\n"), err.count("\n")) == (2, 1, 1)

@@ -45,16 +45,16 @@ def test_other_columns_stay(run, tmp_path):
         ("1,2,3\n", "column x_mm is missing"),
         ("x_mm,z_mm,y_mm\n1,2,3\n", "in the order"),
         ("x_mm,x_mm,y_mm,z_mm\n1,1,2,3\n", "once each"),
-        ("x_mm,y_mm,z_mm,Bx_T\n1,2,3,4\n", "Bx_T already"),
+        ("x_mm,y_mm,z_mm,Bx_T\n1,2,3,4\n", "Bx_T exists already"),
         ("x_mm,y_mm,z_mm\n1,2,3\n1,two,3\n", "line 3: y_mm must be a finite number"),
         ("x_mm,y_mm,z_mm\n1,2,nan\n", "line 2: z_mm must be a finite number"),
-        ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values under 3 columns"),
+        ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values for 3 columns"),
         ("x_mm,y_mm,z_mm\n2,0,6\n", "infinite on the magnet's rim"),
         ('x_mm,y_mm,z_mm\n"1,2,3\n', "line 2 is not CSV"),
         ("x_mm;y_mm;z_mm\n1,5;2;3\n", "line 1: semicolons separate its columns: save it with commas"),
         ("x_mm\ty_mm\tz_mm\n1\t2\t3\n", "line 1: tabs separate its columns"),
         ('x_mm,y_mm,z_mm\n"1,5",2,3\n', "got '1,5': write a point, no comma"),
-        ("x_mm,y_mm,z_mm\n1,5,2,0,3,0\n", "6 values under 3 columns: write a point"),
+        ("x_mm,y_mm,z_mm\n1,5,2,0,3,0\n", "6 values for 3 columns: write a point"),
     ],
 )
 def test_bad_tables_are_a_sentence(run, tmp_path, text, words):
@@ -107,7 +107,7 @@ def test_readings_say_what_is_wrong(run, strict):
     (record,) = strict(out)
     assert status == 0
     assert any("S2 is saturated" in text for text in record["warnings"])
-    assert any("leans over S2" in text for text in record["warnings"])
+    assert any("extends over S2" in text for text in record["warnings"])
     assert err.count("warning") == len(record["warnings"])
 
 
@@ -138,4 +138,4 @@ def test_what_runs_into_a_chip_is_said_once(run, strict):
     tokens = ("--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4", "--json")
     (record,) = strict(run("readings", "paper", *tokens)[1])
     (warning,) = record["warnings"]
-    assert warning == "the beam's wall reaches chip -z by about 1 mm: raise l0 or chip_x"
+    assert warning == "the beam's wall overlaps chip -z by about 1 mm: raise l0 or chip_x"

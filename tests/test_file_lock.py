@@ -38,7 +38,7 @@ def test_the_second_process_is_refused_and_told_who_holds(tmp_path, kind, what):
         with pytest.raises(BadInput) as refused, getattr(atomic_files, kind)(path):
             pass
         assert str(refused.value).startswith(f"{what} {str(path)!r} is being")
-        assert f"by process {process.pid}: wait until that ends" in str(refused.value)
+        assert f"by process {process.pid}: wait until it ends" in str(refused.value)
     # nothing was written, so nothing stays
     assert not (tmp_path / "new").exists()
     with getattr(atomic_files, kind)(path):

@@ -54,7 +54,7 @@ def test_a_pose_beyond_level_finite_is_said_to_be_unchecked(run, strict):
     (seen,) = strict(run("readings", "paper", "--shift", "0,0,-2", "--json")[1])
     _, record, err = decoded(run, strict, ",".join(map(repr, seen["readings_V"])))
     assert record["finite_force_N"] == [None] * 3
-    assert "outside the range of level finite, so how far the force of level paper is off is not known" in err
+    assert "outside the range of level finite, so the error of the force of level paper is unknown" in err
 
 
 def test_a_table_names_its_level_and_the_worst_row(run, strict, tmp_path):
@@ -70,7 +70,7 @@ def test_a_table_names_its_level_and_the_worst_row(run, strict, tmp_path):
 
 def test_the_misfit_is_named_for_what_it_is(run):
     _, out, _ = run("decode", "paper", "--readings", PRESSED)
-    assert "misfit of the decoder's polynomials, force" in out
+    assert "error of the decoder's polynomials, force" in out
     assert "fit error" not in out
 
 
@@ -104,7 +104,7 @@ def test_a_plate_that_does_not_touch_carries_nothing(run, strict, level):
     assert (status, record["status"], record["contact"]) == (0, "ok", False)
     assert record["force_N"] == [0.0] * 3
     assert (record["depth_mm"], record["shear_mm"], record["shear_y_mm"]) == (0.0, 0.0, 0.0)
-    assert record["message"].startswith("the plate does not touch at this pose (depth 0), so it carries no load")
+    assert record["message"].startswith("the plate does not touch the tip at this pose (depth 0), so the load is 0")
 
 
 def test_a_plate_that_touches_keeps_its_sideways_force(run, strict):

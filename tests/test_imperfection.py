@@ -69,7 +69,9 @@ def test_a_force_that_bends_the_beam_by_its_radius_is_no_imperfection():
     """Its bound scales with E and, for similar beams, with their area; a beam that is slender bends more easily."""
     for design, bound in ((paper(), 2.2), (replace(paper(), E=2.0), 4.4), (replace(paper(), L=32.0), 0.071)):
         check_load(design, Load(depth=1.0, imperfection=0.95 * bound))
-        with pytest.raises(BadInput, match=r"^imperfection must lie within .* is enough to pick a side$"):
+        with pytest.raises(
+            BadInput, match=r"^imperfection must lie within .* is enough to select the direction of buckling$"
+        ):
             check_load(design, Load(depth=1.0, imperfection=-1.05 * bound))
 
 

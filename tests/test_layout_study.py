@@ -35,7 +35,7 @@ def test_the_paper_is_unique_and_its_shares_add_up(run, strict, small):
     status, out, err = run("layout", "paper", "--json")
     assert (status, err) == (0, "")
     (record,) = strict(out)
-    assert record["message"] == "no two poses of the workspace read alike"
+    assert record["message"] == "the readings are unique: no two poses in the workspace give the same readings"
     shares = [record[f"{name}_percent"] for name in ("unique", "ambiguous", "saturated", "blocked")]
     assert sum(shares) == pytest.approx(100)
     assert record["det_positive_percent"] + record["det_negative_percent"] == pytest.approx(100)
@@ -86,7 +86,9 @@ def test_the_map_is_a_table_with_units(run, small, tmp_path):
     assert "magtip layout paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
     assert "infinite" in text or "worst" in text
     verdict = text.splitlines()[2]
-    assert re.match(r"[\d.]+ % of the workspace is ambiguous: poses up to [\d.]+ mm apart read alike[;.]", verdict)
+    assert re.match(
+        r"[\d.]+ % of the workspace is ambiguous: poses up to [\d.]+ mm apart give the same readings[;.]", verdict
+    )
 
 
 def test_search_ranks_and_its_options_give_what_it_says(run, strict, small):
@@ -164,11 +166,11 @@ def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     design = Design(l0=5.01, c=0.0, f=2.0)
     coder, noise = layout_metrics.prepare(design, decode_readings.of_level(design, "paper"), Basis())
     seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
-    row = layout_metrics.layout_row(coder, seen, noise, "paper")
-    assert row.message.startswith("no pose")
-    assert row.figures.noise_worst_um is None
-    assert layout_report.shown(row)
-    layout_report.write(tmp_path, coder, seen, row, None, None, "magtip layout", 50.0)
+    record = layout_metrics.record(coder, seen, noise, "paper")
+    assert record["message"].startswith("no pose")
+    assert record["noise_worst_um"] is None
+    assert layout_report.shown(record)
+    layout_report.write(tmp_path, coder, seen, record, "magtip layout", 50.0)
     assert (tmp_path / "layout.png").stat().st_size > 10000
 
 
@@ -206,7 +208,7 @@ def test_options_in_vain_are_said(run, small):
         "magtip: warning: --count has no effect: it says how many layouts a search gives, and there is no --search\n"
     )
     err = run("layout", "paper", "--ignore-tilt", "--json")[2]
-    assert err == "magtip: warning: --ignore-tilt has no effect: the magnet does not tilt in these mechanics\n"
+    assert err == "magtip: warning: --ignore-tilt has no effect: the tilt is zero in these formulas or states\n"
     assert run("layout", "paper", "--ignore-tilt", "--level", "finite", "--json")[2] == ""
     err = run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--set", "c=1", "--json")[2]
     assert err == "magtip: warning: c has no effect: hall_layout is tmag5273a1\n"

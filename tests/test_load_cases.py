@@ -135,7 +135,7 @@ def test_table_of_several_states_has_a_row_for_each(run):
 def test_a_table_of_states_ends_with_their_messages(run):
     status, out, _ = run("solve", "paper", "--set", "L=24", "--depths", "0.0005,2,3", *QUICK)
     assert status == 0
-    assert "depth 2, 3 mm: a tip that is free to slide" in out.split(" 0.0005 ")[1]
+    assert "depth 2, 3 mm: a beam whose tip slides freely" in out.split(" 0.0005 ")[1]
     assert " 0.0005 " in out
 
 
@@ -334,7 +334,7 @@ def test_formulas_say_what_is_in_the_way(run, strict):
     status, out, err = run("analytic", "paper", "--depth", 3, "--shear", 2.8, "--set", "c=3", "--json")
     (record,) = strict(out)
     assert status == 0
-    assert any("wall reaches S2" in text for text in record["warnings"])
+    assert any("wall overlaps S2" in text for text in record["warnings"])
     assert err.count("warning: ") == len(record["warnings"])
     (full,) = strict(run("analytic", "paper", "--depth", 3, "--set", "l0=5", "--json")[1])
     assert full["saturated"] == [True, False, False]
@@ -367,7 +367,7 @@ def test_options_of_a_solve_that_another_makes_useless(motion, method, options):
 def test_options_in_vain_are_said(run):
     err = run("solve", "paper", "--depth", 0.5, "--friction", "stick", "--json", *QUICK)[2]
     assert err == (
-        "magtip: warning: --friction stick has no effect: it glues the contact for a shear, and there is none\n"
+        "magtip: warning: --friction stick has no effect: it acts only during a shear, and this load has none\n"
     )
     err = run("analytic", "paper", "--depth", 1, "--set", "law=yeoh", "--json")[2]
     assert err == "magtip: warning: law has no effect: the paper's formulas know E only\n"

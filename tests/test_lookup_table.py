@@ -54,7 +54,7 @@ def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
     size = (tmp_path / ".t.npy.part").stat().st_size / 1e6
     assert err.splitlines()[-1] == (
         f"magtip: interrupted; 16 of 25 slabs are kept in '.t.npy.part' ({size:.3g} MB); "
-        "the same command goes on from there"
+        "the same command continues from there"
     )
     assert not (tmp_path / "t.npy").exists()
     monkeypatch.setattr(lookup, "slab", slab)
@@ -82,7 +82,7 @@ def test_a_foreign_file_is_not_replaced(run, tmp_path, plane, name):
     before = (tmp_path / name).read_bytes()
     status, out, err = run("table", "paper", "--step", 1, "--out", "t.npy", *plane)
     assert (status, out, err.count("\n")) == (2, "", 1)
-    assert f"{name!r} is no table that magtip wrote and would be replaced: choose another name" in err
+    assert f"{name!r} was not written by magtip table and would be overwritten: choose another name" in err
     assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [(name, before)]
 
 
@@ -105,7 +105,7 @@ def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
     lookup_table.read(tmp_path / "t.npy", paper())
     assert "does not say for which sensor" in capsys.readouterr().err
     (tmp_path / "t.json").write_text("{}")
-    with pytest.raises(BadInput, match="is no table"):
+    with pytest.raises(BadInput, match="is not a table"):
         lookup_table.read(tmp_path / "t.npy", paper())
 
 

@@ -112,7 +112,7 @@ def test_a_folder_in_place_of_a_mesh_is_put_aside_once_with_what_it_holds(place,
             mesh_cache.load("a")
             keep("a", 1)
     assert len(caplog.records) == 1
-    assert "a folder was in the place of the cached mesh" in caplog.text
+    assert "was a folder, not a file" in caplog.text
     assert mesh_cache.load("a") is not None
     (aside,) = place.glob("*.folder")
     assert (aside / "mine.txt").read_text() == "mine"

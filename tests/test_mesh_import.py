@@ -11,7 +11,7 @@ from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import mesh_import
 from geometry.meshing.mesh_quality import quality
-from studies.output import vtk_files
+from studies.output import atomic_files
 
 SHAPE = Shape(8, 6, 3, 2, 0.4)
 CORNERS = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
@@ -100,9 +100,9 @@ def test_names_of_regions(own, points, linear, number, read):
         "field_data": {"silicone": np.array([7, 3]), "magnet": np.array([8, 3])},
     }
     same_parts(read(".msh", p, linear, **groups), own)
-    with pytest.raises(BadInput, match="carry the name of a region that they are not in"):
+    with pytest.raises(BadInput, match="are assigned to the wrong region"):
         read(".vtu", p, linear, cell_data={"region": [1 - number]})
-    with pytest.raises(BadInput, match="are in none of the regions silicone and magnet"):
+    with pytest.raises(BadInput, match="belong to neither of the regions silicone and magnet"):
         read(".inp", p, linear, cell_sets={"silicone": sets["Silicone"]})
 
 
@@ -114,7 +114,7 @@ def test_names_of_sides(own, points, linear, read):
     }
     same_parts(read(".inp", points[: own.nvertices], linear, **given), own)
     given["cell_sets"]["base"][1] = np.arange(len(facets) - 1)
-    with pytest.raises(BadInput, match=f"names {len(facets) - 1} facets base, but {len(facets)} lie there"):
+    with pytest.raises(BadInput, match=f"lists {len(facets) - 1} facets as base, but {len(facets)} facets lie on"):
         read(".inp", points[: own.nvertices], linear, **given)
 
 
@@ -159,10 +159,10 @@ def test_other_files_are_refused(tmp_path, points):
         mesh_import.read(tmp_path / "nothing.vtu", SHAPE)
     for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
         (tmp_path / name).write_text(text)
-        with pytest.raises(BadInput, match=r"cannot read(?!.*SystemExit)|must be of tetrahedra"):
+        with pytest.raises(BadInput, match=r"cannot read(?!.*SystemExit)|must consist of tetrahedra"):
             mesh_import.read(tmp_path / name, SHAPE)
     meshio.Mesh(points, [("hexahedron", np.arange(8)[None])]).write(tmp_path / "b.vtu")
-    with pytest.raises(BadInput, match="must be of tetrahedra, all linear or all quadratic; got hexahedron"):
+    with pytest.raises(BadInput, match="must consist of tetrahedra, all linear or all quadratic; got hexahedron"):
         mesh_import.read(tmp_path / "b.vtu", SHAPE)
 
 
@@ -185,12 +185,12 @@ def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
 def test_a_mesh_says_for_which_sensor_it_was_made(own, tmp_path):
     """A sensor that differs by less than what surfaces and volumes tell is another one all the same."""
     said = []
-    vtk_files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
+    atomic_files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
     same_parts(mesh_import.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)
     assert said == []
     with pytest.raises(BadInput, match=r"with magnet_height 2 mm where this design has magnet_height 2\.0005 mm"):
         mesh_import.read(tmp_path / "own.vtu", replace(SHAPE, magnet_height=2.0005))
-    vtk_files.write_mesh(tmp_path / "mute.vtu", own)
+    atomic_files.write_mesh(tmp_path / "mute.vtu", own)
     mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
     assert len(said) == 1
     assert "does not say for which sensor it was made" in said[0]

@@ -112,7 +112,7 @@ def test_an_undercut_is_found():
     groove = bd.Solid.make_torus(design.R, 0.2, bd.Plane((0, 0, -3)))
     found = failed(design, mold, A, cad.cut(B, groove))
     assert "overlap while the cast leaves B" in found
-    assert "cavity against beam - pin" in found
+    assert "cavity volume against beam minus pin" in found
     collar = bd.Solid.make_torus(design.magnet_diameter / 2, 0.2, bd.Plane((0, 0, -3)))
     assert "overlap while A leaves the cast" in failed(design, mold, A.fuse(collar).solids()[0], B)
 
@@ -125,7 +125,7 @@ def test_a_long_skirt_is_found():
     assert failed(design, mold, A, B) == []
     s = sizes(design, mold)
     longer = cad.turned([(s.inner, -8, 0), (s.inner + 3, -8, 0), (s.inner + 3, -9.1, 0), (s.inner, -9.1, 0)])
-    assert "overlap of A and B, closed" in failed(design, mold, A.fuse(longer).solids()[0], B)
+    assert "overlap of A and B in the closed mould" in failed(design, mold, A.fuse(longer).solids()[0], B)
 
 
 def test_a_tight_skirt_thin_wall_and_missing_vents_are_found():
@@ -136,11 +136,11 @@ def test_a_tight_skirt_thin_wall_and_missing_vents_are_found():
     s = sizes(design, mold)
     key = bd.Solid.make_box(1, 1, 1, bd.Plane((s.inner - 0.5, 0, -4)))
     found = failed(design, mold, A.fuse(key).solids()[0], B)
-    assert {"overlap of A and B, closed", "overlap while A leaves B"} <= set(found)
+    assert {"overlap of A and B in the closed mould", "overlap while A leaves B"} <= set(found)
     hollow = bd.Solid.make_box(4, 4, 2, bd.Plane((-2, -2, -13)))
-    assert "least wall of B over the cavity" in failed(design, mold, A, cad.cut(B, hollow))
+    assert "least wall of B around the cavity" in failed(design, mold, A, cad.cut(B, hollow))
     plug = bd.Solid.make_cylinder(s.vent_diameter / 2, s.lid, bd.Plane((s.vent_ring, 0, 0)))
-    assert failed(design, mold, A.fuse(plug).solids()[0], B) == ["vents to pin and cavity wall"]
+    assert failed(design, mold, A.fuse(plug).solids()[0], B) == ["distance from vents to pin and cavity wall"]
 
 
 def test_draft_is_bounded_by_the_wall_at_the_base_plane():
@@ -216,10 +216,10 @@ def test_a_mould_printed_the_wrong_way_up_is_found():
 
 def test_a_pocket_that_does_not_fit_is_found():
     loose = Mold(pocket_gap=0.5)
-    assert failed(Design(), loose, *parts(Design(), loose)) == ["gap round the magnet in its pocket"]
+    assert failed(Design(), loose, *parts(Design(), loose)) == ["gap around the magnet in its pocket"]
     other = Design(magnet_height=2.2, magnet_diameter=4.2)
     found = failed(other, Mold(), *parts(Design(), Mold()))
-    assert {"magnet's end over the pocket's", "magnet beside its pocket"} <= set(found)
+    assert {"distance of the magnet's end from the pocket's", "share of the magnet outside its pocket"} <= set(found)
 
 
 def test_without_a_pin_a_loose_lid_meets_nothing():
@@ -244,14 +244,14 @@ def test_a_lid_too_loose_for_a_thin_wall_is_refused():
         ({"vents": True}, "vents must be a whole number from 1 to 24; got True"),
         ({"vent_diameter": 1.7}, "vent_diameter must not exceed 0.8 of the annulus of 2 mm"),
         ({"vents": 20}, "vents must not exceed 15 for vent_diameter = 1 mm; got 20"),
-        ({"pocket_gap": 2.0}, "pocket_gap = 2 mm and pin_edge = 0.1 mm make a pin that leaves -0.102 mm"),
+        ({"pocket_gap": 2.0}, "pocket_gap = 2 mm and pin_edge = 0.1 mm leave -0.102 mm"),
         ({"pocket_gap": -1.5}, "pocket_gap must not be less than -1 mm"),
         ({"pin_edge": 0.3}, "pin_edge must not exceed the magnet's edge radius = 0.1 mm"),
         ({"skirt": 8.5}, "skirt must leave skirt + pry_gap within B's free height = 9 mm"),
         ({"pry_gap": 9.0}, "pry_gap must leave skirt + pry_gap within B's free height = 9 mm"),
         ({"draft": 30}, "draft must lie between 0 and 5 degrees"),
         ({"tip_vent": 9.0}, "tip_vent must not exceed the tip's radius = 4 mm"),
-        ({"split": 1, "rows": 2}, "rows must be 1 for a mould that is split along a row; got 2"),
+        ({"split": 1, "rows": 2}, "rows must be 1 when split is 1, as B is split along a row; got 2"),
         ({"split": 1, "dowel": 3.0}, "dowel must not exceed 0.8 of the foot's ledge of 3.2 mm"),
         ({"process": "cnc"}, "there is no process 'cnc'"),
         ({"columns": 0}, "columns must lie between 1 and 10; got 0"),

@@ -154,7 +154,7 @@ def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp
     (tmp_path / "README.md").write_text("# My project\n")
     status, out, err = run("cad", "paper", "--out", tmp_path)
     assert (status, out) == (2, "")
-    assert "was not written by magtip cad and would be replaced" in err
+    assert "was not written by magtip cad and would be overwritten" in err
     assert files_of(tmp_path) == {"README.md"}
     shutil.copy(made / "README.md", tmp_path)
     sensor_parts.refuse_foreign(tmp_path / "README.md")
@@ -169,7 +169,7 @@ def test_files_of_an_earlier_run_are_named(tmp_path):
     (old / "my.stl").write_text("")
     assert sensor_parts.left_over(new, new) == []
     (warning,) = sensor_parts.left_over(old, new)
-    assert warning == "mold_b1.step: left by an earlier run, not of this sensor: remove them"
+    assert warning == "mold_b1.step are from an earlier run, not of this sensor: delete them"
 
 
 def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
@@ -182,7 +182,7 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
     assert (record["assembled_size_mm"], record["beam_size_mm"]) == (None, [8, 8, 12])
     assert record["recipe"]["dowels"] == {"count": 2, "diameter_mm": 1.05, "length_mm": 2.0}
     text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
-    assert "No base, so no assembled size; the beam is 8 x 8 x 12 mm" in text
+    assert "There is no base and so no assembled size; the beam is 8 x 8 x 12 mm" in text
     assert "Two dowels of Ø1.05 mm, 2 mm long" in text
     names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
     assert [part["name"] for part in record["parts"]] == names
@@ -199,12 +199,12 @@ def test_json_and_a_base_that_has_no_place(run, tmp_path, strict):
 def test_a_failed_check_writes_nothing(run, tmp_path, monkeypatch, strict):
     from geometry.fabrication import mold_checks
 
-    failed = [Check("overlap of A and B, closed", 0.1, "<= 1e-09", "1", passed=False)]
+    failed = [Check("overlap of A and B in the closed mould", 0.1, "<= 1e-09", "1", passed=False)]
     monkeypatch.setattr(mold_checks, "checks", lambda *_: failed)
     status, out, err = run("cad", "paper", "--out", "parts", "--json")
     assert status == 3
     assert strict(out)[0]["status"] == "failed"
-    assert "overlap of A and B, closed" in err
+    assert "overlap of A and B in the closed mould" in err
     assert not (tmp_path / "parts").exists()
 
 
@@ -216,7 +216,7 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
         (3, 10, "bad_input"),
         (8, 10, "ok"),
     ]
-    assert "leaves a wall of" in records[0]["message"]
+    assert "mm of silicone around it" in records[0]["message"]
     assert f"magtip: variant D3_L10: {records[0]['message']}\nmagtip: 1 of 2 variants failed\n" in err
     assert files_of(tmp_path / "parts") == {"D8_L10"}
     written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
@@ -374,7 +374,7 @@ def test_the_elements_of_a_batch_stay_in_the_base():
         (("--process", "cnc"), '"fdm"'),
         (("--tolerance", "0"), "tolerance must lie between"),
         (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),
-        (("--axis", "depth=1"), "there is no axis 'depth'"),
+        (("--axis", "depth=1"), "cad has no axis 'depth'"),
         (("--axis", "D=nan"), "must be a finite number"),
     ],
 )

@@ -53,7 +53,7 @@ def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, str
 
 def test_only_modes_that_were_computed_are_claimed(run, strict):
     message = strict(run("modes", "paper", "--count", 1, "--accuracy", "quick", "--json")[1])[0]["message"]
-    assert "perhaps more" in message
+    assert "possibly more" in message
 
 
 def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):

@@ -52,9 +52,9 @@ def test_each_remark_is_a_sentence_of_its_own(told):
 
 def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
     for facts in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
-        assert "2e-05 of the silicone is inside out" in told(replace(facts, inside_out_share=2e-5))
-        assert "inside out" not in told(replace(facts, inside_out_share=1e-7)).partition("first guess")[0]
+        assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inside_out_share=2e-5))
+        assert "is inverted" not in told(replace(facts, inside_out_share=1e-7))
 
 
 def test_silicone_that_is_inside_out_is_told():
-    assert "of the silicone is inside out" in solve(paper(), Load(depth=3.6), STANDARD).message
+    assert "of the silicone is inverted" in solve(paper(), Load(depth=3.6), STANDARD).message

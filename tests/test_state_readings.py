@@ -89,7 +89,7 @@ def test_bad_input_is_a_sentence(run, tmp_path, tokens, words):
 
 def test_a_file_without_states_and_a_pose_without_a_field_are_sentences(run, tmp_path):
     status, out, err = run(*write(tmp_path))
-    assert (status, out, "holds no states" in err) == (2, "", True)
+    assert (status, out, "contains no states" in err) == (2, "", True)
     # the magnet's rim at S1, where the field is infinite
     rim = STATE | {"shift_mm": [2.0, 0.0, -6.2], "tilt_rad": 0.0, "tilt_y_rad": 0.0}
     status, out, err = run(*write(tmp_path, rim))

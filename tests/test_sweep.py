@@ -206,9 +206,7 @@ def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_no_file(tmp_
         raise KeyboardInterrupt
 
     monkeypatch.setattr(equilibrium, "trace", interrupted)
-    with pytest.raises(
-        KeyboardInterrupt, match=r"^no case is solved yet, and nothing is kept: the same command begins"
-    ):
+    with pytest.raises(KeyboardInterrupt, match=r"^no case is solved yet: the same command starts"):
         run(BARE, AXES, tmp_path, **GIVEN)
     assert not list(tmp_path.iterdir())
 
@@ -271,11 +269,11 @@ def cases(axes, **figures):
 def test_an_axis_that_changes_nothing_is_named():
     axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
     rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
-    assert sweep_axes.in_vain(rows, axes, whole=True) == [("f", "the figures are the same for all its values")]
+    assert sweep_axes.in_vain(rows, axes, whole=True) == [("f", "the results are the same for all its values")]
     rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
     assert sweep_axes.in_vain(rows, axes, whole=True) == []
     assert sweep_axes.in_vain(rows, axes, whole=False) == [
-        ("f", "it changes only what --wide, --json and --out show")
+        ("f", "it changes only columns that --wide, --json and --out show")
     ]
     # a single case tells nothing, nor do cases that failed
     assert sweep_axes.in_vain(rows[:1], axes, whole=True) == sweep_axes.in_vain([], axes, whole=True) == []
@@ -286,9 +284,9 @@ def test_an_axis_that_changes_nothing_is_named():
 def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
     sweep_f = ("sweep", "paper", "--axis", "f=5,6", "--depth", 0.3, "--accuracy", "quick")
     lines = run(*sweep_f, "--set", "hall_layout=tmag5273a1", "--json")[2].splitlines()
-    assert lines == ["magtip: warning: axis f has no effect: the figures are the same for all its values"]
+    assert lines == ["magtip: warning: axis f has no effect: the results are the same for all its values"]
     assert run(*sweep_f, "--json")[2] == ""
-    assert "axis f has no effect: it changes only what --wide, --json and --out show" in run(*sweep_f)[2]
+    assert "axis f has no effect: it changes only columns that --wide, --json and --out show" in run(*sweep_f)[2]
 
 
 def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):

@@ -73,10 +73,12 @@ def model(
         The design has no magnet, there are fewer than three elements, or one of them lies inside the beam.
     """
     if not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0), so there is no pose to decode: give it one")
+        raise BadInput(
+            "this design has no magnet (magnet_diameter is 0), so there is no pose to decode: give it a magnet"
+        )
     chosen = of_design(design) if elements is None else tuple(elements)
     if len(chosen) < 3:
-        raise BadInput(f"three readings or more make a pose; got {len(chosen)} elements: add elements")
+        raise BadInput(f"a pose needs at least three readings; got {len(chosen)} elements: add elements")
     for element in chosen:
         x, y, z = element.position
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:

@@ -105,7 +105,7 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
     u, w, tilt, f_t, f_n, depth, shear = rows.T
     moved = u > 1e-9 * np.abs(rows[:, :2]).max(initial=0.0)
     if not moved.any() or not (w < 0).any():
-        raise BadInput("mechanics need states with a press and states with a shear: add both")
+        raise BadInput("the states must contain both presses and shears: add the missing ones")
     U, r = u * u, np.cbrt(-w)
     steps = len(set(np.round(depth, 9)) - {0.0})
     # half as many powers as depths: a polynomial through all of them swings in between
@@ -215,7 +215,9 @@ def _row(load: Load, response: Response) -> list[float]:
 
     aside = abs(shift[0] * e[1] - shift[1] * e[0])
     if load.plate_tilt or not aside <= 1e-3 * (math.hypot(*shift) or 1.0):
-        raise BadInput("mechanics are sampled under upright plates, with the magnet moving along the shear")
+        raise BadInput(
+            "every state must have an upright plate, and a magnet that moves along the shear: leave other states out"
+        )
     u = along(shift[0], shift[1]) if amount else 0.0
     tilt = along(response.tilt, response.tilt_y) if amount else 0.0
     lateral = along(force[0], force[1]) if amount else 0.0

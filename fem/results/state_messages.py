@@ -28,8 +28,9 @@ def describe(solution: Solution, design: Design) -> str:
         parts.append(_remark_text(facts.remark, solution))
     if facts.inside_out_share >= FOLDED:
         parts.append(
-            f"{facts.inside_out_share:.1g} of the silicone is inside out between points of integration, at edges "
-            "like the clamp's: forces and the magnet's motion hold, displacements there do not"
+            f"{100 * facts.inside_out_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
+            "at edges such as the clamp's: forces and the magnet's shift are reliable, "
+            "displacements at these edges are not"
         )
     return "; ".join(parts)
 
@@ -45,11 +46,11 @@ def _instability(facts: Facts) -> str:
     n = facts.unstable_directions
     count = f"{n} unstable direction{'s' if n != 1 else ''}" if n else "past it now"
     if facts.onset_mm is None:
-        return f"{count}: the state is an equilibrium that does not last"
+        return f"{count}: this equilibrium is unstable"
     low, high = facts.onset_mm
     return (
-        f"unstable since a {facts.onset} between {low:.4g} and {high:.4g} mm ({count}): "
-        "beyond that the answer may depend on the path"
+        f"unstable since a {facts.onset} between {low:.4g} and {high:.4g} mm ({count}): beyond that the result may "
+        f"depend on the path"
     )
 
 
@@ -62,8 +63,8 @@ def _weak(facts: Facts, design: Design) -> str:
     )
     return (
         f"the law {design.law} with {numbers} loses stability (Drucker) at principal stretches of "
-        f"{', '.join(f'{value:.3g}' for value in facts.weak_at)}, to which this load leads: choose other numbers, "
-        "such as magtip fit finds stable, or a smaller load"
+        f"{', '.join(f'{value:.3g}' for value in facts.weak_at)}, which this load reaches: take constants that are "
+        f"stable there (magtip fit lists the stable stretches) or a smaller load"
     )
 
 
@@ -72,27 +73,27 @@ def _remark_text(remark: Remark, solution: Solution) -> str:
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
-    at = f", at about {critical:.3g} mm, give or take a tenth (now {load.depth:.4g} mm)" if critical else ""
-    leads = f"the branch to which an imperfection of {load.imperfection:g} N leads"
+    at = f"at a depth of about {critical:.3g} mm (+-10 %; now {load.depth:.4g} mm)" if critical else ""
+    leads = f"this branch is selected by the imperfection of {load.imperfection:g} N"
     remedy = (
-        "the plate has not reached it to within rounding: take a larger depth"
+        "the depth is below the rounding error: take a larger depth"
         if solution.model == "axisymmetric"
         else "choose model axisymmetric, whose mesh follows the contact"
     )
     texts: dict[Remark, str] = {
-        "no_touch": f"depth {load.depth:g} mm touches no integration point of this mesh: {remedy}",
-        "touch_lost": "the tip has lost touch with the plate: it carries no load any more",
-        "pulled": "the glued plate pulls at the tip by now: a real one would peel off or slip before",
-        "leaning": f"the tip leans aside ({aside}): {leads}",
-        "given_way": f"the tip has given way sideways under the frictionless plate ({aside}; the mesh decides to "
-        "which side): the symmetric press is unstable",
+        "no_touch": f"depth {load.depth:g} mm brings no integration point of this mesh into contact: {remedy}",
+        "touch_lost": "the tip has lost contact with the plate and carries no load",
+        "pulled": "the plate that sticks pulls on the tip: a real plate would peel off or slip earlier",
+        "leaning": f"the beam leans sideways ({aside}): {leads}",
+        "given_way": f"the beam has buckled sideways under the frictionless plate ({aside}; the mesh determines the "
+        "direction): the symmetric press is unstable",
         "slides_over": "the frictionless plate slides over the tip: the shear has no effect",
-        "guided_only": "a tip that is free to slide on a frictionless plate gives way sideways before this depth"
-        f"{at}: the answer is that of a guided one (magtip stability says at which depth)",
-        "nearly_guided_only": f"a tip that is free to slide on a frictionless plate gives way sideways soon{at}: "
-        "magtip stability says at which depth",
-        "full_slip": "full slip: all that touches the plate slides",
-        "part_slips": f"{solution.slip_share or 0:.2g} of the area in contact slips",
-        "idle_stick": "stick acts once the plate shears: the press itself is frictionless",
+        "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
+        "this solution holds the tip on the axis (magtip stability computes the critical depth)",
+        "nearly_guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'soon'}: "
+        "magtip stability computes the critical depth",
+        "full_slip": "full slip: the whole contact area slides",
+        "part_slips": f"{100 * (solution.slip_share or 0):.2g} % of the contact area slips",
+        "idle_stick": "friction stick acts only during a shear: this press is frictionless",
     }
     return texts[remark]

@@ -33,8 +33,8 @@ Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singula
 STOPPED: dict[Stop, str] = {
     "": "",
     "no_convergence": f"no convergence in {MOST_ITERATIONS} iterations",
-    "guess_inverted": "the first guess turns an element inside out",
-    "step_inverted": "an element is about to turn inside out",
+    "guess_inverted": "the first guess inverts an element (J <= 0)",
+    "step_inverted": "an element is about to be inverted (J <= 0)",
     "singular": "the stiffness is singular",
 }
 """Why Newton's method stopped short, in words."""

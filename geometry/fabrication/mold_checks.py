@@ -43,8 +43,8 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
     travel, closed = s.free + s.skirt + s.lid, overlap(A, B)
     found = [
-        _none("overlap of A and B, closed", closed / nominal),
-        Check("cavity against beam - pin", error, f"|.| <= {NOTHING:g}", "1", abs(error) <= NOTHING),
+        _none("overlap of A and B in the closed mould", closed / nominal),
+        Check("cavity volume against beam minus pin", error, f"|.| <= {NOTHING:g}", "1", abs(error) <= NOTHING),
         _none("overlap while A leaves B", largest_overlap(A, B, travel, UP, closed) / nominal),
         _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, UP) / nominal),
     ]
@@ -80,7 +80,7 @@ def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
     found = []
     for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
         least = least_gap(cast, faces, axis, touching=False)
-        found.append(at_least(f"least wall of {name} over the cavity", least if least < math.inf else 0.0, bound))
+        found.append(at_least(f"least wall of {name} around the cavity", least if least < math.inf else 0.0, bound))
     return found
 
 
@@ -98,14 +98,16 @@ def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid, outlin
         pin = max(pins, key=lambda piece: float(piece.volume), default=None)
         wall = 0.0 if pin is None else least_gap(pin, B.faces(), s.centres[0])
         found.append(at_least("silicone between pin and cavity", wall, LEAST_WALL))
-        found.append(at_least("the same, A pushed aside by the fit", wall - s.fit, 0.0))
+        found.append(at_least("the same, with A shifted by the fit", wall - s.fit, 0.0))
         if pin is not None:
             near += [mouth.distance_to(pin) for mouth in mouths]
             found += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
     # one cut with all of them is faster than one overlap for each
     closed = float(A.volume) - sum(float(piece.volume) for piece in A.cut(*holes).solids())
     clearance = 0.0 if closed > NOTHING else min(near)
-    found.append(at_least("vents to pin and cavity wall", clearance, (1 - LARGEST_VENT) / 2 * (s.R - s.pin_top)))
+    found.append(
+        at_least("distance from vents to pin and cavity wall", clearance, (1 - LARGEST_VENT) / 2 * (s.R - s.pin_top))
+    )
     return found
 
 
@@ -123,12 +125,12 @@ def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
     gap = width - radius
     low, high = -LARGEST_GRIP * radius, LARGEST_PLAY * design.D
     found = [
-        Check("magnet's end over the pocket's", deep, "|.| <= 1e-06", "mm", abs(deep) <= 1e-6),
-        Check("gap round the magnet in its pocket", gap, f"{low:.3g} to {high:.3g}", "mm", low <= gap <= high),
+        Check("distance of the magnet's end from the pocket's", deep, "|.| <= 1e-06", "mm", abs(deep) <= 1e-6),
+        Check("gap around the magnet in its pocket", gap, f"{low:.3g} to {high:.3g}", "mm", low <= gap <= high),
     ]
     if mold.pocket_gap >= 0:
         outside = sum(float(piece.volume) for piece in body.cut(pocket).solids()) / float(body.volume)
-        found.append(_none("magnet beside its pocket", outside))
+        found.append(_none("share of the magnet outside its pocket", outside))
     return found
 
 

@@ -124,7 +124,7 @@ def load(name: str) -> Arrays | None:
         return None
     arrays = _opened(content)
     if arrays is None:
-        _say(f"the cached mesh {str(file)!r} is damaged: it is removed and made anew")
+        _say(f"the cached mesh {str(file)!r} is damaged: it is deleted and the mesh is made again")
         with contextlib.suppress(OSError):
             file.unlink()
         return None
@@ -191,9 +191,9 @@ def _put_aside(file: Path) -> None:
     try:
         file.rename(other)
     except OSError as error:
-        _say(f"a folder is in the place of the cached mesh {str(file)!r} ({error.strerror}): move it elsewhere")
+        _say(f"the cached mesh {str(file)!r} is a folder, not a file ({error.strerror}): move it elsewhere")
         return
-    _say(f"a folder was in the place of the cached mesh {str(file)!r}: its name is now {other.name!r}")
+    _say(f"the cached mesh {str(file)!r} was a folder, not a file: it is renamed to {other.name!r}")
 
 
 def _write(place: Path, name: str, content: bytes) -> None:

@@ -78,8 +78,8 @@ def read(
     needed = design_digest.of_solid(shape, magnet=magnet != "none")
     if not design_digest.check(_label(content), needed, f"the mesh {text}") and warn is not None:
         warn(
-            f"the mesh {text} does not say for which sensor it was made: it is checked by its own surfaces, to "
-            f"{100 * OFF:g} % of D, and volumes, to {100 * VOLUME:g} %"
+            f"the mesh {text} does not say for which sensor it was made: only its surfaces (to {100 * OFF:g} % of D) "
+            f"and volumes (to {100 * VOLUME:g} %) are checked"
         )
     given = _checked(_parsed(content, text), shape)
     region = _regions(given, shape)
@@ -94,8 +94,8 @@ def read(
     for name, error in quality(mesh, shape).volume_errors.items():
         if not abs(error) < VOLUME:
             raise BadInput(
-                f"the volume of the {name} in the mesh {given.text} is wrong by {100 * error:.3g} %, and at most "
-                f"{100 * VOLUME:g} % is allowed: mesh this design, without gaps or overlaps"
+                f"the volume of the {name} in the mesh {given.text} is wrong by {100 * error:.3g} % (at most "
+                f"{100 * VOLUME:g} % is allowed): mesh this design, without gaps or overlaps"
             )
     return mesh
 
@@ -104,13 +104,13 @@ def _opened(path: str | Path, text: str) -> Any:
     import meshio
 
     if not Path(path).is_file():
-        raise BadInput(f"there is no file {text}: give a mesh's name")
+        raise BadInput(f"there is no file {text}: check its path")
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
     except (Exception, SystemExit) as error:
         # its readers end in whatever way a broken file leads them to
-        reason = "broken or cut short" if isinstance(error, SystemExit) else str(error) or type(error).__name__
+        reason = "damaged or truncated" if isinstance(error, SystemExit) else str(error) or type(error).__name__
         raise BadInput(f"meshio cannot read the mesh {text} ({reason}): save it in another format") from None
 
 
@@ -126,7 +126,7 @@ def _parsed(content: Any, text: str) -> _Cells:
     kinds = [kind for kind in KINDS if kind in content.cells_dict]
     if others or len(kinds) != 1:
         found = ", ".join(sorted(content.cells_dict)) or "no cells"
-        raise BadInput(f"the mesh {text} must be of tetrahedra, all linear or all quadratic; got {found}")
+        raise BadInput(f"the mesh {text} must consist of tetrahedra, all linear or all quadratic; got {found}")
     kind = kinds[0]
     cells = np.asarray(content.cells_dict[kind], dtype=np.int64)
     named = _named(content)
@@ -167,10 +167,10 @@ def _checked(given: _Cells, shape: Shape) -> _Cells:
     """The same with all cells upright, if numbers and measures make sense."""
     points, cells, text = given.points, given.cells, given.text
     if not len(cells) or cells.min() < 0 or cells.max() >= len(points) or points.shape[1] != 3:
-        raise BadInput(f"the cells of the mesh {text} refer to points that it does not have: write it again")
+        raise BadInput(f"the cells of the mesh {text} refer to points that do not exist: export it again")
     used = points[cells[:, :4]]
     if not np.isfinite(used).all():
-        raise BadInput(f"the mesh {text} has points that are not finite numbers: write it again")
+        raise BadInput(f"the mesh {text} has coordinates that are not finite numbers: export it again")
     high = float(used[..., 2].max())
     if not abs(high - shape.L) < OFF * shape.D:
         raise BadInput(
@@ -196,14 +196,14 @@ def _regions(given: _Cells, shape: Shape) -> Ints:
     if (given.region < 0).any():
         count = int((given.region < 0).sum())
         raise BadInput(
-            f"{count} of {len(place)} cells of the mesh {given.text} are in none of the regions silicone and magnet: "
-            "name all of them, or none"
+            f"{count} of {len(place)} cells of the mesh {given.text} belong to neither of the regions silicone and "
+            f"magnet: assign a region to every cell, or to none"
         )
     wrong = (place != given.region) & (np.abs(depth) > OFF * shape.D)
     if wrong.any():
         raise BadInput(
-            f"{int(wrong.sum())} of {len(place)} cells of the mesh {given.text} carry the name of a region that "
-            "they are not in: check the names, and that the mesh is one of this design"
+            f"{int(wrong.sum())} of {len(place)} cells of the mesh {given.text} are assigned to the wrong region: "
+            f"check the names of the regions, and that this is a mesh of this design"
         )
     return given.region
 
@@ -258,8 +258,8 @@ def _agree(name: str, mesh: MeshTet1, found: Ints, named: Ints, text: str) -> No
     names = {tuple(sorted(facet)) for facet in named.tolist()}
     if places != names:
         raise BadInput(
-            f"the mesh {text} names {len(names)} facets {name}, but {len(places)} lie there, "
-            f"{len(places & names)} of them the same: check that set, or leave it out"
+            f"the mesh {text} lists {len(names)} facets as {name}, but {len(places)} facets lie on that surface "
+            f"({len(places & names)} are in both): correct that set, or leave it out"
         )
 
 
@@ -268,8 +268,8 @@ def _linear(mesh: MeshTet1, given: _Cells, shape: Shape) -> MeshTet2:
     made = curved_mesh.curved(mesh, _sizes(mesh, shape), shape)
     if made is None:
         raise BadInput(
-            f"the mesh {given.text} folds over, flattens or misses the volume on the exact surfaces: refine "
-            "it where they are curved"
+            f"the mesh {given.text} has folded or flat cells, or a wrong volume, on the exact surfaces: refine it "
+            f"where they are curved"
         )
     return made
 
@@ -293,9 +293,7 @@ def _quadratic(mesh: MeshTet1, given: _Cells) -> MeshTet2:
     number = np.full(made.doflocs.shape[1], -1)
     number[nodes[4:]] = given.cells[:, 4:].T
     if (number[nodes[4:]] != given.cells[:, 4:].T).any():
-        raise BadInput(
-            f"cells of the mesh {given.text} that share an edge have different nodes in it: merge equal nodes"
-        )
+        raise BadInput(f"cells of the mesh {given.text} have different nodes on a shared edge: merge equal nodes")
     x = made.doflocs.copy()
     x[:, mesh.nvertices :] = given.points[number[mesh.nvertices :]].T
     det = curved_mesh.determinants(x, nodes)

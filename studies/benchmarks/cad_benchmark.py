@@ -126,7 +126,7 @@ def extremes(folder: Path) -> list[Row]:
             record = {"status": "bad_input", "message": str(error), "checks": [], "parts": [], "warnings": []}
         checks = {check["name"]: check for check in record["checks"]}
         passed = sum(check["passed"] for check in checks.values())
-        cavity = checks["cavity against beam - pin"]["value"] if checks else math.nan
+        cavity = checks["cavity volume against beam minus pin"]["value"] if checks else math.nan
         row = {"case": name, "status": record["status"], "parts": len(record["parts"])}
         row |= {"checks": f"{passed} of {len(checks)}", "cavity": abs(cavity)}
         worst = max((abs(part["relative_error"]) for part in record["parts"]), default=math.nan)

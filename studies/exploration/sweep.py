@@ -96,10 +96,10 @@ def run(
     """
     unknown = [name for name in axes if name != "depth" and name not in FIELDS]
     if unknown or not axes:
-        raise BadInput(f"the axes of a sweep must be among D, L, f, E and depth; got {', '.join(unknown) or 'none'}")
+        raise BadInput(f"the axes of a sweep must be D, L, f, E or depth; got {', '.join(unknown) or 'none'}")
     count = math.prod(len(values) for values in axes.values())
     if count > MOST_CASES:
-        raise BadInput(f"a sweep may have {MOST_CASES} cases; these axes make {count}: take fewer values")
+        raise BadInput(f"a sweep may have at most {MOST_CASES} cases; these axes give {count}: take fewer values")
     magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
     return _rows(design, cases, axes, folder, magnet, accuracy, progress)
@@ -168,9 +168,7 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
     height = fields.get("L", base.L) - fields.get("D", base.D) / 2
     changed: dict[str, Any] = {**fields, "l0": base.l0 + height - base.H}
     if not changed["l0"] > base.magnet_height / 2:
-        raise BadInput(
-            "S1, which stays where it is in the base, would meet the magnet: take a larger L or a smaller D"
-        )
+        raise BadInput("S1 keeps its place in the base and would touch the magnet: take a larger L or a smaller D")
     return dataclasses.replace(base, **changed)
 
 
@@ -243,11 +241,11 @@ def _states(problem: Problem, accuracy: Accuracy, magnet: Magnet, progress: Prog
 def _left(cases: Sequence[Case], problems: Sequence[Problem], store: Kept) -> str:
     """What an interruption leaves."""
     if store.file is None:
-        return "add --out DIR, and what is solved is kept there"
+        return "nothing is kept: add --out DIR to keep solved cases"
     done = sum(len(problem.members) for problem in problems if problem.key in store.known)
     if not done:
-        return "no case is solved yet, and nothing is kept: the same command begins anew"
-    return f"{done} of {len(cases)} cases are kept in {store.file}; the same command goes on from there"
+        return "no case is solved yet: the same command starts from the beginning"
+    return f"{done} of {len(cases)} cases are kept in {store.file}; the same command continues from there"
 
 
 def _relative_depth(case: Case) -> float:

@@ -53,14 +53,16 @@ def grid_of(
         varied = user_input.study_design(study, sets, magnet=magnet)
     else:
         if not axes:
-            raise BadInput("a sweep needs a study's TOML file with a table [axes], or --axis NAME=a,b,c")
+            raise BadInput(
+                "a sweep needs at least one axis: add --axis NAME=a,b,c, or give a study file with a table [axes]"
+            )
         magnet, values = magnet or "rigid", user_input.parse_axes(axes)
         varied = user_input.read_design(source or design or "paper", sets, magnet=magnet)
     for name, _, value in (text.partition("=") for text in sets):
         if name.strip() in values:
-            raise BadInput(f"{name.strip()} is an axis and set to {value.strip()} too: leave one of them out")
+            raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
     if "depth" in values and depth is not None:
-        raise BadInput("the depth is an axis and given by itself too: leave one of them out")
+        raise BadInput("depth is given both as an axis and as --depth or in the study: leave one of them out")
     if "depth" not in values and depth is None:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
     if depth is not None:
@@ -127,9 +129,9 @@ def in_vain(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], *, who
     if not rows:
         return []
     none = _unmoved(rows, axes, rows[0])
-    reasons = [(name, "the figures are the same for all its values") for name in none]
+    reasons = [(name, "the results are the same for all its values") for name in none]
     hidden = [] if whole else [name for name in _unmoved(rows, axes, _main(rows[0])) if name not in none]
-    return reasons + [(name, "it changes only what --wide, --json and --out show") for name in hidden]
+    return reasons + [(name, "it changes only columns that --wide, --json and --out show") for name in hidden]
 
 
 def _unmoved(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], keys: Iterable[str]) -> list[str]:

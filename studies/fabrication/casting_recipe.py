@@ -83,12 +83,14 @@ def facts(design: Design, making: Making) -> dict[str, Any]:
 def size(record: Mapping[str, Any]) -> str:
     """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
     if record["assembled_size_mm"] is None:
-        return f"No base, so no assembled size; the beam is {_sides(record['beam_size_mm'])} mm (x, y, z)."
+        return (
+            f"There is no base and so no assembled size; the beam is {_sides(record['beam_size_mm'])} mm (x, y, z)."
+        )
     leads = record["leads_below_base_mm"]
-    out = f"; the leads, as drawn, stand out {leads:.4g} mm below" if leads else ""
+    out = f"; the leads, as drawn, extend {leads:.4g} mm below it" if leads else ""
     return (
-        f"Assembled, with base and Hall elements: {_sides(record['assembled_size_mm'])} mm (x, y, z), the last the "
-        f"total height from the base's underside{out}."
+        f"Assembled, with base and Hall elements: {_sides(record['assembled_size_mm'])} mm (x, y, z); z is the total "
+        f"height from the base's underside{out}."
     )
 
 
@@ -236,7 +238,7 @@ def _temperatures(facts: Mapping[str, Any]) -> list[str]:
     limit = facts["magnet_limit_C"]
     second = "" if limit is None else " second cure, at most |"
     lines = [
-        f"| mould of | gives way from about | first cure, at most |{second}",
+        f"| mould of | softens from about | first cure, at most |{second}",
         f"|---|---:|---:|{second and '---:|'}",
     ]
     for row in facts["cures"]:

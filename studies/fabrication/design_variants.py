@@ -34,13 +34,13 @@ def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     """The axes of a batch from texts NAME=a,b,c; none without."""
     axes = user_input.parse_axes(texts) if texts else {}
     if "depth" in axes:
-        raise BadInput("there is no axis 'depth' of what is made: choose from D, L, f, E")
+        raise BadInput("cad has no axis 'depth': choose from D, L, f, E")
     return axes
 
 
 def idle(design: Design, axes: Mapping[str, Sequence[float]]) -> list[tuple[str, str]]:
     """Axes that change no solid, and why."""
-    reasons = {"E": "the solids are the same, only the drawing names E"} | design.idle()
+    reasons = {"E": "E changes the drawing only, not the solids"} | design.idle()
     return [(name, reasons[name]) for name, values in axes.items() if name in reasons and len(values) > 1]
 
 
@@ -147,7 +147,7 @@ def _sent(process: subprocess.Popen[bytes], job: Job) -> dict[str, Any]:
         record: dict[str, Any] | Exception = pickle.load(process.stdout)
     except (EOFError, BrokenPipeError):
         # what is at work in it can take a process down, as the system does where memory is short
-        message = f"the process that made it ended with exit code {process.wait()}: make this variant alone"
+        message = f"its process ended with exit code {process.wait()}: make this variant by itself"
         return _not_made("failed", message, job[2])
     if isinstance(record, Exception):
         raise record

@@ -101,13 +101,15 @@ def names() -> list[str]:
 def left_over(folder: Path, stage: Path) -> list[str]:
     """A warning of files in the folder that an earlier run may have left, and that this one does not replace."""
     old = [name for name in names()[1:] if (folder / name).exists() and not (stage / name).exists()]
-    return [f"{', '.join(old)}: left by an earlier run, not of this sensor: remove them"] if old else []
+    return [f"{', '.join(old)} are from an earlier run, not of this sensor: delete them"] if old else []
 
 
 def refuse_foreign(readme: Path) -> None:
     """A README.md that magtip did not write is somebody else's: it must not be replaced."""
     if readme.exists() and not readme.read_bytes().startswith(casting_recipe.MARK.encode()):
-        raise BadInput(f"{str(readme)!r} was not written by magtip cad and would be replaced: choose another folder")
+        raise BadInput(
+            f"{str(readme)!r} was not written by magtip cad and would be overwritten: choose another folder"
+        )
 
 
 def examined(design: Design, making: Making, made: Things, shapes: Mapping[str, tuple[Solid, Facets]]) -> list[Check]:

@@ -74,7 +74,7 @@ def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance:
     if tolerance is not None:
         check_tolerance(tolerance)
     if any(text.partition("=")[0].strip() == "process" for text in mold):
-        raise BadInput("--mold takes no process: give --process fdm or --process sla")
+        raise BadInput("process is not a key of --mold: give --process fdm or --process sla")
     chosen = user_input.parse_choices("--mold", mold, Mold)
     return Making(Mold(process=process, **chosen), Base(**user_input.parse_choices("--base", base, Base)), tolerance)
 
@@ -152,7 +152,7 @@ def fineness(design: Design, making: Making) -> float:
     tolerance = design.D / SHARE if making.tolerance is None else making.tolerance
     if not tolerance >= design.D / FINEST:
         raise BadInput(
-            f"tolerance must be at least D/{FINEST} = {design.D / FINEST:g} mm, or there are millions of triangles; "
-            f"got {tolerance:g} mm"
+            f"tolerance must be at least D/{FINEST} = {design.D / FINEST:g} mm, to avoid millions of triangles; got "
+            f"{tolerance:g} mm"
         )
     return tolerance

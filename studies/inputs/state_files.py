@@ -50,15 +50,16 @@ def read(path: Path, design: Design) -> list[State]:
             raise BadInput(f"{where}: {error}") from None
         except (ValueError, KeyError, TypeError):
             raise BadInput(
-                f"{where} is no state of `magtip solve --json`: it needs status, depth_mm, shear_mm, force_N, "
+                f"{where} is not a state printed by `magtip solve --json`: it must contain status, depth_mm, "
+                "shear_mm, force_N, "
                 "shift_mm and tilt_rad"
             ) from None
         told = design_digest.check(record, needed, where) and told
         found.append(state)
     if not told:
         console.say(
-            f"magtip: warning: {path} does not say for which sensor its states were solved, so it cannot be checked "
-            "that this design is the one"
+            f"magtip: warning: {path} does not say for which sensor its states were solved, so a mismatch with this "
+            "design cannot be detected"
         )
     return found
 

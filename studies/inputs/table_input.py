@@ -93,8 +93,8 @@ def check_length(path: Path, line: int, head: list[str], row: list[str]) -> None
     if len(row) != len(head):
         # 1,5,2,75 under two columns
         halved = len(row) == 2 * len(head) and all(cell.strip().lstrip("+-").isdecimal() for cell in row)
-        remedy = "write a point, no comma, before decimals" if halved else "give one for each"
-        raise BadInput(f"{str(path)!r}, line {line}: {len(row)} values under {len(head)} columns: {remedy}")
+        remedy = "write a point, no comma, before decimals" if halved else "give one value per column"
+        raise BadInput(f"{str(path)!r}, line {line}: {len(row)} values for {len(head)} columns: {remedy}")
 
 
 def number(cell: str) -> float | None:
@@ -135,7 +135,7 @@ def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
         except _NotFinite as error:
             raise BadInput(f"{path}, line {line}: numbers must be finite; got {error}: leave this line out") from None
         except (ValueError, RecursionError):
-            raise BadInput(f"{path}, line {line} is not JSON: give one object to a line") from None
+            raise BadInput(f"{path}, line {line} is not JSON: give one JSON object per line") from None
         if not isinstance(found, dict):
             raise BadInput(f"{path}, line {line} must hold a JSON object, {{...}}; got {text.strip():.40}")
         yield line, found

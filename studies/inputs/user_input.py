@@ -18,7 +18,7 @@ from geometry.loads import Magnet
 AXES = ("D", "L", "f", "E", "depth")
 """What a sweep can vary: fields of `Design`, and the depth of the press, mm."""
 
-AN_AXIS = "an axis takes numbers and is one of D, L, f (mm), E (MPa) and, in a sweep, depth (mm)"
+AN_AXIS = "an axis is a list of numbers for D, L, f (mm), E (MPa) or, in a sweep, depth (mm)"
 """What an axis can be, for messages."""
 
 AccuracyName = Literal["quick", "standard", "fine"]
@@ -279,7 +279,7 @@ def _check_axis(name: str) -> None:
         return
     if name not in _FIELDS:
         raise BadInput(f"there is no axis {name!r}: {nearest(name, AXES)}; {AN_AXIS}")
-    raise BadInput(f"{name} cannot be an axis: {AN_AXIS}; give {name} by --set, one command for each value")
+    raise BadInput(f"{name} cannot be an axis: {AN_AXIS}; use --set {name}=VALUE, one command for each value")
 
 
 def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
@@ -290,7 +290,7 @@ def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]
         if not values:
             raise BadInput(f"axis {name} has no values: give numbers, such as {name}=1,2,3")
         if len(set(values)) < len(values):
-            raise BadInput(f"axis {name} holds a value twice: give each value once")
+            raise BadInput(f"axis {name} lists a value twice: give each value once")
         low, high = (_FIELDS[name].metadata[end] for end in ("low", "high")) if name in _FIELDS else (0.0, math.inf)
         for value in values:
             if not low <= value <= high or (name == "depth" and not value > 0):

@@ -107,7 +107,7 @@ def _say_what_is_left_out(keys: Sequence[str]) -> None:
     if keys:
         names = [text_tables.heading(key)[0] for key in keys[:MOST_NAMED]]
         more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
-        note(f"Left out: {', '.join(names)}{more}; --wide shows all columns, --json too.")
+        note(f"Left out: {', '.join(names)}{more}; --wide and --json show all columns.")
 
 
 class _Stream:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.output.vtk_files import nodal_pressure, spatial
+from studies.output.atomic_files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
     from fem.results.revolved_body import Body

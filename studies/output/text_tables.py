@@ -38,8 +38,8 @@ TURNS = {
 """Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
 
 MISFITS = {
-    "fit_error_rad": ("misfit of the decoder's polynomials, tilt", UNITS["rad"][0]),
-    "fit_error_N": ("misfit of the decoder's polynomials, force", UNITS["N"][0]),
+    "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"][0]),
+    "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
 }
 """Names of what is no error of a result: how far polynomials are from the states or formulas they stand for."""
 

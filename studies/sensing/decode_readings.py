@@ -42,17 +42,18 @@ MANY = 500
 
 WHY = {
     "ok": "",
-    "ambiguous": "several poses give these readings; the one nearest to rest is given, all of them are in poses_mm",
+    "ambiguous": "several poses give these readings: the result is the pose nearest to rest, and poses_mm lists all",
     "out_of_workspace": "no pose of the magnet in the workspace gives these readings: check their order and units",
-    "saturated": "a reading lies at a rail of its element, so it no longer tells where the magnet is",
+    "saturated": "a reading is saturated (at a rail of its element), so the pose is unknown: check its unit,"
+    " or press and shear less",
     "not_finite": "a reading is missing or not a finite number",
-    "tension": "the pose is found, but its load is not: by the mechanics the plate would have to pull there;"
+    "tension": "the pose is known but its load is not, because the plate would have to pull on the tip there:"
     " give states over more depths and shears",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
 NO_CONTACT = (
-    "the plate does not touch at this pose (depth 0), so it carries no load: that the magnet is {:.2g} mm aside comes"
-    " from the readings' rounding or noise, an ambient field, or something else than the plate"
+    "the plate does not touch the tip at this pose (depth 0), so the load is 0: the shift of {:.2g} mm sideways "
+    "comes from rounding or noise of the readings, an ambient field, or something other than the plate"
 )
 
 
@@ -66,11 +67,11 @@ def beyond_sentence(coder: Decoder, end: End | None, *, solved: bool) -> str:
     """
     source, remedy = ("states", "solve") if solved else ("formulas", "give states by --responses that go")
     if end == "depth":
-        return f"the magnet sinks more than the {-coder.low[2]:.3g} mm that the {source} reach: {remedy} deeper"
+        return f"the magnet is deeper than {-coder.low[2]:.3g} mm, the limit of the {source}: {remedy} deeper"
     if end == "shear":
         return (
-            f"the magnet moves sideways by more than the {coder.high[0]:.3g} mm that the {source} reach:"
-            f" {remedy} farther sideways"
+            f"the magnet is more than {coder.high[0]:.3g} mm sideways, the limit of the {source}: {remedy} farther "
+            "sideways"
         )
     if end == "workspace":
         low, high = coder.low, coder.high
@@ -99,7 +100,7 @@ def prepare(design: Design, level: str | None, file: Path | None, *, ignore_tilt
 def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
     """The mechanics of a level, or of responses in a file; of the level paper if neither is given."""
     if file is not None and level is not None:
-        raise BadInput("--level and --responses both give the mechanics: leave one of them out")
+        raise BadInput("--level and --responses exclude each other: give only one")
     return of_level(design, level or "paper") if file is None else of_file(file, design)
 
 
@@ -124,7 +125,7 @@ def gap_of(coder: Decoder, level: str, found: Decoded) -> Gap | None:
 def say_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
     """A warning where a tilt is to be ignored and there is none."""
     if ignore_tilt and law is not None and not law.tau.any():
-        input_warnings.say_no_effect("--ignore-tilt", "the magnet does not tilt in these mechanics")
+        input_warnings.say_no_effect("--ignore-tilt", "the tilt is zero in these formulas or states")
 
 
 def of_level(design: Design, level: str) -> Mechanics:
@@ -315,5 +316,7 @@ def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Arr
     if units in (None, own):
         return field_of(elements, values)
     if units == "V":
-        raise BadInput("these elements send flux densities: give the readings in T")
+        raise BadInput(
+            "the output of these elements is a flux density: leave --units V out and give the readings in T"
+        )
     return np.asarray(values, dtype=np.float64)

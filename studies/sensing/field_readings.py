@@ -225,7 +225,7 @@ def _check_head(
     if missing:
         for option, others in instead.items():
             if all(name in head for name in others):
-                raise BadInput(f"{path}: it has the columns {','.join(others)}, not {names}: add {option}")
+                raise BadInput(f"{path}: the columns are {','.join(others)}, not {names}: add {option}")
         raise BadInput(
             f"{path}: column {missing[0]} is missing: the first line must name {names}; got {','.join(head)}"
         )
@@ -233,7 +233,7 @@ def _check_head(
         raise BadInput(f"{path}: the columns must stand once each in the order {names}; got {','.join(head)}")
     there = [name for name in added if name in head]
     if there:
-        raise BadInput(f"{path}: there is a column {there[0]} already: leave it out, it is what is added here")
+        raise BadInput(f"{path}: column {there[0]} exists already and would be added again: remove it")
 
 
 def _seed(seed: int) -> int:
@@ -259,7 +259,7 @@ def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[flo
     from analytic.parts import of_design
 
     if not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0): give it one")
+        raise BadInput("this design has no magnet (magnet_diameter is 0): give it a magnet")
     magnet = magpylib.magnet.Cylinder(
         polarization=(0.0, 0.0, -design.remanence),
         dimension=(1e-3 * design.magnet_diameter, 1e-3 * design.magnet_height),

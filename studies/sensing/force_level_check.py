@@ -27,7 +27,7 @@ BEST = "finite"
 """The level that the others are compared with."""
 APART = 0.1
 """Difference of the forces, over that of level finite, from which it is said."""
-REMEDY = "add --level finite, or give states of a solve by --responses"
+REMEDY = "add --level finite, or give states solved by finite elements with --responses"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def warnings(level: str, found: Gap) -> list[str]:
     if len(unknown):
         what = "this pose is" if count == 1 else f"poses of {len(unknown)} of {count} rows are"
         said.append(
-            f"{what} outside the range of level {BEST}, so how far the force of level {level} is off is not known:"
-            " give states of a solve by --responses"
+            f"{what} outside the range of level {BEST}, so the error of the force of level {level} is unknown: give "
+            "states solved by finite elements with --responses"
         )
     return said

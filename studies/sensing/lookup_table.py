@@ -54,7 +54,9 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
     atomic_files.check_apart([file, about], inputs)
     for path, whose in ((file, _is_table(file)), (about, _is_about(about))):
         if path.exists() and not whose:
-            raise BadInput(f"{str(path)!r} is no table that magtip wrote and would be replaced: choose another name")
+            raise BadInput(
+                f"{str(path)!r} was not written by magtip table and would be overwritten: choose another name"
+            )
     return file
 
 
@@ -130,7 +132,9 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
     done, offset = _resume(part, note, key, size // shape[0])
     room = shutil.disk_usage(out.parent).free + (part.stat().st_size if part.exists() else 0)
     if size > room:
-        raise BadInput(f"the table takes {size / 1e6:.0f} MB and the disk has {room / 1e6:.0f}: raise --step")
+        raise BadInput(
+            f"the table needs {size / 1e6:.0f} MB, but the disk has only {room / 1e6:.0f} MB free: raise --step"
+        )
     # from the start, or the kernel would be loaded on the way, and a table that went on would differ in its last bits
     magnet.compiled()
     with _kept(part, note, key, shape[0], size // shape[0]), part.open("r+b" if done else "w+b") as stream:
@@ -165,7 +169,7 @@ def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
     from analytic import lookup
 
     if model.tau.any():
-        raise BadInput("--plane is for a magnet that does not tilt: leave out --level and --responses")
+        raise BadInput("--plane needs a magnet without tilt: leave out --level and --responses")
     table, first = lookup.plane(model, grid)
     about = _about(model, grid, table.shape)
     about["axes"] = [
@@ -210,7 +214,8 @@ def _kept(part: Path, note: Path, key: str, count: int, slab: int) -> Iterator[N
             raise
         size = part.stat().st_size / 1e6
         raise KeyboardInterrupt(
-            f"{done} of {count} slabs are kept in {str(part)!r} ({size:.3g} MB); the same command goes on from there"
+            f"{done} of {count} slabs are kept in {str(part)!r} ({size:.3g} MB); the same command continues from "
+            "there"
         ) from None
 
 
@@ -246,10 +251,13 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError):
         tilted, shape, table = False, (), None
     if table is None or table.shape != shape:
-        raise BadInput(f"{str(file)!r} is no table, or its .json is not that of it: make it by magtip table")
+        raise BadInput(
+            f"{str(file)!r} is not a table of magtip, or its .json file belongs to another table: "
+            "make it with magtip table"
+        )
     if not design_digest.check(about, _made_for(design, tilted=tilted), str(file)):
         console.say(
-            f"magtip: warning: {file} does not say for which sensor it was made, so it cannot be checked that this "
-            "design is the one"
+            f"magtip: warning: {file} does not say for which sensor it was made, so a mismatch with this design "
+            "cannot be detected"
         )
     return table, about

@@ -31,7 +31,7 @@ def of_states(design: Design, file: Path, sensing: Sensing) -> list[Row]:
     """
     found = state_files.read(file, design)
     if not found:
-        raise BadInput(f"{file} holds no states: give what `magtip solve --json` printed")
+        raise BadInput(f"{file} contains no states: give the output of `magtip solve --json`")
     return [_row(design, state, sensing, f"{file}, line {state.line}") for state in found]
 
 

@@ -177,7 +177,7 @@ def press_sentences(figures: Mapping[str, Any]) -> list[str]:
             ": a uniform bar spreads the compression evenly, a round tip takes most of it itself" if worst > 0 else ""
         )
         lines.append(
-            f"Sinking of the magnet: the paper's figure is off by up to {worst:+.0f} % (at {at:.3g} mm){why}."
+            f"Sinking of the magnet: the paper's value is off by up to {worst:+.0f} % (at {at:.3g} mm){why}."
         )
     first, second, third = figures["elements"]
     errors = [figures[f"worst_analytic_{name}_error_percent_FS"] for name in (first, second)]
@@ -235,7 +235,7 @@ def shear_sentences(figures: Mapping[str, Any]) -> list[str]:
             f"Readings of {elements}: off by up to {_list(whole)} % of full scale. With the finite elements' "
             f"position of the magnet but without its tilt they are still off by up to {_list(tilted)} %: the tilt "
             f"{'explains most of' if guilty else 'alone does not explain'} the paper's error"
-            f"{'.' if guilty else '; the wrong position of the magnet weighs more.'}"
+            f"{'.' if guilty else '; the wrong position of the magnet matters more.'}"
         )
     return lines
 
@@ -245,19 +245,19 @@ def trust_sentences(figures: Mapping[str, Any]) -> list[str]:
     lines = []
     if math.isfinite(figures["press_error_estimate_percent"]):
         lines.append(
-            "Press: judged by a coarser mesh, the force is uncertain by at most "
+            "Press: by comparison with a coarser mesh, the force is uncertain by at most "
             f"{figures['press_error_estimate_percent']:.1f} %."
         )
     if math.isfinite(figures["shear_error_estimate_percent"]):
         lines.append(
-            "Shear: judged by a coarser mesh with one harmonic less, the force is uncertain by at most "
+            "Shear: by comparison with a coarser mesh and one harmonic fewer, the force is uncertain by at most "
             f"{figures['shear_error_estimate_percent']:.1f} %."
         )
     missing = figures["missing_states"]
     lines.append(
         f"{missing} state{'s were' if missing > 1 else ' was'} not reached; the table says why."
         if missing
-        else "Every state asked for was reached."
+        else "Every requested state was reached."
     )
     return lines
 

@@ -18,9 +18,9 @@ from studies.output.console import Progress
 from studies.output.provenance import made
 
 ABOUT = """\
-A beam of each length is looked at with a tip that is free to slide on a frictionless plate and with one whose patch
-in contact is guided (glued to a plate that cannot move sideways). All but L is the design's; a magnet that does not
-fit a length is a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
+Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
+sticks to a plate that cannot move sideways). All fields but L are the design's; a length that the magnet does not fit
+has a row that says so. Depths and forces are given in mm and N, and made dimensionless in the plot.
 The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
 """
 

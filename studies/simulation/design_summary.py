@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
-from studies.output import atomic_files, console, vtk_files
+from studies.output import atomic_files, console
 from studies.output.console import Progress
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
     try:
         built = plan(design, Base())
     except BadInput as error:
-        failed.append(f"no size of the assembled sensor: {error}")
+        failed.append(f"the size of the assembled sensor is unknown: {error}")
     try:
         seen = hall.readings(design)
         volts = list(seen.V) if set(seen.units) == {"V"} else None
@@ -65,7 +65,7 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
         names = [element.name for element in of_design(design)]
         failed += [f"{name} is saturated at rest" for name, full in zip(names, seen.saturated, strict=True) if full]
     except BadInput as error:
-        failed.append(f"no readings at rest: {error}")
+        failed.append(f"the readings at rest are unknown: {error}")
     return {
         "H_mm": design.H,
         "tip_radius_mm": design.R,
@@ -128,7 +128,7 @@ def build_mesh(
         except RuntimeError as error:
             return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
         seconds = time.perf_counter() - begin
-        vtk_files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
+        atomic_files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
     record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
     return record | mesh_quality(made, design)
 

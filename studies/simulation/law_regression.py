@@ -162,12 +162,12 @@ def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
     """
     if not 0.49 <= nu <= 0.5:
         raise BadInput(
-            f"--nu must lie between 0.49 and 0.5, as a fit takes the specimen as incompressible; got {nu:g}"
+            f"--nu must lie between 0.49 and 0.5, because the fit assumes an incompressible specimen; got {nu:g}"
         )
     unit = nominal_stress("neo-hookean", (), data.stretch)
     mu = float(unit @ data.stress) / float(unit @ unit)
     if not mu > 0:
-        raise BadInput("the stress falls where the stretch grows: tension must be positive in both columns")
+        raise BadInput("the stress decreases while the stretch increases: tension must be positive in both columns")
     telling = data.stretch[data.telling]
     most = len(set(telling.tolist()))
     forms = [form for form in FORMS if form.constants <= most]

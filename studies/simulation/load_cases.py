@@ -13,7 +13,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import STEEPEST, Load, Magnet, Response
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
-from studies.output import atomic_files, console, vtk_files
+from studies.output import atomic_files, console
 from studies.output.console import Progress
 from studies.sensing import field_readings
 
@@ -72,9 +72,9 @@ def in_vain(motion: Motion, method: Method) -> list[tuple[str, str]]:
     """Options that another one makes useless, and why."""
     found = []
     if motion.friction == "stick" and not (motion.shear or motion.shear_y):
-        found.append(("--friction stick", "it glues the contact for a shear, and there is none"))
+        found.append(("--friction stick", "it acts only during a shear, and this load has none"))
     if method.mesh is not None and method.accuracy != "standard" and motion.grip is None:
-        found.append(("--accuracy", "--mesh gives the mesh"))
+        found.append(("--accuracy", "the mesh comes from --mesh"))
     return found
 
 
@@ -82,22 +82,24 @@ def _check_motion(motion: Motion) -> bool:
     """Refuse options that exclude each other; returns whether there is a shear."""
     slides = bool(motion.shear or motion.shear_y)
     if motion.depth is not None and motion.depths is not None:
-        raise BadInput("--depth and --depths exclude each other: give one of them")
+        raise BadInput("--depth and --depths exclude each other: give only one")
     if motion.depth is None and motion.depths is None and motion.grip is None:
-        raise BadInput("what the plate does is not given: add --depth D in mm, or --grip HEIGHT with --shear X")
+        raise BadInput("no load is given: add --depth D in mm, or --grip HEIGHT with --shear X")
     if motion.grip is not None and not slides:
-        raise BadInput("a grip only moves sideways: add --shear X in mm")
+        raise BadInput("--grip needs a shear: add --shear X in mm")
     if motion.grip is not None and motion.friction is not None:
-        raise BadInput("a grip has no plate to rub on: leave --friction out")
+        raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
     if motion.grip is not None and motion.imperfection:
-        raise BadInput("an imperfection goes with a plate: leave --imperfection out of a grip")
+        raise BadInput("--imperfection has no meaning with --grip, which has no plate: leave --imperfection out")
     if motion.grip is not None and motion.plate_tilt:
-        raise BadInput("a grip has no plate to tilt: leave --plate-tilt out")
+        raise BadInput("--plate-tilt has no meaning with --grip, which has no plate: leave --plate-tilt out")
     if motion.depths is not None:
         given = {"--steps": motion.steps, "--shear": motion.shear, "--shear-y": motion.shear_y}
         for name, value in given.items():
             if value is not None:
-                raise BadInput(f"--depths lists the states of a press: give one --depth instead to go with {name}")
+                raise BadInput(
+                    f"--depths is for presses only and cannot be combined with {name}: give one --depth instead"
+                )
     steepest = math.degrees(STEEPEST)
     if not abs(motion.plate_tilt) <= steepest:
         raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {motion.plate_tilt:g}")
@@ -189,7 +191,10 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
     if method.model not in ("auto", model):
         raise BadInput(f"the mesh {str(method.mesh)!r} is for model {model}: leave --model {method.model} out")
     if method.magnet == "rigid" and "magnet" not in mesh.boundaries:
-        raise BadInput(f"the mesh {str(method.mesh)!r} has no magnet, as region or as hole: add --magnet ignored")
+        raise BadInput(
+            f"the mesh {str(method.mesh)!r} contains no magnet, neither as a region nor as a hole: "
+            "add --magnet ignored"
+        )
     return replace(method, model=model), replace(mesh, doflocs=mesh.doflocs / design.D)
 
 
@@ -206,9 +211,9 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
         raise BadInput(f"--harmonics must be a whole number between 0 and {most}; got {harmonics}")
     model = equilibrium.choose_model(loads, method.model)
     if model != "harmonic":
-        raise BadInput(f"--harmonics goes with model harmonic; these loads get {model}: add --model harmonic")
+        raise BadInput(f"--harmonics is for model harmonic, but this load uses model {model}: add --model harmonic")
     if harmonics == 0 and any(load.shear for load in loads):
-        raise BadInput("--harmonics 0 is a body of revolution, which cannot carry a shear: give 1 or more")
+        raise BadInput("--harmonics must be 1 or more for a shear; got 0")
     return replace(level, harmonics=harmonics)
 
 
@@ -237,7 +242,7 @@ def _records(
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
     if vtu is not None:
-        vtk_files.write_field(vtu, state)
+        atomic_files.write_field(vtu, state)
     if png is not None:
         from studies.output.solution_pictures import section_picture
 

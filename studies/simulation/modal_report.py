@@ -65,5 +65,5 @@ def _verdict(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:
     flat = ", ".join(f"{true_to[shape]:.0f} Hz for {shape} motion" for shape in true_to)
     below = f"below {BAND:.0f} Hz: {', '.join(inside)}" if inside else f"no mode below {BAND:.0f} Hz"
     if max(frequencies) < BAND:
-        below += f" and perhaps more, for only modes up to {max(frequencies):.0f} Hz were looked for"
-    return f"{below}; without damping, readings are true to 5 % up to {flat}" if flat else below
+        below += f" and possibly more (only modes up to {max(frequencies):.0f} Hz are computed: raise --count)"
+    return f"{below}; without damping, readings of a slow load are accurate to 5 % up to {flat}" if flat else below

@@ -67,15 +67,15 @@ def _at(
         return {"status": "not_converged", "message": "; ".join([*said, str(error)]), "depth_mm": depth} | none
     free, guided = record["critical_depth_mm"], record["guided_critical_depth_mm"]
     if guided is not None and depth > guided:
-        said.append(f"at depth {depth:g} mm the straight press is unstable even if its tip is guided")
+        said.append(f"at depth {depth:g} mm the straight press is unstable even with a guided tip")
     elif free is not None and depth > free:
         said.append(
-            f"at depth {depth:g} mm the straight press is unstable where its tip is free to slide: stiffness, shift"
-            " and tilt are those of a tip glued to the plate"
+            f"at depth {depth:g} mm the straight press is unstable if the tip slides freely: stiffness, shift and "
+            "tilt hold for a tip that sticks to the plate"
         )
     elif depth > record["stable_to_mm"]:
         limit = record["stable_to_mm"]
-        said.append(f"at depth {depth:g} mm stability is unknown: it was looked at up to {limit:.4g} mm")
+        said.append(f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm")
     return {
         "message": "; ".join(said),
         "depth_mm": depth,

@@ -93,10 +93,10 @@ def _check_curve(
     path: str, names: tuple[str, str], stretch: list[float], stress: list[float], lines: list[int]
 ) -> None:
     if all(value == 1 for value in stretch):
-        raise BadInput(f"{path!r} has no point off stretch 1: a fit needs one or more below its header")
+        raise BadInput(f"{path!r} has no data at a stretch other than 1: a fit needs at least one point")
     for name, values in zip(names, (stretch, stress), strict=True):
         if len(values) > 1 and min(values) == max(values):
-            raise BadInput(f"{path!r}, column {name}: all {len(values)} values are the same: give a curve")
+            raise BadInput(f"{path!r}, column {name}: all {len(values)} values are equal: give a curve")
     largest = max(map(abs, stress))
     wrong = [(x - 1) * y < 0 for x, y in zip(stretch, stress, strict=True)]
     for line, x, y, bad in zip(lines, stretch, stress, wrong, strict=True):
@@ -112,13 +112,15 @@ def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) ->
     found = [k for k, name in enumerate(header) if name in wanted]
     if len(found) > 1:
         names = " and ".join(header[k] for k in found)
-        raise BadInput(f"{path!r}, line {line}: columns {names} say the same: keep one of them")
+        raise BadInput(f"{path!r}, line {line}: columns {names} give the same quantity: keep one of them")
     if found:
         return found[0]
     for name in header:
         units = [other for other in wanted if name and other.casefold().startswith(f"{name.casefold()}_")]
         if units:
-            raise BadInput(f"{path!r}, line {line}: the column {name!r} lacks its unit: name it {' or '.join(units)}")
+            raise BadInput(
+                f"{path!r}, line {line}: the name of column {name!r} has no unit: call it {' or '.join(units)}"
+            )
         meant = closest(name, wanted) if name else None
         if meant:
             raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean {meant}?")
