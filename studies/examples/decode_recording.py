@@ -23,9 +23,8 @@ RECORDING = Path(__file__).with_name("recording.csv")
 def main() -> list[Sample]:
     sensor = paper()
     mechanics = response_surface.of_formula(lambda load: beam.solve(sensor, load, "finite"), depth=3.0, shear=3.0)
-    stream = Stream(decoder(sensor, mechanics))
+    stream, samples = Stream(decoder(sensor, mechanics)), []
 
-    samples = []
     print("time s   shift of the magnet mm     force on the tip N      status")
     with RECORDING.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
