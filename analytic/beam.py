@@ -171,7 +171,7 @@ def _sticking_share(load: Load, normal: float, stiffness: float) -> float:
 
 def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
     """Solve at one of the levels above the paper's."""
-    if load.coulomb is not None and load.grip is None:
+    if load.coulomb is not None:
         raise BadInput(
             f"only level paper models Coulomb friction; got friction {load.coulomb:g}: "
             "choose level paper, or friction none or stick"

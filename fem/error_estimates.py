@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fem.accuracy import Accuracy
 from fem.error_estimate_rules import (
     DEPTH_POWER,
     FAR_SHEAR,
@@ -24,39 +23,32 @@ from fem.error_estimate_rules import (
     LoadCase,
     press_limits,
 )
+from fem.scene import Scene
 from fem.solution import Estimates
-from geometry.design import Design
-from geometry.loads import Load, Magnet, Response
+from geometry.loads import Load, Response
 
 NOTHING = 1e-12
 """Tilts (rad) and numbers of a tangent below this are rounding, which no error is relative to; forces and shifts are
 small at small loads."""
 
 
-def estimate_response(
-    one: Response,
-    other: Response,
-    load: Load,
-    loads: Sequence[Load],
-    accuracy: Accuracy,
-    model: str,
-    magnet: Magnet,
-    design: Design,
-) -> Estimates:
-    """Errors of a response to one of a path's `loads`, from its companion's.
+def estimate_response(one: Response, other: Response, load: Load, scene: Scene, model: str) -> Estimates:
+    """Errors of a response to one of a scene's loads, from its companion's.
 
     Parameters
     ----------
     one, other : the response, and its companion's.
-    accuracy, model : of the response.
+    load : which the response answers; less than one of the scene where the path stopped on the way.
+    scene : of the response.
+    model : that the response was read from; before a shear it may have no harmonics yet.
     """
-    case = load_case(load, loads, model, magnet, design)
-    rules = RESPONSE_RULES[case, magnet]
+    case, accuracy = load_case(load, scene), scene.accuracy
+    rules = RESPONSE_RULES[case, scene.magnet]
     if load.imperfection and not load.slides and one.shift[0] * other.shift[0] < 0:
         other = _mirrored(other)
-    edge = accuracy.solid_size if model in ("half", "full") else accuracy.section_size
-    radius = max(one.contact_radius / design.D, LEAST_RADIUS)
-    growth = _growth(case, load, magnet, design)
+    edge = accuracy.solid_size if scene.solid else accuracy.section_size
+    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
+    growth = _growth(case, load, scene)
     # what a second harmonic changes is all missing from an answer with one
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
 
@@ -70,7 +62,7 @@ def estimate_response(
     upright = not load.slides and not load.plate_tilt and not load.imperfection
     sideways, along = None, _along(one, load)
     if along:
-        rule = RESPONSE_RULES[case if load.coulomb is None else "friction", magnet].sideways
+        rule = RESPONSE_RULES[case if load.coulomb is None else "friction", scene.magnet].sideways
         assert rule is not None  # all cases with a shear have one
         sideways = estimate(rule, (along,), (_along(other, load),), abs(along) / math.hypot(*one.force))
     return Estimates(
@@ -94,33 +86,32 @@ def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: floa
     return None if difference is None else _bounded(rule, difference, edge, base)
 
 
-def load_case(load: Load, loads: Sequence[Load], model: str, magnet: Magnet, design: Design) -> LoadCase:
-    """The kind of a path's load that a rule is for, see RESPONSE_RULES.
+def load_case(load: Load, scene: Scene) -> LoadCase:
+    """The kind of a scene's load that a rule is for, see RESPONSE_RULES.
 
     >>> from geometry.design import paper
-    >>> load_case(Load(depth=0.5), [Load(depth=0.5)], "axisymmetric", "rigid", paper())
+    >>> load_case(Load(depth=0.5), Scene(paper(), (Load(depth=0.5),)))
     'press'
     """
-    sheared = any(load.slides for load in loads)
-    if model in ("half", "full"):
-        return "solid" if load.plate_tilt or sheared else "solid press"
+    if scene.solid:
+        return "solid" if load.plate_tilt or scene.sideways else "solid press"
     if load.coulomb is not None:
         return "friction"
-    if not sheared:
-        return "deep" if load.depth > ON_LIMIT * press_limits(design, magnet)[0] else "press"
+    if not scene.sideways:
+        return "deep" if load.depth > ON_LIMIT * press_limits(scene.design, scene.magnet)[0] else "press"
     if not load.slides:
         return "pressed"
     if load.grip is not None:
         return "grip"
-    return "far" if load.shear > ON_LIMIT * STICK_SHEAR * design.D else "stick"
+    return "far" if load.shear > ON_LIMIT * STICK_SHEAR * scene.design.D else "stick"
 
 
-def _growth(case: LoadCase, load: Load, magnet: Magnet, design: Design) -> float:
+def _growth(case: LoadCase, load: Load, scene: Scene) -> float:
     """How much more than by its rule to expect of a load beyond those of the study, see DEPTH_POWER."""
-    first, deepest = press_limits(design, magnet)
+    first, deepest = press_limits(scene.design, scene.magnet)
     depth = load.depth / (deepest if case == "deep" else first)
     farthest = FAR_SHEAR if case == "far" else STICK_SHEAR if load.coulomb is None else FRICTION_SHEAR
-    shear = load.shear / (farthest * design.D) if load.slides else 0.0
+    shear = load.shear / (farthest * scene.design.D) if load.slides else 0.0
     return math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
 
 

@@ -13,7 +13,6 @@ Lengths are in units of D and stresses in units of E: omega = sqrt(lambda E / rh
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -24,19 +23,21 @@ from numpy.typing import NDArray
 
 from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
+from fem.contact.contact_extent import contact_end
 from fem.contact.plate_contact import Plate
-from fem.discretisation import elements, rigid_inclusion, symmetry_models
+from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation.mesh_specification import specification
 from fem.discretisation.nonlinear_system import NONE, System
-from fem.equilibrium import contact_end
 from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
-from fem.material import lame, law
+from fem.material import lame
+from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, with_harmonics
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, check_load
+from geometry.loads import Load, Magnet
 
 Array = NDArray[np.float64]
 
@@ -79,20 +80,18 @@ def modes(
     """
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
-    check_load(design, Load(depth=depth), magnet)
-    lowest = _modes(design, magnet, count, depth, accuracy)
+    scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
+    lowest = _modes(scene, count)
     if not estimate:
         return lowest
     try:
-        companion = _modes(design, magnet, count, depth, coarser(accuracy))
+        companion = _modes(replace(scene, accuracy=coarser(accuracy)), count)
     except BadInput:  # a coarse mesh may stop before, or turn unstable
         return lowest
-    return replace(lowest, estimates=estimate_frequencies(lowest, companion, design, magnet, accuracy, depth))
+    return replace(lowest, estimates=estimate_frequencies(lowest, companion, scene))
 
 
-def estimate_frequencies(
-    one: Modes, other: Modes, design: Design, magnet: Magnet, accuracy: Accuracy, depth: float
-) -> tuple[float | None, ...]:
+def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
     """Errors of frequencies, from those of a mesh coarser by COARSER.
 
     The first, second, ... mode of a shape belong together.
@@ -100,8 +99,8 @@ def estimate_frequencies(
     left = {
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
-    rule = TANGENT_RULES["pressed frequency" if depth else "frequency", magnet]
-    edge, unit = accuracy.section_size, _unit(design)
+    rule = TANGENT_RULES["pressed frequency" if scene.loads[0].depth else "frequency", scene.magnet]
+    edge, unit = scene.accuracy.section_size, _unit(scene.design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
         companion = left[name].pop(0) if left[name] else None
@@ -109,14 +108,15 @@ def estimate_frequencies(
     return tuple(errors)
 
 
-def _modes(design: Design, magnet: Magnet, count: int, depth: float, accuracy: Accuracy) -> Modes:
-    press = _pressed(design, magnet, depth, accuracy)
-    found = [*_symmetric(press, design, magnet, count), *_torsion(press, design, magnet, max(count // 3, 2))]
+def _modes(scene: Scene, count: int) -> Modes:
+    press = _pressed(scene)
+    found = [*_symmetric(press, scene, count), *_torsion(press, scene, max(count // 3, 2))]
+    depth = scene.loads[0].depth
     if min(found)[0] < 0:
         raise BadInput(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
-    scale = _unit(design)
+    scale = _unit(scene.design)
     found = sorted(found)[:count]
     frequencies = tuple(math.sqrt(value) * scale for value, _ in found)
     return Modes(frequencies, tuple(name for _, name in found), (None,) * len(found))
@@ -155,27 +155,24 @@ class _Press:
     edge: float | None
 
 
-def _pressed(design: Design, magnet: Magnet, depth: float, accuracy: Accuracy) -> _Press:
+def _pressed(scene: Scene) -> _Press:
     """The press, on a mesh that is fine where the contact ends."""
-    size, d = accuracy.section_size, depth / design.D
-    shape = design.shape.scaled(1 / design.D)
-    silicone = law(design.law, design.law_numbers)
-    build = functools.partial(symmetry_models.section, shape, design.nu, magnet, size, size / 2, silicone)
-    edge = None
-    if d:
-        edge = contact_end(build, accuracy.section_patch, d)
-        build = functools.partial(build, rim=(edge, min(accuracy.section_patch, edge / 4)))
-    path = Path(build())
+    size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
+    depth, edge = scene.loads[0].depth / D, None
+    section = specification(scene, size, size / 2)
+    if depth:
+        edge = contact_end(section, patch, depth)
+        section = replace(section, rim=(edge, min(patch, edge / 4)))
+    path = Path(section.build())
     try:
-        reason, state = path.go(d, np.zeros(2)), path.state
+        reason, state = path.go(depth, np.zeros(2)), path.state
     finally:
         path.close()
     if reason:
         raise BadInput(
-            f"the press stops at depth {state.position[0] * design.D:.4g} mm ({STOPPED[reason]}): "
-            "take a smaller depth"
+            f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    return _Press(state, with_harmonics(state, build(harmonics=2)), edge)
+    return _Press(state, with_harmonics(state, replace(section, harmonics=2).build()), edge)
 
 
 def _glued(press: _Press, system: System, q: Array) -> Plate | None:
@@ -186,19 +183,20 @@ def _glued(press: _Press, system: System, q: Array) -> Plate | None:
     return plate_contact.glued(system.surface, system.state(q).u, press.low.plate, press.edge, press.low.d.shape.H)
 
 
-def _inertia(design: Design, magnet: Magnet) -> tuple[float, float, float]:
+def _inertia(scene: Scene) -> tuple[float, float, float]:
     """Mass of the magnet and its moments of inertia across and along its axis, in units of silicone and D."""
-    if magnet != "rigid":
+    design = scene.design
+    if scene.magnet != "rigid":
         return 0.0, 0.0, 0.0
     a, h = design.magnet_diameter / 2 / design.D, design.magnet_height / design.D
     m = design.magnet_density / design.density * math.pi * a**2 * h
     return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
 
 
-def _symmetric(press: _Press, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+def _symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
     """Eigenvalues and names of axial, bending and ovalling modes."""
     system, q = press.high.d.system, press.high.q
-    m, across, _ = _inertia(design, magnet)
+    m, across, _ = _inertia(scene)
     K = system.assemble(system.state(q), _glued(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
     values, vectors = eigen(K, M, count)
@@ -224,22 +222,22 @@ def _parts(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
     return np.array(energy)
 
 
-def _torsion(press: _Press, design: Design, magnet: Magnet, count: int) -> list[tuple[float, str]]:
+def _torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
     """Eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
-    d = press.low.d
+    d, rigid = press.low.d, scene.magnet == "rigid"
     e = elements.build(d.mesh, axisymmetric=True, angles=elements.twisting())
     fixed = np.zeros((len(e.nodes), 3), dtype=bool)
     fixed[elements.boundary_nodes(d.mesh, "base")] = True
     fixed[elements.boundary_nodes(d.mesh, "axis"), :2] = True
     skin = elements.surface(d.mesh, "skin", e, axisymmetric=True, order=5)
-    glued = elements.boundary_nodes(d.mesh, "magnet") if magnet == "rigid" else NONE
-    body = rigid_inclusion.section(e.nodes[glued] - [0, d.shape.H], e.angles) if magnet == "rigid" else None
-    system = System(e, skin, *lame(1.0, design.nu), fixed, glued, body, law=d.system.law)
+    glued = elements.boundary_nodes(d.mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.section(e.nodes[glued] - [0, d.shape.H], e.angles) if rigid else None
+    system = System(e, skin, *lame(1.0, scene.design.nu), fixed, glued, body, law=d.system.law)
     low = d.system.state(press.low.q)
     u = np.stack([low.u[:, 0], np.zeros(len(low.u)), low.u[:, 1]], axis=1)
     motion = np.append(d.system.motion(press.low.q), 0.0) if body else np.empty(0)
     q = system.unknowns(u, low.p, motion)
-    m, _, along = _inertia(design, magnet)
+    m, _, along = _inertia(scene)
     K = system.assemble(system.state(q), _glued(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
     # torsion does not couple to the rest: keep its unknowns only

@@ -10,7 +10,6 @@ stiffness, motion and tilt of the magnet.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,16 +18,16 @@ from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
-from fem.discretisation import symmetry_models
+from fem.contact.contact_extent import SHARE, contact_end, end_of_contact
+from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.discretisation.nonlinear_system import Assembly
-from fem.discretisation.symmetry_models import Discretisation
-from fem.equilibrium import PRESS_FILLET, SHARE, contact_end, end_of_contact
 from fem.error_estimate_rules import LEAST_DEPTH, LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
-from fem.material import law
 from fem.results.lateral_stiffness import SidewaysModel, lateral, normal_force
 from fem.results.postprocess import pose
+from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
+from fem.solvers.load_case_models import PRESS_FILLET
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, glued, with_harmonics
@@ -139,40 +138,39 @@ def critical(
     """
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     deepest = DEEPEST * room if deepest is None else deepest
-    check_load(design, Load(depth=deepest), magnet)
-    state = _critical(design, magnet, guided, accuracy, deepest)
+    scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
+    state = _critical(scene, guided)
     if not estimate or state.depth is None:
         return state
-    companion = _critical(design, magnet, guided, coarser(accuracy), deepest)
-    return replace(state, estimates=estimate_critical(state, companion, magnet, accuracy, design.D))
+    companion = _critical(replace(scene, accuracy=coarser(accuracy)), guided)
+    return replace(state, estimates=estimate_critical(state, companion, scene))
 
 
-def estimate_critical(
-    one: Critical, other: Critical, magnet: Magnet, accuracy: Accuracy, D: float
-) -> CriticalEstimates:
+def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalEstimates:
     """Errors of a critical state, from what a mesh coarser by COARSER says of it."""
     if one.depth is None or one.force is None:
         return CriticalEstimates()
-    edge, base = accuracy.section_size, max(one.depth / D, LEAST_DEPTH)
+    magnet, edge, base = scene.magnet, scene.accuracy.section_size, max(one.depth / scene.design.D, LEAST_DEPTH)
     return CriticalEstimates(
         depth=estimate_number(TANGENT_RULES["critical depth", magnet], one.depth, other.depth, edge, base),
         force=estimate_number(TANGENT_RULES["critical force", magnet], one.force, other.force, edge, base),
     )
 
 
-def _critical(design: Design, magnet: Magnet, guided: bool, accuracy: Accuracy, deepest: float) -> Critical:
-    end, D = deepest / design.D, design.D
-    rough = _build(design, magnet, QUICK)
+def _critical(scene: Scene, guided: bool) -> Critical:
+    D = scene.design.D
+    end = scene.loads[0].depth / D
+    rough = _section(replace(scene, accuracy=QUICK))
     first = _located(rough, guided, 0.0, min(STEP, end / 8), end)
     if first is None or isinstance(first, float):
         return _none(first or 0.0, end, D)
-    edge = contact_end(rough, RIM * accuracy.section_patch, first.depth)
-    found = _near(_build(design, magnet, accuracy, _rim(edge, accuracy)), guided, first.depth, end)
+    edge = contact_end(rough, RIM * scene.accuracy.section_patch, first.depth)
+    found = _near(_section(scene, edge), guided, first.depth, end)
     if not isinstance(found, float) and abs(found.edge / edge - 1) > MOVED:
-        found = _near(_build(design, magnet, accuracy, _rim(found.edge, accuracy)), guided, found.depth, end)
+        found = _near(_section(scene, found.edge), guided, found.depth, end)
     if isinstance(found, float):
         return _none(found, end, D)
-    return Critical(found.depth * D, found.force * design.E * D**2, found.stable * D, "")
+    return Critical(found.depth * D, found.force * scene.design.E * D**2, found.stable * D, "")
 
 
 def small_shear(
@@ -196,21 +194,21 @@ def small_shear(
         reach the depth.
     """
     check_depth(design, depth, magnet)
-    shear = _small_shear(design, depth, magnet, accuracy)
+    scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
+    shear = _small_shear(scene)
     if not estimate:
         return shear
     try:
-        companion = _small_shear(design, depth, magnet, coarser(accuracy))
+        companion = _small_shear(replace(scene, accuracy=coarser(accuracy)))
     except BadInput:  # a coarse mesh may stop before
         return shear
-    return replace(shear, estimates=estimate_small_shear(shear, companion, magnet, accuracy, design.D))
+    return replace(shear, estimates=estimate_small_shear(shear, companion, scene))
 
 
-def estimate_small_shear(
-    one: SmallShear, other: SmallShear, magnet: Magnet, accuracy: Accuracy, D: float
-) -> SmallShearEstimates:
+def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> SmallShearEstimates:
     """Errors of a small shear, from what a mesh coarser by COARSER says of it."""
-    edge, radius = accuracy.section_size, max(one.contact_radius / D, LEAST_RADIUS)
+    magnet, edge = scene.magnet, scene.accuracy.section_size
+    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
     return SmallShearEstimates(
         stiffness=estimate_number(TANGENT_RULES["stiffness", magnet], one.stiffness, other.stiffness, edge, radius),
         shift=estimate_number(TANGENT_RULES["shift", magnet], one.shift, other.shift, edge, radius),
@@ -218,27 +216,28 @@ def estimate_small_shear(
     )
 
 
-def _small_shear(design: Design, depth: float, magnet: Magnet, accuracy: Accuracy) -> SmallShear:
-    d, D = depth / design.D, design.D
+def _small_shear(scene: Scene) -> SmallShear:
+    D, accuracy = scene.design.D, scene.accuracy
+    depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge = contact_end(_build(design, magnet, rough), RIM * accuracy.section_patch, d)
-    build = _build(design, magnet, accuracy, _rim(edge, accuracy))
-    path = Path(build())
+    edge = contact_end(_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
+    section = _section(scene, edge)
+    path = Path(section.build())
     try:
-        reason, pressed = path.go(d, np.zeros(2)), path.state
+        reason, pressed = path.go(depth, np.zeros(2)), path.state
     finally:
         path.close()
     if reason:
         raise BadInput(
             f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    held = glued(with_harmonics(pressed, build(harmonics=1)), edge)
+    held = glued(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
     system, plate = held.d.system, held.plate
     there = system.assemble(system.state(held.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
     moved = system.assemble(system.state(held.q), shear, tangent=False)
     # the tangent is that of the plate at rest: what its motion adds to the residual is the load
-    return _small(design, pressed, held, _solved(there, there.residual - moved.residual))
+    return _small(scene.design, pressed, held, _solved(there, there.residual - moved.residual))
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
@@ -248,23 +247,11 @@ def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
         raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
 
 
-def _build(
-    design: Design, magnet: Magnet, accuracy: Accuracy, rim: tuple[float, float] | None = None
-) -> functools.partial[Discretisation]:
-    """Builds the section with any number of harmonics."""
-    size, shape = accuracy.section_size, design.shape.scaled(1 / design.D)
-    silicone = law(design.law, design.law_numbers)
-    return functools.partial(
-        symmetry_models.section, shape, design.nu, magnet, size, size / 2, silicone, rim=rim, fillet=PRESS_FILLET
-    )
-
-
-def _rim(edge: float, accuracy: Accuracy) -> tuple[float, float]:
-    return edge, min(RIM * accuracy.section_patch, SHARE * edge)
-
-
-def _path(build: functools.partial[Discretisation]) -> Path:
-    return Path(build(), kappa=KAPPA)
+def _section(scene: Scene, edge: float | None = None) -> MeshSpecification:
+    """The axisymmetric section, fine at the undeformed radius `edge` over D at which the contact ends."""
+    size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
+    rim = None if edge is None else (edge, min(patch, SHARE * edge))
+    return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,28 +271,28 @@ class _StoppedError(ArithmeticError):
     """The press does not reach a depth."""
 
 
-def _near(build: functools.partial[Discretisation], guided: bool, depth: float, end: float) -> _Found | float:
+def _near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _Found | float:
     """What `_located` finds around a depth; from rest on if a stable press does not come so far on this mesh at once.
 
     A state that is unstable already may lie on another branch, which no way back leaves.
     """
     for start in ((1 - AROUND) * depth, 0.0):
-        found = _located(build, guided, start, AROUND * depth if start else depth / 4, end)
+        found = _located(section, guided, start, AROUND * depth if start else depth / 4, end)
         if found is not None:
             return found
     return 0.0
 
 
 def _located(
-    build: functools.partial[Discretisation], guided: bool, start: float, step: float, end: float
+    section: MeshSpecification, guided: bool, start: float, step: float, end: float
 ) -> _Found | float | None:
     """The first instability, looked for from a depth on in steps; the depth reached if there is none.
 
     None where the press does not come to the start, or is unstable there.
     """
-    path = _path(build)
+    path = Path(section.build(), kappa=KAPPA)
     try:
-        return _searched(path, SidewaysModel(functools.partial(build, harmonics=1)), guided, start, step, end)
+        return _searched(path, SidewaysModel(replace(section, harmonics=1).build), guided, start, step, end)
     finally:
         path.close()
 

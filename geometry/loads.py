@@ -88,12 +88,14 @@ class Load:
 
     @property
     def coulomb(self) -> float | None:
-        """Coefficient of Coulomb friction; None where the plate is frictionless or glued.
+        """Coefficient of Coulomb friction; None where the plate is frictionless or glued, and in a grip.
 
         >>> Load(friction=0.3).coulomb, Load(friction=0.0).coulomb, Load(friction="stick").coulomb
         (0.3, None, None)
         """
-        return None if isinstance(self.friction, str) or self.friction == 0 else float(self.friction)
+        if isinstance(self.friction, str) or self.friction == 0 or self.grip is not None:
+            return None
+        return float(self.friction)
 
     @property
     def holds(self) -> bool:

@@ -353,7 +353,7 @@ def test_what_is_set_in_vain_is_said(run, verb):
 
 
 def test_options_that_take_whole_numbers_say_so(run):
-    from fem.equilibrium import MOST_HARMONICS
+    from fem.scene import MOST_HARMONICS
 
     text = run("solve", "--help")[1]
     assert f"0 to {MOST_HARMONICS} (a shear needs 1 or more)" in " ".join(text.replace("│", "").split())

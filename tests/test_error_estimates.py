@@ -8,6 +8,7 @@ import pytest
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
 from fem.error_estimates import estimate_response, load_case
+from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load, Response
 from studies.validation import error_study_cases
@@ -18,7 +19,9 @@ def test_the_error_estimate_never_vanishes():
     r = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 0.01, 1.5)
     load = Load(depth=1.0)
     for magnet in ("rigid", "ignored"):
-        found = estimate_response(r, r, load, [load], STANDARD, "axisymmetric", magnet, paper())
+        found = estimate_response(
+            r, r, load, Scene(paper(), (load,), STANDARD, magnet, "axisymmetric"), "axisymmetric"
+        )
         assert min(found.force, found.shift, found.tilt) > 1e-4
 
 
@@ -27,7 +30,7 @@ def test_the_force_along_the_shear_has_an_estimate_of_its_own():
 
     def estimated(force, other, load):
         one, two = (Response(f, (0.1, 0.0, -0.5), 0.01, 1.5) for f in (force, other))
-        return estimate_response(one, two, load, [load], STANDARD, "harmonic", "rigid", paper())
+        return estimate_response(one, two, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic")
 
     along = Load(depth=1.0, shear_x=1.0, friction="stick")
     across = Load(depth=1.0, shear_y=-1.0, friction="stick")
@@ -45,7 +48,7 @@ def test_the_force_along_the_shear_has_an_estimate_of_its_own():
 def test_with_friction_a_small_force_along_the_shear_is_less_sure():
     load = Load(depth=1.0, shear_x=0.1, friction=0.4)
     small, large = (
-        estimate_response(r, r, load, [load], STANDARD, "harmonic", "rigid", paper()).sideways
+        estimate_response(r, r, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic").sideways
         for r in (Response((x, 0.0, 3.0), (0.1, 0.0, -0.5), 0.01, 1.5) for x in (0.01, 1.0))
     )
     assert small > 5 * large
@@ -56,7 +59,7 @@ def test_a_tilt_that_is_noise_has_no_estimate():
     one = Response((0.0, 0.0, 3.0), (0.0, 0.0, -0.5), 1e-4, 1.5)
     other = replace(one, tilt=-2e-3)
     for load, known in ((Load(depth=1.0), False), (Load(depth=1.0, plate_tilt=0.01), True)):
-        tilt = estimate_response(one, other, load, [load], STANDARD, "half", "rigid", paper()).tilt
+        tilt = estimate_response(one, other, load, Scene(paper(), (load,), STANDARD, "rigid", "half"), "half").tilt
         assert (tilt is not None) is known
 
 
@@ -77,7 +80,7 @@ def test_the_error_estimate_grows_with_the_difference_to_the_companion():
         other = replace(
             r, force=(1.0 + difference, 0.0, 3.0), shift=(0.5 + difference, 0.0, -0.5), tilt=0.2 + difference
         )
-        return estimate_response(r, other, load, [load], STANDARD, "harmonic", "rigid", paper())
+        return estimate_response(r, other, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic")
 
     large, middle, small = (astuple(found(difference)) for difference in (0.1, 0.01, 1e-3))
     assert all(more > less for more, less in zip(large, middle, strict=True))
@@ -88,7 +91,7 @@ def test_estimates_grow_beyond_the_loads_of_the_study():
     def found(depth, shear=0.0):
         load = Load(depth=depth, shear_x=shear, friction="stick" if shear else "none")
         r = Response(force=(1.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
-        return estimate_response(r, r, load, [load], STANDARD, "harmonic", "rigid", paper())
+        return estimate_response(r, r, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic")
 
     assert found(0.8) == found(0.5)
     assert found(2.9) == found(1.0)
@@ -98,7 +101,7 @@ def test_estimates_grow_beyond_the_loads_of_the_study():
 
 def test_deep_presses_and_far_shears_have_rules_of_their_own():
     def cases(loads):
-        return [load_case(load, [load], "harmonic", "rigid", paper()) for load in loads]
+        return [load_case(load, Scene(paper(), (load,), model="harmonic")) for load in loads]
 
     assert cases(Load(depth=depth) for depth in (0.9, 0.92)) == ["press", "deep"]
     sheared = (Load(depth=0.5, shear_x=0.6 * far, shear_y=0.8 * far, friction="stick") for far in (1.2, 1.3))
@@ -109,13 +112,13 @@ def test_deep_presses_and_far_shears_have_rules_of_their_own():
 def test_a_press_has_another_rule_on_the_path_of_a_shear_with_friction_and_on_tetrahedra():
     """Its mesh is fine where the contact ends if the path shears, and with tetrahedra only then."""
     press, shear = Load(depth=1.0, friction="stick"), Load(depth=1.0, shear_x=1.0, friction="stick")
-    assert load_case(press, [press, shear], "harmonic", "rigid", paper()) == "pressed"
+    assert load_case(press, Scene(paper(), (press, shear), model="harmonic")) == "pressed"
     rubbed = Load(depth=1.0, friction=0.3)
-    assert load_case(rubbed, [rubbed], "axisymmetric", "rigid", paper()) == "friction"
-    assert load_case(press, [press], "half", "rigid", paper()) == "solid press"
-    assert load_case(press, [press, shear], "half", "rigid", paper()) == "solid"
+    assert load_case(rubbed, Scene(paper(), (rubbed,), model="axisymmetric")) == "friction"
+    assert load_case(press, Scene(paper(), (press,), model="half")) == "solid press"
+    assert load_case(press, Scene(paper(), (press, shear), model="half")) == "solid"
     tilted = Load(depth=1.0, plate_tilt=0.1)
-    assert load_case(tilted, [tilted], "half", "rigid", paper()) == "solid"
+    assert load_case(tilted, Scene(paper(), (tilted,), model="half")) == "solid"
 
 
 def test_a_companion_that_leans_to_the_other_side_is_mirrored():
@@ -123,7 +126,8 @@ def test_a_companion_that_leans_to_the_other_side_is_mirrored():
     one = Response(force=(0.0, 0.0, 4.0), shift=(0.4, 0.0, -0.3), tilt=0.1, contact_radius=2.0)
     other = Response(force=(0.0, 0.0, 4.0), shift=(-0.4, 0.0, -0.3), tilt=-0.1, contact_radius=2.0)
     same, mirrored = (
-        estimate_response(one, r, load, [load], STANDARD, "harmonic", "rigid", paper()) for r in (one, other)
+        estimate_response(one, r, load, Scene(paper(), (load,), STANDARD, "rigid", "harmonic"), "harmonic")
+        for r in (one, other)
     )
     assert mirrored == same
 
@@ -144,7 +148,7 @@ def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
     """Force, shift and contact radius of meshes at level quick, and what a fine section gives."""
     design, load = error_study_cases.designs()[number], Load(depth=depth)
     one, other = (Response((0.0, 0.0, f), (0.0, 0.0, w), 0.0, a) for f, w, a in (found, coarse))
-    estimates = estimate_response(one, other, load, [load], QUICK, "half", magnet, design)
+    estimates = estimate_response(one, other, load, Scene(design, (load,), QUICK, magnet, "half"), "half")
     assert estimates.force > abs(found[0] / true[0] - 1)
     assert estimates.shift > abs(found[1] / true[1] - 1)
 
@@ -154,5 +158,5 @@ def test_estimates_of_a_shear_on_tetrahedra_hold_where_its_companion_agrees():
     load = Load(depth=0.8, shear_x=1.2, friction="stick")
     one = Response((0.70558, 0.0, 2.74163), (0.48175, 0.0, -0.21013), 0.097449, 1.86)
     true = Response((0.69371, 0.0, 2.72686), (0.48187, 0.0, -0.21182), 0.097655, 1.86)
-    estimates = estimate_response(one, one, load, [load], QUICK, "half", "rigid", paper())
+    estimates = estimate_response(one, one, load, Scene(paper(), (load,), QUICK, "rigid", "half"), "half")
     assert estimates.sideways > one.force[0] / true.force[0] - 1

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from fem.accuracy import QUICK
-from fem.equilibrium import choose_model, trace
+from fem.equilibrium import trace
+from fem.scene import choose_model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, check_load
 

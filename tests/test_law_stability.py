@@ -7,6 +7,7 @@ from fem import equilibrium
 from fem.accuracy import STANDARD
 from fem.discretisation import element_integrals
 from fem.results import material_stability
+from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.simulation import law_stability as work
@@ -53,7 +54,7 @@ def test_in_every_mode_principal_stretches_stay_within_those_of_the_test(stretch
 def visited(depth):
     """Logarithms of principal stretches (n, 3) and volumes (n,) at points of integration of the paper's sensor."""
     load = Load(depth=depth)
-    path = equilibrium._start(paper(), [load], STANDARD, "rigid", "axisymmetric", None)
+    path = equilibrium.start(Scene(paper(), (load,), STANDARD))
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e, u = path.state.d.system.elements, path.state.u

@@ -177,7 +177,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     def fail(*_, **__):
         raise RuntimeError("fTetWild failed: try another size")
 
-    monkeypatch.setattr(equilibrium, "_start", fail)
+    monkeypatch.setattr(equilibrium, "start", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")
     assert (status, err) == (3, "magtip: fTetWild failed: try another size\n")
     (state,) = strict(out)
@@ -249,10 +249,10 @@ def test_options_as_loads(given, loads):
 
 def test_choices_match_the_solver():
     from fem import accuracy as accuracy_levels
-    from fem import equilibrium
+    from fem import scene
     from studies.inputs.user_input import AccuracyName
 
-    assert get_args(option_groups.Model) == get_args(equilibrium.Model)
+    assert get_args(option_groups.Model) == get_args(scene.Model)
     assert set(get_args(AccuracyName)) == set(accuracy_levels.LEVELS)
 
 

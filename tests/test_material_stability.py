@@ -10,6 +10,7 @@ from fem.accuracy import QUICK
 from fem.material import kinematics, law, strain
 from fem.results import material_stability
 from fem.results.postprocess import read
+from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 
@@ -49,7 +50,7 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
 @pytest.mark.parametrize(("depth", "lost"), [(0.05, False), (0.16, True)])
 def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lost):
     load = Load(depth=depth)
-    path = equilibrium._start(SOFT, [load], QUICK, "rigid", "axisymmetric", None)
+    path = equilibrium.start(Scene(SOFT, (load,), QUICK))
     try:
         assert not path.go(depth / SOFT.D, np.zeros(2))
         state = read(path.state, SOFT, load, np.array([1.0, 0.0]), "no_convergence")
@@ -93,7 +94,7 @@ def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, number
 
 
 def test_what_is_always_stable_is_never_lost():
-    path = equilibrium._start(paper(), [Load(depth=2.0)], QUICK, "rigid", "axisymmetric", None)
+    path = equilibrium.start(Scene(paper(), (Load(depth=2.0),), QUICK))
     try:
         assert not path.go(2.0 / paper().D, np.zeros(2))
         assert material_stability.lost(path.state.d.system, path.state.u) is None

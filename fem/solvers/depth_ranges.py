@@ -11,9 +11,8 @@ deeper presses. The bounds are the same for every path, so that no state depends
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-from fem.discretisation import symmetry_models
+from fem.scene import Scene
 from fem.solvers.path_state import FIRST_TOUCH
 from geometry.loads import Load
 
@@ -23,21 +22,24 @@ of the ranges below, whose meshes are graded to the lower one. Depths that miss 
 those of similar designs may by rounding, count as on it."""
 
 
-def parts(loads: Sequence[Load], D: float, model: symmetry_models.Model) -> list[list[Load]]:
-    """The loads in a row that one path on one mesh follows, each part from the unloaded state on.
+def parts(scene: Scene) -> list[tuple[Load, ...]]:
+    """The loads of a scene in a row that one path on one mesh follows, each part from the unloaded state on.
 
     A press without friction, also one before a glued plate shears, can be reached straight from the unloaded state.
     With Coulomb friction that is so as long as the plate has only come down. Such presses begin a new part where
     their mesh is another one; tetrahedra are not graded to the depth.
 
-    >>> [[load.depth for load in part] for part in parts([Load(depth=d) for d in (0.05, 0.1, 1, 2)], 8.0, "harmonic")]
+    >>> from geometry.design import paper
+    >>> scene = Scene(paper(), tuple(Load(depth=d) for d in (0.05, 0.1, 1, 2)), model="harmonic")
+    >>> [[load.depth for load in part] for part in parts(scene)]
     [[0.05], [0.1], [1, 2]]
     """
+    D = scene.design.D
     found: list[list[Load]] = []
     present = deepest = 0.0
-    remembers = loads[0].coulomb is not None
-    straight = model in ("axisymmetric", "harmonic") and loads[0].grip is None
-    for load in loads:
+    remembers = scene.coulomb is not None
+    straight = not scene.solid and scene.grip is None
+    for load in scene.loads:
         straight = straight and not (remembers and load.depth < deepest)
         graded = graded_depth(load.depth / D) if load.depth > FIRST_TOUCH * D else present
         if found and (not straight or graded == present or not present):
@@ -46,7 +48,7 @@ def parts(loads: Sequence[Load], D: float, model: symmetry_models.Model) -> list
             found.append([load])
         present, deepest = graded, load.depth
         straight = straight and not (remembers and load.slides)
-    return found
+    return [tuple(part) for part in found]
 
 
 def graded_depth(depth: float) -> float:

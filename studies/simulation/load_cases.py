@@ -168,14 +168,13 @@ def solve(
         At once, if the files cannot be written or the loads fit neither the design, the method nor each other.
     """
     from fem import equilibrium
+    from fem.scene import Scene
 
     vtu = None if out is None else atomic_files.check_output_file(out, ".vtu")
     png = None if picture is None else atomic_files.check_output_file(picture, ".png")
     method, mesh = _given(design, method)
-    level = _level(loads, method)
-    found = equilibrium.walk(
-        design, loads, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
-    )
+    scene = Scene(design, tuple(loads), _level(loads, method), method.magnet, method.model)
+    found = equilibrium.walk(scene, progress=progress, mesh=mesh)
     return _records(design, loads, method, found, vtu, png)
 
 
@@ -201,15 +200,14 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
 def _level(loads: list[Load], method: Method) -> Accuracy:
     """The accuracy, with the number of harmonics asked for."""
     from fem import accuracy as accuracy_levels
-    from fem import equilibrium
+    from fem.scene import MOST_HARMONICS, choose_model
 
     level, harmonics = accuracy_levels.LEVELS[method.accuracy], method.harmonics
     if harmonics is None:
         return level
-    most = equilibrium.MOST_HARMONICS
-    if not 0 <= harmonics <= most:
-        raise BadInput(f"--harmonics must be a whole number between 0 and {most}; got {harmonics}")
-    model = equilibrium.choose_model(loads, method.model)
+    if not 0 <= harmonics <= MOST_HARMONICS:
+        raise BadInput(f"--harmonics must be a whole number between 0 and {MOST_HARMONICS}; got {harmonics}")
+    model = choose_model(loads, method.model)
     if model != "harmonic":
         raise BadInput(f"--harmonics is for model harmonic, but this load uses model {model}: add --model harmonic")
     if harmonics == 0 and any(load.shear for load in loads):

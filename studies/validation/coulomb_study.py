@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from fem.accuracy import QUICK, STANDARD, Accuracy
-from fem.equilibrium import Model, trace
+from fem.equilibrium import trace
+from fem.scene import Model
 from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Load, Magnet

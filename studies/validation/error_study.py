@@ -16,8 +16,8 @@ from pathlib import Path
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, Accuracy, coarser
-from fem.equilibrium import Model
 from fem.error_estimates import estimate_response
+from fem.scene import Model, Scene
 from geometry.loads import Load, Magnet, Response
 from studies.output import result_store
 from studies.output.provenance import ROOT
@@ -156,9 +156,8 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
     """The states of a trial, without estimates; an exception is the last state, with its text as the message."""
     states, begin = [], time.process_time()
     try:
-        for s in equilibrium.walk(
-            trial.design, trial.loads, accuracy, magnet=trial.magnet, model=trial.model, estimate=False
-        ):
+        scene = Scene(trial.design, trial.loads, accuracy, trial.magnet, trial.model)
+        for s in equilibrium.walk(scene, estimate=False):
             spent, begin = time.process_time() - begin, time.process_time()
             states.append(SolvedState(s.status, s.message, s.model, s.dofs, s.newton_iterations, spent, s.response))
     except Exception as error:
@@ -239,7 +238,8 @@ def _path_solve(state: SolvedState, response: Response) -> PathSolve:
 def _judged(task: Task, model: str, load: Load, one: Response, other: Response, truth: Response) -> Iterator[Judged]:
     """True errors and estimates, NaN where there is nothing to be relative to."""
     trial = task.trial
-    estimates = estimate_response(one, other, load, trial.loads, task.level, model, trial.magnet, trial.design)
+    scene = Scene(trial.design, trial.loads, task.level, trial.magnet, trial.model)
+    estimates = estimate_response(one, other, load, scene, model)
     sideways = truth.force[0] if load.shear_x else 0.0
     vectors = (
         ("force", one.force, truth.force, estimates.force),

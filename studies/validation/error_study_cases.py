@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fem.accuracy import Accuracy
-from fem.equilibrium import Model
 from fem.error_estimate_rules import FAR_SHEAR, FRICTION_SHEAR, PRESS_DEPTH, STICK_SHEAR, press_limits
+from fem.scene import Model
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 

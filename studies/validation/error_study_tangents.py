@@ -13,6 +13,7 @@ from fem import modes, stability
 from fem.accuracy import Accuracy
 from fem.error_estimate_rules import PRESS_DEPTH, press_limits
 from fem.modes import Modes
+from fem.scene import Scene
 from fem.stability import Critical, SmallShear
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
@@ -96,21 +97,20 @@ def states_of(trial: Trial, level: Accuracy, paths: Mapping[str, Sequence[Solved
         level_solve, companion, reference = (TangentSolve(solved[role].cpu_s) for role in ROLES)
         state = replace(state, solve=level_solve, companion=companion, reference=reference)
         one, other, truth = (solved[role].tangent for role in ROLES)
+        scene = Scene(trial.design, (load,), level, trial.magnet)
         if isinstance(one, Modes) and isinstance(other, Modes) and isinstance(truth, Modes):
-            estimates = modes.estimate_frequencies(one, other, trial.design, trial.magnet, level, load.depth)
+            estimates = modes.estimate_frequencies(one, other, scene)
             judged = _judged_frequencies(replace(one, estimates=estimates), truth)
             states += [replace(state, shape=shape, judged=(frequency,)) for shape, frequency in judged]
         else:
-            states.append(replace(state, judged=_judged(trial, level, one, other, truth)))
+            states.append(replace(state, judged=_judged(scene, one, other, truth)))
     return states
 
 
-def _judged(
-    trial: Trial, level: Accuracy, one: Tangent | None, other: Tangent | None, truth: Tangent | None
-) -> tuple[Judged, ...]:
+def _judged(scene: Scene, one: Tangent | None, other: Tangent | None, truth: Tangent | None) -> tuple[Judged, ...]:
     """Errors and estimates of a critical state or a small shear, as a user would get them."""
     if isinstance(one, Critical) and isinstance(other, Critical) and isinstance(truth, Critical):
-        critical = stability.estimate_critical(one, other, trial.magnet, level, trial.design.D)
+        critical = stability.estimate_critical(one, other, scene)
         return (
             judged("depth", one.depth, truth.depth, critical.depth, other.depth),
             judged("force", one.force, truth.force, critical.force, other.force),
@@ -118,7 +118,7 @@ def _judged(
     assert isinstance(one, SmallShear)
     assert isinstance(other, SmallShear)
     assert isinstance(truth, SmallShear)
-    small = stability.estimate_small_shear(one, other, trial.magnet, level, trial.design.D)
+    small = stability.estimate_small_shear(one, other, scene)
     return (
         judged("stiffness", one.stiffness, truth.stiffness, small.stiffness, other.stiffness),
         judged("shift", one.shift, truth.shift, small.shift, other.shift),

@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 
 from fem.accuracy import Accuracy
-from fem.equilibrium import Model, trace
+from fem.equilibrium import trace
+from fem.scene import Model
 from fem.solution import Solution
 from geometry.design import LEAST_WALL, Design, Shape, paper
 from geometry.loads import Load, Magnet

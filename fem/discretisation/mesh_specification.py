@@ -1,0 +1,68 @@
+"""What a mesh and its unknowns are made with, in units of D: a value that is varied field by field and then built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import skfem
+
+from fem.discretisation import symmetry_models
+from fem.discretisation.symmetry_models import Discretisation
+from fem.material import Law
+from fem.scene import Scene
+from geometry.design import Shape
+from geometry.loads import Magnet
+from geometry.meshing.section_grading import FILLET
+
+
+@dataclass(frozen=True, slots=True)
+class MeshSpecification:
+    """A section of revolution or a solid of tetrahedra, and what it carries. Lengths are over D.
+
+    Attributes
+    ----------
+    shape, nu, magnet, law : the beam, Poisson's ratio, "rigid" or "ignored", and the law with stresses over E.
+    size, tip_size : edge lengths of the mesh, and at its tip.
+    body : "section", or tetrahedra of "half" the solid (y >= 0) or of its "full" extent.
+    fillet : edge length at the magnet's fillet over its radius, on a section.
+    rim : undeformed radius at which the patch of contact will end, and the edge length there; None for no refinement.
+    push : dead force along x, spread over the dome, over E D^2.
+    harmonics : number of harmonics on a section; 0 is axisymmetric.
+    skin_harmonics : number that the skin's angles of integration are enough for, if it is more than `harmonics`.
+    mesh : tetrahedra in units of D to take; sizes and rim do not count then.
+    """
+
+    shape: Shape
+    nu: float
+    magnet: Magnet
+    law: Law
+    size: float
+    tip_size: float
+    body: Literal["section", "half", "full"] = "section"
+    fillet: float = FILLET
+    rim: tuple[float, float] | None = None
+    push: float = 0.0
+    harmonics: int = 0
+    skin_harmonics: int = 0
+    mesh: skfem.MeshTet2 | None = None
+
+    def build(self) -> Discretisation:
+        """The meshed model; equal sizes share a mesh."""
+        of_beam = self.shape, self.nu, self.magnet, self.size, self.tip_size, self.law
+        if self.body == "section":
+            return symmetry_models.section(
+                *of_beam,
+                harmonics=self.harmonics,
+                rim=self.rim,
+                push=self.push,
+                around=self.skin_harmonics,
+                fillet=self.fillet,
+            )
+        half = self.body == "half"
+        return symmetry_models.solid(*of_beam, half=half, rim=self.rim, push=self.push, given=self.mesh)
+
+
+def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:
+    """A section of a scene's beam with these edge lengths over D."""
+    return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, scene.law, size, tip_size)

@@ -1,0 +1,224 @@
+"""One problem for the finite elements: design, loads, accuracy, magnet and model, checked when it is made.
+
+Lengths over D and forces over E D^2 tell scenes apart: designs of one law that differ only in E, f or scale are the
+same problem, see `Scene.dimensionless`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from fem.accuracy import STANDARD, Accuracy
+from fem.material import Law, law
+from geometry.design import BadInput, Design, Shape
+from geometry.loads import Load, Magnet, check_load
+
+Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
+
+MOST_HARMONICS = 12
+LEAST_SPOT = 0.01
+"""Least radius over D of a gripped spot of skin: springs as soft as those of a grip let a smaller one slip by more
+than a percent."""
+DIGITS = 12
+"""Significant digits to which the numbers of two dimensionless scenes must agree to be one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One problem for the finite elements.
+
+    Attributes
+    ----------
+    design : the sensor.
+    loads : a path of them, all of one kind (plate or grip, friction, tilt of the plate, imperfection); under a glued
+        plate the depth must not change once it has sheared. With Coulomb friction the answer depends on the path: the
+        plate may come and go.
+    accuracy : level of the meshes.
+    magnet : "rigid", or "ignored" for a beam that is all silicone.
+    model : "auto" becomes the smallest model that can carry the loads.
+
+    Raises
+    ------
+    BadInput
+        The loads do not fit the design, the model, the accuracy or each other.
+
+    Examples
+    --------
+    >>> from geometry.design import paper
+    >>> Scene(paper(), (Load(depth=1.0), Load(depth=2.0))).model
+    'axisymmetric'
+    """
+
+    design: Design
+    loads: tuple[Load, ...]
+    accuracy: Accuracy = STANDARD
+    magnet: Magnet = "rigid"
+    model: Model = "auto"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "loads", tuple(self.loads))
+        if not self.loads:
+            raise BadInput("a path needs at least one load")
+        for load in self.loads:
+            _check_spot(self.design, load)
+            check_load(self.design, load, self.magnet)
+        object.__setattr__(self, "model", choose_model(self.loads, self.model))
+        _check_path(self.loads)
+        grip = self.loads[0].grip
+        if grip is not None and self.solid:
+            _check_cap(self.design, grip, self.accuracy.solid_patch)
+
+    @property
+    def solid(self) -> bool:
+        """Whether the model is one of tetrahedra."""
+        return self.model in ("half", "full")
+
+    @property
+    def sheared(self) -> Load | None:
+        """The first load that moves the tip sideways, None in a press."""
+        return next((load for load in self.loads if load.slides), None)
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Unit vector in the user's (x, y) along which the model's x axis points: that of the shear, x for "full"."""
+        sheared = self.sheared
+        return (1.0, 0.0) if sheared is None or self.model == "full" else sheared.direction
+
+    @property
+    def sideways(self) -> bool:
+        """Whether any load moves the tip sideways."""
+        return self.sheared is not None
+
+    @property
+    def shape(self) -> Shape:
+        """The beam's shape over D."""
+        return self.design.shape.scaled(1 / self.design.D)
+
+    @property
+    def law(self) -> Law:
+        """The silicone's law, stresses over E."""
+        return law(self.design.law, self.design.law_numbers)
+
+    @property
+    def grip(self) -> float | None:
+        """Height over D within which the skin is gripped; None under a plate."""
+        grip = self.loads[0].grip
+        return None if grip is None else grip / self.design.D
+
+    @property
+    def plate_tilt(self) -> float:
+        """Tilt of the plate, rad."""
+        return self.loads[0].plate_tilt
+
+    @property
+    def coulomb(self) -> float | None:
+        """Coefficient of Coulomb friction; None where the plate is frictionless or glued."""
+        return self.loads[0].coulomb
+
+    @property
+    def push(self) -> float:
+        """The imperfection, a dead force along x, over E D^2."""
+        return self.loads[0].imperfection / (self.design.E * self.design.D**2)
+
+    def dimensionless(self) -> dict[str, Any]:
+        """All that its states depend on, as plain values: lengths over D, forces over E D^2, angles in rad.
+
+        Numbers are rounded to DIGITS significant digits, so that similar designs share them.
+        """
+        D = self.design.D
+        shape = self.design.shape if self.magnet == "rigid" else self.design.shape.without_magnet()
+        loads = [
+            {
+                "depth": load.depth / D,
+                "shear": [load.shear_x / D, load.shear_y / D],
+                "friction": load.friction,
+                "grip": None if load.grip is None else load.grip / D,
+                "plate_tilt": load.plate_tilt,
+                "imperfection": load.imperfection / (self.design.E * D**2),
+            }
+            for load in self.loads
+        ]
+        content = {
+            "shape": dataclasses.asdict(shape.scaled(1 / D)),
+            "nu": self.design.nu,
+            "law": [self.design.law, *self.design.law_numbers],
+            "loads": loads,
+            "accuracy": {name: value for name, value in dataclasses.asdict(self.accuracy).items() if name != "name"},
+            "magnet": self.magnet,
+            "model": self.model,
+        }
+        return {name: _rounded(value) for name, value in content.items()}
+
+
+def choose_model(loads: Sequence[Load], model: Model) -> Model:
+    """The smallest model that can answer the loads, or BadInput if the one asked for cannot.
+
+    >>> choose_model([Load(depth=1.0)], "auto")
+    'axisymmetric'
+    """
+    sideways = any(load.slides or load.imperfection for load in loads)
+    tilted = any(load.plate_tilt for load in loads)
+    fixed = {0.0} if tilted or any(load.imperfection for load in loads) else set()
+    turns = len({load.axis for load in loads if load.slides} | fixed) > 1
+    if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
+        raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
+    if model == "axisymmetric" and sideways:
+        raise BadInput("model axisymmetric cannot carry a shear or an imperfection: choose auto or harmonic")
+    if model in ("axisymmetric", "harmonic") and tilted:
+        raise BadInput(f"model {model} cannot carry a tilted plate: choose auto, half or full")
+    if model in ("harmonic", "half") and turns:
+        raise BadInput(f"model {model} carries shear and tilt in one plane only: choose auto or full")
+    if model == "auto":
+        return "full" if turns else "half" if tilted else "harmonic" if sideways else "axisymmetric"
+    return model
+
+
+def _check_path(loads: Sequence[Load]) -> None:
+    first = loads[0]
+    if any(
+        (load.grip, load.friction, load.plate_tilt, load.imperfection)
+        != (first.grip, first.friction, first.plate_tilt, first.imperfection)
+        for load in loads
+    ):
+        raise BadInput("all loads of a path must have the same grip, friction, plate tilt and imperfection")
+    glued: float | None = None
+    for load in loads:
+        if glued is not None and load.depth != glued:
+            raise BadInput(
+                f"the plate sticks to the tip since depth {glued:g} mm and cannot move to {load.depth:g} mm: "
+                "press to the full depth before the shear"
+            )
+        if load.glues:
+            if load.depth == 0:
+                raise BadInput(
+                    "a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact"
+                )
+            glued = load.depth
+
+
+def _check_spot(design: Design, load: Load) -> None:
+    """Refuse a grip of so small a spot of skin that it would not be held firmly."""
+    least = LEAST_SPOT**2 * design.D
+    if load.grip is not None and load.grip < least:
+        raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
+
+
+def _check_cap(design: Design, grip: float, patch_size: float) -> None:
+    """Refuse a grip whose cap of skin is narrower than two elements."""
+    least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
+    if grip < least:
+        raise BadInput(
+            f"grip must be at least {least:.3g} mm for the mesh of this accuracy to resolve it; got {grip:g} mm"
+        )
+
+
+def _rounded(value: Any) -> Any:
+    """A plain value with its numbers rounded to DIGITS significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}") + 0.0
+    if isinstance(value, dict):
+        return {name: _rounded(one) for name, one in value.items()}
+    return [_rounded(one) for one in value] if isinstance(value, (list, tuple)) else value
