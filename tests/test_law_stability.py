@@ -58,7 +58,9 @@ def visited(depth):
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e, u = path.state.d.system.elements, path.state.u
-        return material_stability.strains(e, slice(None), u), element_integrals.volumes(e, slice(None)).ravel()
+        return material_stability.logarithmic_strains(e, slice(None), u), element_integrals.volumes(
+            e, slice(None)
+        ).ravel()
     finally:
         path.close()
 

@@ -27,11 +27,11 @@ def test_stiffness_is_the_second_derivative_of_the_energy(name, numbers):
     def energy(at):
         return silicone(kinematics(strain(np.diag(np.expm1(at)))), 1.0)[0]
 
-    _, D = material_stability.stiffness(silicone, h[None])
+    _, D = material_stability.stress_and_stiffness(silicone, h[None])
     for way in ways:
         bent = (energy(h + step * way) - 2 * energy(h) + energy(h - step * way)) / step**2
         assert way @ D[0] @ way == pytest.approx(bent, rel=1e-5)
-        assert material_stability.least(D)[0] <= bent / (way @ way) * (1 + 1e-5)
+        assert material_stability.least_stiffness(D)[0] <= bent / (way @ way) * (1 + 1e-5)
 
 
 def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
@@ -41,7 +41,7 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
     x = np.exp(2 * h) + 2 * np.exp(-h) - 3
     bent = np.gradient(np.gradient((x - 0.2 * x**2) / 2, h), h)
     way = h[:, None] * np.array([1.0, -0.5, -0.5])
-    least = material_stability.least(material_stability.stiffness(silicone, way)[1])
+    least = material_stability.least_stiffness(material_stability.stress_and_stiffness(silicone, way)[1])
     end = h[np.argmax(least <= 0)]
     assert end <= h[np.argmax(bent < 0)] + 1e-3
     assert 0 < np.exp(2 * end) + 2 * np.exp(-end) - 3 < 2.5
@@ -87,9 +87,8 @@ def test_a_good_state_says_where_it_is_beyond_its_law(depth, lost):
 def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, numbers):
     silicone = law(name, numbers)
     h = np.random.default_rng(0).uniform(-2, 2, (2000, 3))
-    stable = (
-        material_stability.least(material_stability.stiffness(silicone, h - h.mean(axis=1, keepdims=True))[1]) > 0
-    ).all()
+    _, D = material_stability.stress_and_stiffness(silicone, h - h.mean(axis=1, keepdims=True))
+    stable = (material_stability.least_stiffness(D) > 0).all()
     assert material_stability.always_stable(silicone) == stable
 
 
@@ -97,6 +96,6 @@ def test_what_is_always_stable_is_never_lost():
     path = equilibrium.start(Scene(paper(), (Load(depth=2.0),), QUICK))
     try:
         assert not path.go(2.0 / paper().D, np.zeros(2))
-        assert material_stability.lost(path.state.d.system, path.state.u) is None
+        assert material_stability.find_loss(path.state.d.system, path.state.u) is None
     finally:
         path.close()

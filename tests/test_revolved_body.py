@@ -44,7 +44,7 @@ def rigid(N, phi, move):
 
 @pytest.mark.parametrize("magnet", ["hole", "none"])
 def test_volume_is_that_of_the_silicone(magnet):
-    solid = revolved_body.body(field(2, lambda k, r, z: 0 * r, lambda n, r, z: 0 * r, magnet=magnet))
+    solid = revolved_body.revolve(field(2, lambda k, r, z: 0 * r, lambda n, r, z: 0 * r, magnet=magnet))
     dx = skfem.Basis(solid.mesh, skfem.ElementTetP2(), intorder=6).dx
     shape = paper().shape
     silicone = beam_volume(shape) - (magnet_volume(shape) if magnet == "hole" else 0.0)
@@ -55,7 +55,7 @@ def test_volume_is_that_of_the_silicone(magnet):
 @pytest.mark.parametrize("N", [1, 2, 3])
 def test_rigid_motions_are_exact(N):
     phi, move = 0.3, (0.7, -0.2)
-    solid = revolved_body.body(rigid(N, phi, move))
+    solid = revolved_body.revolve(rigid(N, phi, move))
     turn = np.array([[math.cos(phi), 0, math.sin(phi)], [0, 1, 0], [-math.sin(phi), 0, math.cos(phi)]])
     exact = solid.mesh.doflocs.T @ (turn - np.eye(3)).T + [move[0], 0, move[1]]
     assert np.abs(solid.u - exact).max() < 1e-12
@@ -63,14 +63,14 @@ def test_rigid_motions_are_exact(N):
 
 def test_pressures_follow_their_harmonics():
     none = lambda k, r, z: 0 * r  # noqa: E731
-    solid = revolved_body.body(field(2, none, none, lambda n, r, z: (z, r, r**2)[n]))
+    solid = revolved_body.revolve(field(2, none, none, lambda n, r, z: (z, r, r**2)[n]))
     x, y, z = solid.mesh.doflocs[:, solid.vertices]
     assert np.abs(solid.p - (z + x + x**2 - y**2)).max() < 1e-12
 
 
 def test_nodes_on_the_axis_are_there_once():
     given = rigid(2, 0.3, (0.7, -0.2))
-    solid = revolved_body.body(given)
+    solid = revolved_body.revolve(given)
     x = solid.mesh.doflocs
     on_axis = np.hypot(x[0], x[1]) < 1e-9
     rest = given.mesh.doflocs[:, given.mesh.doflocs[0] < 1e-9]
@@ -80,7 +80,7 @@ def test_nodes_on_the_axis_are_there_once():
 
 def test_outer_faces_are_skin_base_magnet_or_the_plane_of_symmetry():
     given = rigid(2, 0.0, (0.0, 0.0))
-    solid = revolved_body.body(given)
+    solid = revolved_body.revolve(given)
     mesh = solid.mesh
     facets = mesh.boundary_facets()
     middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
@@ -101,7 +101,7 @@ def test_outer_faces_are_skin_base_magnet_or_the_plane_of_symmetry():
 def test_between_nodes_the_series_is_interpolated():
     wave = lambda k, r, z: np.where(k == -1, 1.0, r ** abs(k + 1)) * np.sin(z / 9) / (2 + abs(k))  # noqa: E731
     rise = lambda n, r, z: r**n * z / 50  # noqa: E731
-    solid = revolved_body.body(field(2, wave, rise))
+    solid = revolved_body.revolve(field(2, wave, rise))
     basis = skfem.Basis(solid.mesh, skfem.ElementVector(skfem.ElementTetP2()), intorder=4)
     dofs = np.zeros(basis.N)
     dofs[basis.get_dofs(elements=True).flatten()] = 0
@@ -126,7 +126,7 @@ def test_body_lies_in_the_users_frame():
     (solution,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert solution.model == "harmonic"
     assert solution.load.direction == pytest.approx((math.sqrt(0.5), -math.sqrt(0.5)))
-    solid = revolved_body.in_place(solution)
+    solid = revolved_body.place(solution)
     top = np.argmax(solid.mesh.doflocs[2])
     assert solid.u[top, :2] == pytest.approx([1.0, -1.0], abs=2e-3)
     # the half that is kept lies on one side of the plane of the shear

@@ -56,7 +56,7 @@ def gather(
     remark = None if stop else _choose_remark(state, solution, D, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
-    stretches = material_stability.lost(state.d.system, state.u, reach)
+    stretches = material_stability.find_loss(state.d.system, state.u, reach)
     return Facts(
         stop=stop,
         unstable_directions=state.unstable,

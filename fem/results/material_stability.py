@@ -26,7 +26,7 @@ STEPS, BATCH = 200, 256
 """Steps in which the strain is found where stability is lost, and elements at a time."""
 
 
-def stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
+def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
     """Kirchhoff stresses (n, 3) without a pressure, and their derivatives by h (n, 3, 3); both over mu.
 
     Parameters
@@ -40,18 +40,25 @@ def stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
     return tau, slopes * stretch[:, :, None] * stretch[:, None, :] + tau[:, :, None] * np.eye(3)
 
 
-def least(D: Array) -> Array:
-    """Least d(tau) : d(h) over mu and a change of unit size that keeps the volume, shape (n,), of `stiffness`.
+def least_stiffness(D: Array) -> Array:
+    """Least d(tau) : d(h) over mu and a change of unit size that keeps the volume, shape (n,).
 
+    Parameters
+    ----------
+    D : derivatives of the stresses by h, as `stress_and_stiffness` gives them, shape (n, 3, 3).
+
+    Examples
+    --------
     >>> from fem.material import neo_hookean
-    >>> round(float(least(stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
+    >>> round(float(least_stiffness(stress_and_stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
     2.0
     """
+    # changes that keep the volume are those in the plane across (1, 1, 1)
     plane = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
     return np.asarray(np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0])
 
 
-def strains(e: Elements, part: slice, u: Array) -> Array:
+def logarithmic_strains(e: Elements, part: slice, u: Array) -> Array:
     """Logarithms of the principal stretches at the points of integration, without their mean, shape (n, 3).
 
     Parameters
@@ -75,7 +82,7 @@ def always_stable(silicone: Law) -> bool:
     return bool(min(silicone.keywords.values()) >= 0)
 
 
-def lost(system: System, u: Array, reach: float = REACH) -> Array | None:
+def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
     """Principal stretches (3,), the largest first, at which the law loses stability in a body; None if nowhere.
 
     Looked for on the straight way from rest to `reach` times the logarithmic strains of the point where the law is
@@ -90,13 +97,13 @@ def lost(system: System, u: Array, reach: float = REACH) -> Array | None:
         return None
     e, worst, where = system.elements, 0.0, np.zeros(3)
     for at in range(0, len(e.cells), BATCH):
-        h = reach * strains(e, slice(at, at + BATCH), u)
-        found = least(stiffness(system.law, h)[1])
-        lowest = int(np.argmin(found))
-        if found[lowest] < worst:
-            worst, where = float(found[lowest]), h[lowest]
+        h = reach * logarithmic_strains(e, slice(at, at + BATCH), u)
+        stiffness = least_stiffness(stress_and_stiffness(system.law, h)[1])
+        lowest = int(np.argmin(stiffness))
+        if stiffness[lowest] < worst:
+            worst, where = float(stiffness[lowest]), h[lowest]
     if worst == 0:
         return None
     way = np.linspace(0, 1, STEPS + 1)[:, None] * where
-    first = int(np.argmax(least(stiffness(system.law, way)[1]) <= 0))
+    first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, way)[1]) <= 0))
     return np.asarray(np.exp(way[first]))

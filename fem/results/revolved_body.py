@@ -30,24 +30,24 @@ class Body:
     vertices: NDArray[np.int64]
 
 
-def in_place(solution: Solution) -> Body:
+def place(solution: Solution) -> Body:
     """The body of a solution in the user's frame."""
-    found = body(solution.field)
-    return found if solution.model == "full" else turned(found, solution.load.direction)
+    solid = revolve(solution.field)
+    return solid if solution.model == "full" else turn(solid, solution.load.direction)
 
 
-def turned(solid: Body, direction: tuple[float, float]) -> Body:
-    """A solid body turned about z, so that its x axis gets a direction (unit); a section stays as it is."""
+def turn(solid: Body, direction: tuple[float, float]) -> Body:
+    """Turn a solid body about z, so that its x axis gets a direction (unit); a section stays as it is."""
     if direction == (1.0, 0.0) or solid.mesh.dim() == 2:
         return solid
     c, s = direction
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    mesh = skfem.MeshTet2(turn @ solid.mesh.doflocs, solid.mesh.t)
-    return Body(mesh, solid.u @ turn.T, solid.p, solid.vertices)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    mesh = skfem.MeshTet2(rotation @ solid.mesh.doflocs, solid.mesh.t)
+    return Body(mesh, solid.u @ rotation.T, solid.p, solid.vertices)
 
 
-def body(field: Field) -> Body:
-    """The body of a solution with Cartesian displacements: itself, or the revolved one if it has harmonics.
+def revolve(field: Field) -> Body:
+    """The body of a field with Cartesian displacements: its own mesh, or the revolved one if it has harmonics.
 
     Every triangle is swept through SECTORS wedges, each cut into three tetrahedra; nodes lie on the swept curved
     edges and carry the exact values of the Fourier series.
@@ -57,15 +57,17 @@ def body(field: Field) -> Body:
     section, half = field.mesh, 2 * SECTORS
     corners = len(section.p[0])
     on_axis = section.doflocs[0] < 1e-9 * section.doflocs.max()
+    # a corner of the solid is one of the section on a ray, the half plane at an angle of pi ray / half
     straight = _wedges(section, on_axis[:corners])
     used, t = np.unique(straight, return_inverse=True)
-    node, turn = used // (half + 1), used % (half + 1)
+    node, ray = used // (half + 1), used % (half + 1)
     x = section.doflocs
-    angle = np.pi * turn / half
+    angle = np.pi * ray / half
     flat = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet(flat, np.ascontiguousarray(t.reshape(straight.shape).T)))
-    node, turn = _edges(field, mesh, node, turn, on_axis)
-    angle = np.pi * turn / half
+    node, ray = _edges(field, mesh, node, ray, on_axis)
+    angle = np.pi * ray / half
+    # the series at the angles of the nodes: cosines of u_r, u_z and p, sines of u_theta
     k, n = np.array(elements.orders(field.angles.harmonics)), np.arange(field.angles.harmonics + 1)
     w, z = field.u[node, : len(k)], field.u[node, len(k) :]
     cn = np.cos(np.outer(angle, n))
@@ -90,8 +92,8 @@ def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_]) -> NDArray[np.int64
     a, b, c = np.sort(section.t, axis=0)[:, :, None]
     lower, upper = 2 * np.arange(SECTORS), 2 * np.arange(1, SECTORS + 1)
 
-    def at(node: NDArray[np.int64], turn: NDArray[np.int64]) -> NDArray[np.int64]:
-        return node * (2 * SECTORS + 1) + np.where(on_axis[node], 0, turn)
+    def at(node: NDArray[np.int64], ray: NDArray[np.int64]) -> NDArray[np.int64]:
+        return node * (2 * SECTORS + 1) + np.where(on_axis[node], 0, ray)
 
     cells = np.concatenate(
         [
@@ -105,9 +107,13 @@ def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_]) -> NDArray[np.int64
 
 
 def _edges(
-    field: Field, mesh: skfem.Mesh, node: NDArray[np.int64], turn: NDArray[np.int64], on_axis: NDArray[np.bool_]
+    field: Field,
+    mesh: skfem.Mesh,
+    node: NDArray[np.int64],
+    ray: NDArray[np.int64],
+    on_axis: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Section node and angle of all nodes of the solid, its corners given."""
+    """Section node and ray of all nodes of the solid, its corners given."""
     section = field.mesh
     triangle = np.asarray(section.dofs.element_dofs)
     middle = {}
@@ -120,6 +126,6 @@ def _edges(
         [i if i == j else middle[min(i, j), max(i, j)] for i, j in zip(first, second, strict=True)], dtype=np.int64
     )
     # an edge from the axis stays in the plane of its other end
-    a = np.where(on_axis[first], turn[other], turn[one])
-    b = np.where(on_axis[second], turn[one], turn[other])
-    return np.concatenate([node, between]), np.concatenate([turn, (a + b) // 2])
+    a = np.where(on_axis[first], ray[other], ray[one])
+    b = np.where(on_axis[second], ray[one], ray[other])
+    return np.concatenate([node, between]), np.concatenate([ray, (a + b) // 2])

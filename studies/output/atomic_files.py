@@ -296,9 +296,9 @@ def write_field(path: str | Path, solution: Solution) -> None:
     """
     import numpy as np
 
-    from fem.results.revolved_body import in_place
+    from fem.results.revolved_body import place
 
-    solid = in_place(solution)
+    solid = place(solution)
     grid = grid_of(solid.mesh)
     moved = spatial(solid.u)
     grid.points = grid.points + moved

@@ -36,10 +36,10 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
     """
     from fem.results import revolved_body
 
-    solid = revolved_body.body(solution.field)
+    solid = revolved_body.revolve(solution.field)
     if solution.model == "full":
         x, y = solution.load.direction
-        return _sliced(revolved_body.turned(solid, (x, -y)), quantity)
+        return _sliced(revolved_body.turn(solid, (x, -y)), quantity)
     u = spatial(solid.u)
     value = np.linalg.norm(u, axis=1) if quantity == "displacement" else nodal_pressure(solid)
     x = spatial(solid.mesh.doflocs.T)

@@ -92,8 +92,8 @@ def within(wanted: Ranges, stable: Ranges) -> bool:
 
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
     """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
-    tau, D = material_stability.stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
+    tau, D = material_stability.stress_and_stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
     # the pressure that frees the last direction of stress
     tau = tau - tau[:, 2:]
     along = (D @ strains) @ strains - tau @ strains**2
-    return np.asarray((material_stability.least(D) > 0) & (along > 0))
+    return np.asarray((material_stability.least_stiffness(D) > 0) & (along > 0))
