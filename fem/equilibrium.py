@@ -13,7 +13,7 @@ import contextlib
 import functools
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +30,7 @@ from fem.solvers.load_case_models import path_models
 from fem.solvers.load_stepping import Path
 from geometry.design import Design
 from geometry.loads import Load, Magnet
-
-Progress = Callable[[float, str], None]
+from geometry.messages import Progress
 
 
 def solve(

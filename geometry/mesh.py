@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import logging
 import math
 import subprocess
 import sys
@@ -33,6 +32,7 @@ from geometry.meshing import curved_mesh, edge_lengths, exact_surfaces, mesh_cac
 from geometry.meshing import mesh_magnification as zooming
 from geometry.meshing.edge_lengths import Floats, Ints, Sizes
 from geometry.meshing.mesh_magnification import Zoom
+from geometry.messages import warn_once
 
 Parts = Literal["regions", "hole", "none"]
 
@@ -47,6 +47,8 @@ PASSES = 10
 
 CHILD = Path(__file__).parent / "meshing" / "tetwild_process.py"
 """What runs fTetWild, in a process of its own."""
+
+UNSEEDED = "fTetWild's seed cannot be fixed on this platform: meshes of tetrahedra differ from run to run"
 
 
 def tetrahedra(
@@ -249,14 +251,7 @@ def _tetwild(
         with np.load(found) as arrays:
             p, t = arrays["points"].astype(np.float64), arrays["cells"].astype(np.int64)
             if not arrays["seeded"]:
-                _warn_unseeded()
+                warn_once(UNSEEDED)
     if not len(t) or not np.isfinite(p).all():
         raise RuntimeError("fTetWild returned an empty mesh: try another size")
     return p, t
-
-
-@functools.cache
-def _warn_unseeded() -> None:
-    """A warning, once in a process."""
-    text = "fTetWild's seed cannot be fixed on this platform: meshes of tetrahedra differ from run to run"
-    logging.getLogger("magtip").warning("magtip: warning: %s", text)

@@ -10,9 +10,9 @@ from typing import Any
 from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
+from geometry.messages import Progress
 from studies.fabrication import sensor_parts
 from studies.output import atomic_files
-from studies.output.console import Progress
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary

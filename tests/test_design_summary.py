@@ -24,7 +24,7 @@ def test_design_table_tells_the_source(run):
     assert "changed" in lines["E"]
     assert "paper" in lines["D"]
     assert "assumed" in lines["nu"]
-    assert "Warning: S1 would lie inside the beam" in out
+    assert "magtip: warning: S1 would lie inside the beam" in out
 
 
 def test_design_without_magnet_has_nulls(run, strict):

@@ -354,7 +354,7 @@ def test_command_writes_a_design_that_reads_back(run, strict, tmp_path):
     status, out, err = run("fit", file, "--out", "made", "--nu", 0.4999, "--json")
     records = strict(out)
     assert status == 0
-    assert all(line.startswith("Warning: ") for line in err.splitlines())
+    assert all(line.startswith("magtip: warning: ") for line in err.splitlines())
     assert [record["rank"] for record in records] == [1, 2, 3, 4]
     (chosen,) = [record for record in records if record["chosen"]]
     design = read_design(str(tmp_path / "made" / "design.toml"))

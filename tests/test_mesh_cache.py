@@ -13,6 +13,7 @@ import pytest
 from skfem import MeshTet2
 
 from geometry import mesh as meshing
+from geometry import messages
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import mesh_cache
@@ -25,7 +26,7 @@ SOME = {"points": np.arange(12.0).reshape(3, 4), "cells": np.arange(4)}
 def place(tmp_path, monkeypatch):
     """An own folder that does not exist yet, and warnings that are not held back as said before."""
     monkeypatch.setenv("MAGTIP_CACHE", str(tmp_path / "own"))
-    mesh_cache._say.cache_clear()
+    messages.warn_once.cache_clear()
     return tmp_path / "own"
 
 
@@ -108,7 +109,7 @@ def test_a_folder_in_place_of_a_mesh_is_put_aside_once_with_what_it_holds(place,
         assert mesh_cache.contents().files == 0
         assert mesh_cache.clear().files == 0
         for _ in range(2):
-            mesh_cache._say.cache_clear()  # as a new process would
+            messages.warn_once.cache_clear()  # as a new process would
             mesh_cache.load("a")
             keep("a", 1)
     assert len(caplog.records) == 1

@@ -10,6 +10,7 @@ import pytest
 from pytetwild import PyfTetWildWrapper
 
 from geometry import mesh as meshing
+from geometry import messages
 from geometry.design import Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import mesh_cache, tetwild_process
@@ -63,7 +64,7 @@ def test_a_seed_that_cannot_be_fixed_is_said_once(monkeypatch, tmp_path, caplog)
     child = tmp_path / "child.py"
     child.write_text(meshing.CHILD.read_text().replace('"linux"', '"elsewhere"'))
     monkeypatch.setattr(meshing, "CHILD", child)
-    meshing._warn_unseeded.cache_clear()
+    messages.warn_once.cache_clear()
     with mesh_cache.bypassed(), caplog.at_level(logging.WARNING):
         for _ in range(2):
             tetrahedra(Shape(8, 6, 0, 0, 0), 2.0, magnet="none")

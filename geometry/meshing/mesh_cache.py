@@ -13,11 +13,9 @@ the last one stays. A file that does not match its checksum is removed and said 
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import io
 import json
-import logging
 import math
 import os
 import tempfile
@@ -34,6 +32,7 @@ import platformdirs
 from numpy.typing import NDArray
 
 from geometry.design import BadInput
+from geometry.messages import warn_once
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -46,7 +45,6 @@ SUFFIX = ".mesh"
 FORGOTTEN_S = 3600.0
 """Age of a temporary file whose process must have died."""
 
-_log = logging.getLogger("magtip")
 _bypassed: ContextVar[bool] = ContextVar("bypassed", default=False)
 
 
@@ -120,11 +118,11 @@ def load(name: str) -> Arrays | None:
         if file.is_dir():
             _put_aside(file)
             return None
-        _say(f"cannot read the mesh cache {str(place)!r} ({error.strerror})")
+        warn_once(f"cannot read the mesh cache {str(place)!r} ({error.strerror})")
         return None
     arrays = _opened(content)
     if arrays is None:
-        _say(f"the cached mesh {str(file)!r} is damaged: it is deleted and the mesh is made again")
+        warn_once(f"the cached mesh {str(file)!r} is damaged: it is deleted and the mesh is made again")
         with contextlib.suppress(OSError):
             file.unlink()
         return None
@@ -151,7 +149,7 @@ def store(name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         _write(place, f"{name}{SUFFIX}", content)
     except OSError as error:
         cause = error.strerror or str(error)
-        _say(
+        warn_once(
             f"cannot write to the mesh cache {str(place)!r} ({cause}); set {VARIABLE} to another folder, or to {OFF}"
         )
 
@@ -191,9 +189,9 @@ def _put_aside(file: Path) -> None:
     try:
         file.rename(other)
     except OSError as error:
-        _say(f"the cached mesh {str(file)!r} is a folder, not a file ({error.strerror}): move it elsewhere")
+        warn_once(f"the cached mesh {str(file)!r} is a folder, not a file ({error.strerror}): move it elsewhere")
         return
-    _say(f"the cached mesh {str(file)!r} was a folder, not a file: it is renamed to {other.name!r}")
+    warn_once(f"the cached mesh {str(file)!r} was a folder, not a file: it is renamed to {other.name!r}")
 
 
 def _write(place: Path, name: str, content: bytes) -> None:
@@ -239,9 +237,3 @@ def _forget(place: Path, age: float) -> None:
         with contextlib.suppress(OSError):
             if time.time() - file.stat().st_mtime >= age:
                 file.unlink()
-
-
-@functools.cache
-def _say(text: str) -> None:
-    """A warning, once in a process; with no handler of logging's it goes to standard error as it is."""
-    _log.warning("magtip: warning: %s", text)

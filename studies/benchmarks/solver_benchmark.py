@@ -17,6 +17,7 @@ from typing import Any
 from fem.accuracy import QUICK, STANDARD
 from geometry.design import Design, paper
 from geometry.loads import Magnet
+from geometry.messages import Progress
 from studies.benchmarks import benchmark_tables, peers
 from studies.benchmarks.benchmark_statistics import compared, exponents, measured, median
 from studies.benchmarks.peer_calculix import Press
@@ -36,8 +37,6 @@ the turns, of the ratio for FElupe and of the difference for a small shear.
 """
 
 Row = dict[str, Any]
-Progress = Callable[[float, str], None]
-
 DEPTHS_MM = tuple(0.25 * k for k in range(1, 13))
 PRESS_CURVE = tuple({"depth": depth} for depth in DEPTHS_MM)
 DEPTH_MM = 1.0

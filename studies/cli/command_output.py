@@ -15,7 +15,7 @@ def print_record(record: Mapping[str, Any], title: str, left_out: Sequence[str],
     brief = {key: value for key, value in record.items() if key not in ("warnings", *left_out)}
     console.report([record if as_json else brief], as_json=as_json, title=title)
     for warning in record["warnings"]:
-        console.say(f"magtip: warning: {warning}")
+        console.warn(warning)
 
 
 def print_remarks(

@@ -75,7 +75,7 @@ def cad(
             console.say(f"magtip: {sentence}")
         return FAILED if any(record["status"] != "ok" for record in records) else GOOD
     for warning in records[0]["warnings"]:
-        console.say(f"magtip: warning: {warning}")
+        console.warn(warning)
     return judged(records)
 
 

@@ -139,9 +139,9 @@ def decode(
         record = decode_readings.one(coder, readings, units, name)
         console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
         for warning in record["warnings"]:
-            console.say(f"magtip: warning: {warning}")
+            console.warn(warning)
         if record["status"] == "ambiguous":
-            console.say(f"magtip: warning: {record['message']}")
+            console.warn(record["message"])
             return GOOD
         return judged([record])
     assert file is not None
@@ -149,7 +149,7 @@ def decode(
         found = decode_readings.table(coder, file, units, out, name, as_json=as_json)
     counts = found.counts
     for warning in found.warnings:
-        console.say(f"magtip: warning: {warning}")
+        console.warn(warning)
     if as_json and out is not None:
         console.report([counts], as_json=True)
     for status, count in counts.items():
@@ -262,5 +262,5 @@ def layout(
     if claim:
         console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim", wide=wide)
     for warning in (*found["hits"], *found["warnings"]):
-        console.say(f"magtip: warning: {warning}")
+        console.warn(warning)
     return GOOD

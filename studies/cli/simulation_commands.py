@@ -291,7 +291,7 @@ def fit(
     chosen = [record for record in records if record["chosen"]]
     for record in chosen or records:
         for warning in record["warnings"]:
-            console.say(f"Warning: {warning}.")
+            console.warn(warning)
     if not chosen:
         console.say("magtip: no law is chosen and there is no design.toml, for no E is one that a design may have")
         return FAILED

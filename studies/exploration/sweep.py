@@ -23,9 +23,9 @@ from typing import Any
 from fem.accuracy import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
+from geometry.messages import Progress
 from studies.exploration.sweep_rows import FIELDS, Case, Solved, SweepRow, sweep_row
 from studies.output import result_store
-from studies.output.console import Progress
 from studies.output.csv_tables import write_table
 from studies.output.result_store import Kept
 from studies.simulation import compare

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
+from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.output import atomic_files, console
-from studies.output.console import Progress
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design
+from geometry.messages import Progress
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import Making
 from studies.inputs import user_input
 from studies.output import atomic_files, console, provenance
-from studies.output.console import Progress
 
 Job = tuple[Design, dict[str, float], Path, Making, str]
 """A design, the fields that differ in a variant, its folder, a maker's choices, and the command that asks for it."""

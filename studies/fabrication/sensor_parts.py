@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
+from geometry.messages import Progress
 from studies.fabrication import casting_recipe
 from studies.fabrication.sensor_solids import COLOURS, Making, Things, coloured, fineness, shaped, things
 from studies.output import atomic_files, console
-from studies.output.console import Progress
 from studies.simulation import design_summary
 
 if TYPE_CHECKING:

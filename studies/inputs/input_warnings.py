@@ -9,9 +9,9 @@ from studies.output import console
 def say_what_is_idle(design: Design) -> None:
     """A warning for each field that is set in vain, and where E is no silicone's."""
     for doubt in design.doubts():
-        console.say(f"magtip: warning: {doubt}")
+        console.warn(doubt)
 
 
 def say_no_effect(what: str, reason: str) -> None:
     """A warning for an option or an axis that another one, or the design, makes useless."""
-    console.say(f"magtip: warning: {no_effect([what], reason)}")
+    console.warn(no_effect([what], reason))

@@ -57,8 +57,8 @@ def read(path: Path, design: Design) -> list[State]:
         told = design_digest.check(record, needed, where) and told
         found.append(state)
     if not told:
-        console.say(
-            f"magtip: warning: {path} does not say for which sensor its states were solved, so a mismatch with this "
+        console.warn(
+            f"{path} does not say for which sensor its states were solved, so a mismatch with this "
             "design cannot be detected"
         )
     return found

@@ -8,15 +8,14 @@ import os
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from geometry.messages import WARNING, Progress
 from studies.output import text_tables
 from studies.output.atomic_files import json_line
 from studies.output.text_tables import Column
-
-Progress = Callable[[float, str], None]
 
 MOST_NAMED = 6
 """Of the records that a message is of, and of the columns that are left out."""
@@ -243,6 +242,11 @@ def _print_lines(title: str, lines: Sequence[str]) -> None:
     """A title, if there is one, the lines below it, and an empty one."""
     heads = text_tables.wrapped(title, room()) if title else []
     print("\n".join([*heads, *lines, ""]), flush=True)
+
+
+def warn(text: str) -> None:
+    """A warning on standard error."""
+    say(f"{WARNING}{text}")
 
 
 def say(text: str) -> None:

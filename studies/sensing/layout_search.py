@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
+from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Basis
-from studies.output.console import Progress
 from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:

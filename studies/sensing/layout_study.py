@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
+from geometry.messages import Progress
 from studies.inputs.option_groups import Basis
-from studies.output.console import Progress
 from studies.sensing import decode_readings
 
 if TYPE_CHECKING:

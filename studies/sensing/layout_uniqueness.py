@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from studies.output.console import Progress
+from geometry.messages import Progress
 from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
+from geometry.messages import Progress
 from studies.output import atomic_files, console
-from studies.output.console import Progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -256,8 +256,7 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
             "make it with magtip table"
         )
     if not design_digest.check(about, _made_for(design, tilted=tilted), str(file)):
-        console.say(
-            f"magtip: warning: {file} does not say for which sensor it was made, so a mismatch with this design "
-            "cannot be detected"
+        console.warn(
+            f"{file} does not say for which sensor it was made, so a mismatch with this design cannot be detected"
         )
     return table, about

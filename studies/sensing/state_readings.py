@@ -55,7 +55,7 @@ def show(rows: Sequence[Row], *, as_json: bool, wide: bool) -> None:
     console.report(printed, as_json=as_json, title="Readings", first=SHOWN[:4], wide=wide)
     told = [{key: row[key] for key in MOVED} | {"message": text} for row in rows for text in row["warnings"]]
     for remark in console.remarks(told, MOVED, rows):
-        console.say(f"magtip: warning: {remark}")
+        console.warn(remark)
     failed = [row for row in rows if row["status"] != "ok"]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} states are not ok; the last is {failed[-1]['status']}")

@@ -23,7 +23,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
-from studies.output.console import Progress
+from geometry.messages import Progress
 from studies.output.csv_tables import write_table
 from studies.simulation import comparison_findings
 from studies.simulation.comparison_rows import NAN, Answers, PressRow, ShearRow, with_reading_errors

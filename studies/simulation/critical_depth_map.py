@@ -14,7 +14,7 @@ from typing import Any
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.output.console import Progress
+from geometry.messages import Progress
 from studies.output.provenance import made
 
 ABOUT = """\

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
+from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, console
-from studies.output.console import Progress
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -105,7 +105,7 @@ def show(design: Design, *, as_json: bool) -> None:
     console.table("Design", ["field", "value", "unit", "source", "meaning"], rows)
     console.report([record["derived"]], as_json=False, title="Derived")
     for warning in record["warnings"]:
-        print(f"Warning: {warning}.")
+        console.note(f"{WARNING}{warning}")
 
 
 def build_mesh(

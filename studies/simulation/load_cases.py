@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import STEEPEST, Load, Magnet, Response
+from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
 from studies.output import atomic_files, console
-from studies.output.console import Progress
 from studies.sensing import field_readings
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
     from geometry.meshing import mesh_import
 
     parts: Parts = "hole" if method.magnet == "rigid" else "none"
-    mesh = mesh_import.read(method.mesh, design.shape, parts, lambda text: console.say(f"magtip: warning: {text}"))
+    mesh = mesh_import.read(method.mesh, design.shape, parts, console.warn)
     model: Literal["half", "full"] = "half" if "symmetry" in mesh.boundaries else "full"
     if method.model not in ("auto", model):
         raise BadInput(f"the mesh {str(method.mesh)!r} is for model {model}: leave --model {method.model} out")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import SILICONE_E, BadInput
+from geometry.messages import Progress
 from studies.output.atomic_files import write_text
-from studies.output.console import Progress
 from studies.simulation.law_regression import Fit, fit, nominal_stress
 from studies.simulation.law_remarks import warnings
 from studies.simulation.law_selection import Judged, choose

@@ -6,7 +6,7 @@ from typing import Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
-from studies.output.console import Progress
+from geometry.messages import Progress
 
 BAND = 600.0
 """Up to where the paper used its sensor, Hz (section IV.C)."""

@@ -8,7 +8,7 @@ from typing import Any
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.output.console import Progress
+from geometry.messages import Progress
 
 PER_MM = ("stiffness_N_per_mm", "shift_per_mm", "tilt_rad_per_mm")
 ESTIMATES = ("stiffness_error_estimate", "shift_error_estimate", "tilt_error_estimate")

@@ -6,7 +6,7 @@ ABOUT, which the report prints, says how.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from fem.scene import Model
 from fem.solution import Solution
 from geometry.design import paper
 from geometry.loads import Load, Magnet
+from geometry.messages import Progress
 from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
@@ -36,8 +37,6 @@ Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycl
 - Half and full model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
 - Tilted plate: full slip in the full model, forces along the plate and across it.
 """
-
-Progress = Callable[[float, str], None]
 
 DEPTH = 1.0
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}

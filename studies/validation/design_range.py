@@ -10,10 +10,11 @@ import json
 import math
 import statistics
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
+from geometry.messages import Progress
 from studies.output import records, result_store
 from studies.output.atomic_files import write_text
 from studies.output.provenance import made
@@ -32,8 +33,6 @@ the magnet as a hole; tetrahedra are those of level quick, the half body with it
 from a cache. A design is good where each step of it is good, or impossible for a reason that the message names; mesh
 steps are good with volumes right to 1e-5, the base to 1e-4 and no Jacobian below 0.05.
 """
-
-Progress = Callable[[float, str], None]
 
 
 SEED, COUNT = 1960, 64

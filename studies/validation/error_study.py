@@ -10,7 +10,7 @@ import functools
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from fem.accuracy import LEVELS, QUICK, Accuracy, coarser
 from fem.error_estimates import estimate_response
 from fem.scene import Model, Scene
 from geometry.loads import Load, Magnet, Response
+from geometry.messages import Progress
 from studies.output import result_store
 from studies.output.provenance import ROOT
 from studies.validation import error_study_cases, error_study_tangents
@@ -48,8 +49,6 @@ same way. Their goals are wider: a deep critical state depends on the skin that 
 more than an element or two, and a small shear on where the glued patch ends.
 States that did not end well, or whose error exceeds JUMP, are listed and left out of the statistics.
 """
-
-Progress = Callable[[float, str], None]
 
 RESPONSES = ("force", "shift", "tilt", "sideways")
 QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")

@@ -16,8 +16,8 @@ from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
+from geometry.messages import Progress
 from studies.output import records
-from studies.output.console import Progress
 from studies.output.records import FlatRow
 
 ABOUT = """\

@@ -14,8 +14,8 @@ from fem import equilibrium
 from fem.accuracy import LEVELS
 from fem.solution import Solution
 from geometry.loads import Magnet, Response
+from geometry.messages import Progress
 from studies.output import records
-from studies.output.console import Progress
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.validation import error_study_cases

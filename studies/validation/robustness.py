@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from geometry.design import BadInput
+from geometry.messages import Progress
 from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
@@ -18,8 +19,6 @@ from studies.output.records import FlatRow
 from studies.validation import robustness_checks, robustness_ends
 from studies.validation.robustness_cases import cases
 from studies.validation.robustness_checks import Case, Measurement, StoppedError
-
-Progress = Callable[[float, str], None]
 
 NAN = math.nan
 Verdict = Literal["pass", "fail", "not judged"]

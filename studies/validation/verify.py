@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from geometry.messages import Progress
 from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
@@ -23,8 +24,6 @@ Three kinds of judgement: the value on the finest mesh, its Richardson extrapola
 an error. The extrapolation fits f + C h^p to the three finest meshes; where they give no positive order, the finest
 value stands. Tolerances are promises and are never widened to make a target pass.
 """
-
-Progress = Callable[[float, str], None]
 
 NAN = math.nan
 
