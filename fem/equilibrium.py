@@ -149,9 +149,9 @@ def _follow(
     """The states of loads that share a mesh."""
     begin, D = time.perf_counter(), scene.design.D
     path = start(scene, mesh)
-    direction = np.array(scene.direction)
     sideways = SidewaysModel(path.raised) if watch and path.raised is not None else None
-    turn = np.array([direction, [-direction[1], direction[0]]])
+    x, y = scene.direction
+    turn = np.array([[x, y], [-y, x]])
     try:
         for i, load in enumerate(scene.loads):
             if progress is not None:
@@ -161,9 +161,8 @@ def _follow(
             end = time.perf_counter()
             state = read(
                 path.state,
-                scene.design,
+                scene,
                 load,
-                direction,
                 reason,
                 iterations=path.iterations,
                 seconds=end - begin,

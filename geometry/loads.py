@@ -182,6 +182,23 @@ class Response:
         """The tilt as a rotation vector (rx, ry) of the magnet about its centre, rad."""
         return rotation_of(self.tilt, self.tilt_y)
 
+    def scaled(self, length: float, force: float) -> Response:
+        """The response of a similar sensor: lengths and forces are multiplied, angles stay.
+
+        A response over D and E D^2 gets units by `scaled(D, E * D**2)`.
+
+        >>> Response((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 0.1, 3.0).scaled(2.0, 4.0)
+        Response(force=(0.0, 0.0, 8.0), shift=(0.0, 0.0, -2.0), tilt=0.1, contact_radius=6.0, tilt_y=0.0)
+        """
+        (fx, fy, fz), (x, y, z) = self.force, self.shift
+        return Response(
+            force=(force * fx, force * fy, force * fz),
+            shift=(length * x, length * y, length * z),
+            tilt=self.tilt,
+            contact_radius=length * self.contact_radius,
+            tilt_y=self.tilt_y,
+        )
+
 
 def rotation_of(tilt: Angle, tilt_y: Angle) -> tuple[Angle, Angle]:
     """Rotation vector (rx, ry), rad, of a magnet whose axis leans by the tilts towards x and towards y; rz is 0.

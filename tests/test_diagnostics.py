@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fem.accuracy import QUICK
 from fem.discretisation import symmetry_models
 from fem.results import diagnostics
 from fem.results.postprocess import read
+from fem.scene import Scene
 from fem.solution import Facts
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
@@ -15,7 +17,7 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.simulation import load_cases
 
-X = np.array([1.0, 0.0])
+SCENE = Scene(paper(), (Load(depth=0.4),), QUICK, "ignored")
 
 
 @pytest.fixture
@@ -28,13 +30,13 @@ def pressed():
 
 
 def test_a_good_state_has_nothing_to_say(pressed):
-    state = read(pressed, paper(), Load(depth=0.4), X)
+    state = read(pressed, SCENE, SCENE.loads[0])
     assert (state.status, state.message, state.facts) == ("ok", "", Facts(unstable_directions=0))
 
 
 def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     unstable = replace(pressed, unstable=2, onset=(np.array([0.025, 0, 0]), np.array([0.0375, 0, 0])))
-    state = read(unstable, paper(), Load(depth=0.4), X)
+    state = read(unstable, SCENE, SCENE.loads[0])
     assert (state.facts.onset, state.facts.onset_mm, state.facts.unstable_directions) == ("depth", (0.2, 0.3), 2)
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
@@ -50,7 +52,7 @@ def test_a_path_that_stopped_has_not_converged_whatever_else_is_known(stop):
 
 def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
     unstable = replace(pressed, unstable=0, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
-    facts = read(unstable, paper(), Load(depth=0.4), X).facts
+    facts = read(unstable, SCENE, SCENE.loads[0]).facts
     assert (facts.onset, facts.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
 

@@ -52,3 +52,13 @@ def test_what_holds_or_rubs_shears_the_tip(friction, grip):
     assert load.imposed_shear == (0.0, -2.0)
     assert load.glues is (friction == "stick")
     assert load.coulomb == (0.3 if friction == 0.3 else None)
+
+
+def test_scaling_there_and_back_is_no_change():
+    response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
+    assert response.scaled(4.0, 32.0).scaled(0.25, 1 / 32) == response
+
+
+def test_a_scaled_response_leans_as_before():
+    response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
+    assert response.scaled(3.0, 7.0).rotation == response.rotation

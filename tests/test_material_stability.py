@@ -50,10 +50,11 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
 @pytest.mark.parametrize(("depth", "lost"), [(0.05, False), (0.16, True)])
 def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lost):
     load = Load(depth=depth)
-    path = equilibrium.start(Scene(SOFT, (load,), QUICK))
+    scene = Scene(SOFT, (load,), QUICK)
+    path = equilibrium.start(scene)
     try:
         assert not path.go(depth / SOFT.D, np.zeros(2))
-        state = read(path.state, SOFT, load, np.array([1.0, 0.0]), "no_convergence")
+        state = read(path.state, scene, load, "no_convergence")
     finally:
         path.close()
     assert state.status == "not_converged"

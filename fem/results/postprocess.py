@@ -13,6 +13,7 @@ from fem.discretisation.nonlinear_system import State
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
 from fem.results.lateral_stiffness import SidewaysModel
+from fem.scene import Scene
 from fem.solution import Field, Solution
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
@@ -24,27 +25,25 @@ Array = NDArray[np.float64]
 
 def read(
     state: PathState,
-    design: Design,
+    scene: Scene,
     load: Load,
-    direction: Array,
     stop: Stop = "",
     *,
     iterations: int = 0,
     seconds: float = 0.0,
     sideways: SidewaysModel | None = None,
 ) -> Solution:
-    """The solution at a state of a path that was to reach a load.
+    """The solution at a state of a path that was to reach a load of a scene.
 
     Parameters
     ----------
-    direction : (2,) unit vector in the user's frame along which the model's x axis points.
     stop : why the path stopped short; empty if it did not.
     iterations, seconds : what the state has cost.
     sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
     d, nodal = state.d, state.d.system.state(state.q)
-    turn = np.array([[direction[0], -direction[1]], [direction[1], direction[0]]])
-    D, E, friction = design.D, design.E, state.friction
+    design, (x, y), friction = scene.design, scene.direction, state.friction
+    turn, D, E = np.array([[x, -y], [y, x]]), design.D, design.E
     solution = Solution(
         load=_carried(state, load, turn, D) if stop else load,
         response=_respond(state, nodal, turn, design),

@@ -263,10 +263,5 @@ def _scaled(kept: dict[str, Any], problem: Problem, case: Case) -> Solved:
         return Solved(None, *about, NAN, problem.number, state["seconds"])
     length = case.values["D"] / kept["D"]
     force = case.values["E"] / kept["E"] * length**2
-    pose = Response(**state["response"])
-    x, y, z = (length * value for value in pose.shift)
-    fx, fy, fz = (force * value for value in pose.force)
-    response = dataclasses.replace(
-        pose, force=(fx, fy, fz), shift=(x, y, z), contact_radius=length * pose.contact_radius
-    )
+    response = Response(**state["response"]).scaled(length, force)
     return Solved(response, *about, estimate, problem.number, state["seconds"])
