@@ -35,17 +35,17 @@ def test_small_run_keeps_the_promise(monkeypatch):
     pytest.importorskip("numba")
     monkeypatch.setattr(field_benchmark, "FLATNESS", (1.0,))
     rows = field_benchmark.errors(count=3, jacobians=1)
-    assert max(max(row["NumPy"], row["compiled"]) for row in rows) < field_benchmark.PROMISE
+    assert max(max(row.numpy, row.compiled) for row in rows) < field_benchmark.PROMISE
     times = field_benchmark.speed(count=2000, runs=1)
-    assert [row["program"].split()[0].strip(",") for row in times] == [
+    assert [time.program.split()[0].strip(",") for time in times] == [
         "compiled",
         "compiled",
         "NumPy",
         "NumPy",
         "magpylib",
     ]
-    assert all(row["many_us"] > 0 and row["one_us"] > 0 for row in times)
-    waits = [{"process": "again", "import_s": 0.1, "first_numpy_s": 0.0, "kernel_s": 0.6}]
+    assert all(time.many_us > 0 and time.one_us > 0 for time in times)
+    waits = [field_benchmark.FirstCall("again", 0.1, 0.0, 0.6)]
     text = field_benchmark.report(rows, times, waits, {"numpy": "2"})
     assert "| inside |" in text
-    assert math.isnan(times[-1]["none_us"]) == ("refused" in text)
+    assert math.isnan(times[-1].none_us) == ("refused" in text)

@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,8 @@ from analytic import beam, decode, magnet, stream
 from analytic.decode import Decoder
 from analytic.inverse import damped_newton, forward_model, response_surface
 from geometry.design import Design, paper
-from studies.benchmarks import benchmark_tables, lookup_benchmark
+from studies.benchmarks import benchmark_tables, decoder_report, lookup_benchmark
+from studies.benchmarks.decoder_report import DecoderSpeed, Measurements, RoundTrips, SecondPoses, TiltErrors
 from studies.output import atomic_files, console
 from studies.sensing import decode_readings
 
@@ -42,7 +42,6 @@ memory by a search tree, the full one from its file by bounds of its blocks (`an
 """
 
 Array = NDArray[np.float64]
-Row = dict[str, Any]
 
 LAYOUTS = {
     "paper (h 2, l0 7.2, c 2)": {},
@@ -70,9 +69,9 @@ def poses(coder: Decoder, count: int, seed: int = 1) -> tuple[Array, Array]:
     return shift, forward_model.values_at(coder.forward, shift)
 
 
-def round_trips(count: int = 4000) -> list[Row]:
+def round_trips(count: int = 4000) -> list[RoundTrips]:
     """How well poses come back, and how many share their readings with others."""
-    rows = []
+    trips = []
     for name, fields in LAYOUTS.items():
         for tau in TAUS:
             coder = coder_of(Design(**fields), tau)  # type: ignore[arg-type]
@@ -83,25 +82,25 @@ def round_trips(count: int = 4000) -> list[Row]:
             unique = found.multiplicity == 1
             det = np.linalg.det(np.moveaxis(forward_model.seen(coder.forward, shift)[1], 2, 0))
             rest = np.linalg.det(forward_model.seen(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
-            rows.append(
-                {
-                    "layout": name,
-                    "tau": tau,
-                    "unique": unique.mean(),
-                    "error_mm": np.abs(found.shift - shift.T)[unique & (nearest < 1e-5)].max(),
-                    "lost": (nearest > 1e-5).mean(),
-                    "ambiguous": (found.multiplicity > 1).mean(),
-                    "other_sign": (det * rest < 0).mean(),
-                    "condition": np.nanmedian(found.condition[unique]),
-                    "worst_condition": np.nanmax(found.condition[unique]),
-                }
+            trips.append(
+                RoundTrips(
+                    layout=name,
+                    tau=tau,
+                    unique=unique.mean(),
+                    error_mm=np.abs(found.shift - shift.T)[unique & (nearest < 1e-5)].max(),
+                    lost=(nearest > 1e-5).mean(),
+                    ambiguous=(found.multiplicity > 1).mean(),
+                    other_sign=(det * rest < 0).mean(),
+                    condition=np.nanmedian(found.condition[unique]),
+                    worst_condition=np.nanmax(found.condition[unique]),
+                )
             )
-    return rows
+    return trips
 
 
-def searches(count: int = 30) -> list[Row]:
+def searches(count: int = 30) -> list[SecondPoses]:
     """Second poses beside those of an exhaustive search."""
-    rows = []
+    comparisons = []
     for name, fields in LAYOUTS.items():
         if "l0 6" not in name:
             continue
@@ -115,19 +114,19 @@ def searches(count: int = 30) -> list[Row]:
             missed = sum(not _among(p, mine) for e, mine in zip(every, own, strict=True) for p in e)
             only = sum(not _among(p, e) for e, mine in zip(every, own, strict=True) for p in mine)
             said = sum(len(mine) > 1 for mine, s in zip(own, several, strict=True) if s)
-            rows.append(
-                {
-                    "layout": name,
-                    "tau": tau,
-                    "readings": count,
-                    "ambiguous": sum(several),
-                    "said": said,
-                    "poses": sum(map(len, every)),
-                    "missed": missed,
-                    "only": only,
-                }
+            comparisons.append(
+                SecondPoses(
+                    layout=name,
+                    tau=tau,
+                    readings=count,
+                    ambiguous=sum(several),
+                    said=said,
+                    poses=sum(map(len, every)),
+                    missed=missed,
+                    only=only,
+                )
             )
-    return rows
+    return comparisons
 
 
 def exhaustive(coder: Decoder, field: Array, counts: tuple[int, int, int] = (13, 13, 7)) -> Array:
@@ -153,15 +152,15 @@ def _among(pose: Array, others: list[Array] | Array) -> bool:
 SAMPLES = 1000
 
 
-def speed(count: int = 8192, runs: int = 3) -> list[Row]:
+def speed(count: int = 8192, runs: int = 3) -> list[DecoderSpeed]:
     """Decodings a second of many at once and of a stream, in NumPy alone and with the compiled field."""
-    rows = []
+    speeds = []
     for program, how in (("NumPy", magnet.uncompiled), ("compiled field", contextlib.nullcontext)):
         for name in ("paper (h 2, l0 7.2, c 2)", "h 4, l0 6, c 4", "3-axis chip"):
             with how():
                 many, took, some = _timed(name, count, runs)
-            rows.append({"program": program, "layout": name, "per_s": some / many, "stream_Hz": SAMPLES / took})
-    return rows
+            speeds.append(DecoderSpeed(program, name, per_s=some / many, stream_Hz=SAMPLES / took))
+    return speeds
 
 
 def _timed(name: str, count: int, runs: int) -> tuple[float, float, int]:
@@ -191,7 +190,7 @@ def _cpu(work: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def ignored(coder: Decoder, count: int = 2000) -> Row:
+def ignored(coder: Decoder, count: int = 2000) -> TiltErrors:
     """Errors of shift and force where the magnet tilts and the decoder does not know it."""
     shift, field = poses(coder, count, seed=4)
     flat = decode.decoder(
@@ -207,45 +206,37 @@ def ignored(coder: Decoder, count: int = 2000) -> Row:
     assert coder.mechanics is not None
     force = response_surface.forces(coder.mechanics, shift)[0].T[good]
     wrong = np.abs(found.force[good] - force)
-    return {
-        "no_pose": float(1 - good.mean()),
-        "median_mm": float(np.median(error)),
-        "worst_mm": float(error.max()),
-        "lateral_N": float(np.median(np.hypot(wrong[:, 0], wrong[:, 1]))),
-        "normal_N": float(np.median(wrong[:, 2])),
-        "largest_lateral_N": float(np.hypot(force[:, 0], force[:, 1]).max()),
-        "largest_normal_N": float(force[:, 2].max()),
-    }
+    return TiltErrors(
+        no_pose=float(1 - good.mean()),
+        median_mm=float(np.median(error)),
+        worst_mm=float(error.max()),
+        lateral_N=float(np.median(np.hypot(wrong[:, 0], wrong[:, 1]))),
+        normal_N=float(np.median(wrong[:, 2])),
+        largest_lateral_N=float(np.hypot(force[:, 0], force[:, 1]).max()),
+        largest_normal_N=float(force[:, 2].max()),
+    )
 
 
 def main(out: str, full: str | None = None) -> None:
-    """Measure, and write DECODE.md into a folder; with the paper's table where it is given."""
-    from studies.benchmarks import decoder_report
-
+    """Measure, and write DECODE.md into a folder; with the paper's table if its file is named."""
     with atomic_files.filled(out) as folder:
         about = benchmark_tables.machine()
         magnet.compiled()
-        found: dict[str, Any] = {"trips": round_trips()}
+        trips = round_trips()
         console.say("round trips done")
-        found["searches"] = searches()
+        second_poses = searches()
         console.say("searches done")
-        found["tables"] = lookup_benchmark.steps()
-        if full is not None:
-            found["full"] = lookup_benchmark.whole(Path(full))
+        tables = lookup_benchmark.steps()
+        whole = None if full is None else lookup_benchmark.whole(Path(full))
         console.say("tables done")
-        found["tilts"] = {
-            "the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))
-        }
-        states = folder / "states.jsonl"
+        tilts = {"the paper's formulas, tau 0.2 rad/mm, the whole workspace": ignored(coder_of(paper(), 0.2))}
+        states, law = folder / "states.jsonl", None
         if states.exists():
             law = decode_readings.of_file(states, paper())
-            found["law"] = law
-            found["tilts"]["finite elements (states.jsonl), as far as they go"] = ignored(
-                decode.decoder(paper(), law)
-            )
+            tilts["finite elements (states.jsonl), as far as they go"] = ignored(decode.decoder(paper(), law))
         console.say("tilt done")
-        found["speed"] = speed()
-        atomic_files.write_text(folder / "DECODE.md", decoder_report.report(found, about, ABOUT))
+        measurements = Measurements(trips, second_poses, tables, whole, tilts, law, speed())
+        atomic_files.write_text(folder / "DECODE.md", decoder_report.report(measurements, about, ABOUT))
 
 
 if __name__ == "__main__":

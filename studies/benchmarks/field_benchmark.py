@@ -17,11 +17,11 @@ import sys
 import tempfile
 import time
 import timeit
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import metadata
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from analytic import magnet
 from geometry.design import BadInput, paper
 from studies.benchmarks import benchmark_tables, field_reference
-from studies.output import atomic_files, console, provenance
+from studies.output import atomic_files, console, provenance, records
+from studies.output.records import FlatRow
 
 ABOUT = """\
 Errors are |B - B_true| / |B_true|, of the Jacobian |J - J_true| / |J_true|, the worst of the points of a region and
@@ -41,7 +42,6 @@ new process, by the clock.
 """
 
 Array = NDArray[np.float64]
-Row = dict[str, Any]
 
 RADIUS = 1.7
 FLATNESS = (1e-6, 1e-3, 0.1, 1.0, 2.0, 30.0, 1e3)
@@ -60,6 +60,43 @@ first = time.perf_counter()
 magnet.cylinder_field([[1.0, 2.0, 3.0]] * magnet.MANY, 2, 2, 1.2)
 print(json.dumps([imported - begin, first - imported, time.perf_counter() - first]))
 """
+
+
+@dataclass(frozen=True, slots=True)
+class RegionErrors:
+    """The worst relative errors of each program in a region of one magnet; NaN where none was measured."""
+
+    region: str
+    height_per_radius: float
+    numpy: float = field(metadata={"column": "NumPy"})
+    compiled: float
+    magpylib: float
+    numpy_jacobian: float = field(metadata={"column": "NumPy Jacobian"})
+    compiled_jacobian: float = field(metadata={"column": "compiled Jacobian"})
+
+    def row(self) -> FlatRow:
+        """Its columns in field.csv."""
+        return records.flat(self)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramTimes:
+    """CPU time for each of a million points, and clock time of a call with one point and with none, us."""
+
+    program: str
+    many_us: float
+    one_us: float
+    none_us: float
+
+
+@dataclass(frozen=True, slots=True)
+class FirstCall:
+    """What a new process waits for, s: the import, the first call in NumPy, the kernel with its first call."""
+
+    process: str
+    import_s: float
+    first_numpy_s: float
+    kernel_s: float
 
 
 def regions(flatness: float, count: int) -> dict[str, Array]:
@@ -93,54 +130,55 @@ def regions(flatness: float, count: int) -> dict[str, Array]:
     }
 
 
-def errors(count: int = 24, jacobians: int = 6) -> list[Row]:
+def errors(count: int = 24, jacobians: int = 6) -> list[RegionErrors]:
     """The worst error of each program in each region of each magnet."""
     import magpylib
 
     kernel = _kernel()
-    rows = []
+    table = []
     for flatness in FLATNESS:
         a, h = RADIUS, RADIUS * flatness
         other = magpylib.magnet.Cylinder(polarization=(0, 0, 1), dimension=(2e-3 * a, 1e-3 * h))
         for name, points in regions(flatness, count).items():
             true = [field_reference.field(p, a, h) for p in points]
             slopes = [field_reference.jacobian(p, a, h) for p in points[:jacobians]] if "axis" not in name else []
-            programs: dict[str, Array] = {"NumPy": magnet.in_numpy(points, a, h / 2, 1.0, slope=False)[0]}
-            programs["compiled"] = magnet.in_kernel(kernel, points, a, h / 2, 1.0, slope=False)[0]
-            with np.errstate(all="ignore"):
-                programs["magpylib"] = np.asarray(other.getB(1e-3 * points))
-            row: Row = {"region": name, "height_per_radius": flatness}
-            for program, found in programs.items():
-                row[program] = _worst(found, true)
             some = points[: len(slopes)]
-            row["NumPy Jacobian"] = _worst(magnet.in_numpy(some, a, h / 2, 1.0, slope=True)[1], slopes)
-            row["compiled Jacobian"] = _worst(magnet.in_kernel(kernel, some, a, h / 2, 1.0, slope=True)[1], slopes)
-            rows.append(row)
-    return rows
+            with np.errstate(all="ignore"):
+                by_magpylib = np.asarray(other.getB(1e-3 * points))
+            table.append(
+                RegionErrors(
+                    region=name,
+                    height_per_radius=flatness,
+                    numpy=_worst(magnet.in_numpy(points, a, h / 2, 1.0, slope=False)[0], true),
+                    compiled=_worst(magnet.in_kernel(kernel, points, a, h / 2, 1.0, slope=False)[0], true),
+                    magpylib=_worst(by_magpylib, true),
+                    numpy_jacobian=_worst(magnet.in_numpy(some, a, h / 2, 1.0, slope=True)[1], slopes),
+                    compiled_jacobian=_worst(magnet.in_kernel(kernel, some, a, h / 2, 1.0, slope=True)[1], slopes),
+                )
+            )
+    return table
 
 
 def _kernel() -> ModuleType:
-    found = magnet.compiled()
-    if found is None:
+    kernel = magnet.compiled()
+    if kernel is None:
         raise BadInput("the compiled kernel needs numba, which is not installed: install the extra `fast`")
-    return found
+    return kernel
 
 
-def _worst(found: Array, true: list[Array]) -> float:
-    return max((field_reference.relative(b, t) for b, t in zip(found, true, strict=True)), default=math.nan)
+def _worst(computed: Array, true: list[Array]) -> float:
+    return max((field_reference.relative(b, t) for b, t in zip(computed, true, strict=True)), default=math.nan)
 
 
-def speed(count: int = 1_000_000, runs: int = 5) -> list[Row]:
+def speed(count: int = 1_000_000, runs: int = 5) -> list[ProgramTimes]:
     """CPU time for many points and clock time for one, of each program."""
     import magpylib
 
     kernel = _kernel()
     design = paper()
-    given = design.magnet_diameter / 2, design.magnet_height, design.remanence
-    other = magpylib.magnet.Cylinder(
-        polarization=(0, 0, design.remanence), dimension=(2e-3 * given[0], 1e-3 * given[1])
-    )
-    half = (given[0], given[1] / 2, given[2])
+    radius, height = design.magnet_diameter / 2, design.magnet_height
+    other = magpylib.magnet.Cylinder(polarization=(0, 0, design.remanence), dimension=(2e-3 * radius, 1e-3 * height))
+    half = (radius, height / 2, design.remanence)
     programs: dict[str, Callable[[Array], object]] = {
         "compiled": lambda x: magnet.in_kernel(kernel, x, *half, slope=False),
         "compiled, with Jacobian": lambda x: magnet.in_kernel(kernel, x, *half, slope=True),
@@ -155,11 +193,11 @@ def speed(count: int = 1_000_000, runs: int = 5) -> list[Row]:
             begin = time.process_time()
             solve(many)
             spent[name].append(1e6 * (time.process_time() - begin) / count)
-    rows = []
+    table = []
     for name, solve in programs.items():
         one, none = (_call_us(partial(solve, x), 5 * runs) for x in (many[:1].copy(), np.empty((0, 3))))
-        rows.append({"program": name, "many_us": statistics.median(spent[name]), "one_us": one, "none_us": none})
-    return rows
+        table.append(ProgramTimes(name, statistics.median(spent[name]), one, none))
+    return table
 
 
 def _call_us(call: Callable[[], object], repeats: int) -> float:
@@ -172,9 +210,9 @@ def _call_us(call: Callable[[], object], repeats: int) -> float:
     return 1e6 * min(timer.repeat(repeats, number)) / number
 
 
-def first_calls() -> list[Row]:
+def first_calls() -> list[FirstCall]:
     """What a new process waits for: without anything compiled yet, and again."""
-    rows = []
+    calls = []
     with tempfile.TemporaryDirectory() as cache:
         for name in ("nothing compiled yet", "again"):
             env = {**os.environ, "NUMBA_CACHE_DIR": cache}
@@ -187,20 +225,17 @@ def first_calls() -> list[Row]:
                 check=True,
             )
             imports, first, load = json.loads(ended.stdout)
-            rows.append({"process": name, "import_s": imports, "first_numpy_s": first, "kernel_s": load})
-    return rows
+            calls.append(FirstCall(name, imports, first, load))
+    return calls
 
 
-def report(found: list[Row], times: list[Row], waits: list[Row], about: dict[str, str]) -> str:
+def report(
+    errors: Sequence[RegionErrors], times: Sequence[ProgramTimes], calls: Sequence[FirstCall], about: dict[str, str]
+) -> str:
     """FIELD.md."""
-    programs = ["NumPy", "compiled", "NumPy Jacobian", "compiled Jacobian", "magpylib"]
-    worst = {
-        region: {p: max(row[p] for row in found if row["region"] == region) for p in programs}
-        for region in dict.fromkeys(row["region"] for row in found)
-    }
-    own = max(max(row["NumPy"], row["compiled"]) for row in found)
+    own = max(max(error.numpy, error.compiled) for error in errors)
     fast, slow = times[0], times[-1]
-    ratio, beyond = slow["many_us"] / fast["many_us"], fast["one_us"] - fast["none_us"]
+    ratio, beyond = slow.many_us / fast.many_us, fast.one_us - fast.none_us
     lines = ["# The exact field", "", "`python -m studies.benchmarks.field_benchmark results/field`", ""]
     lines += _table(
         ["goal", "found", "met"],
@@ -211,15 +246,16 @@ def report(found: list[Row], times: list[Row], waits: list[Row], about: dict[str
         ],
     )
     lines += ["", "## Worst relative error", ""]
-    lines += _table(["region", *programs], [[r, *(_error(e[p]) for p in programs)] for r, e in worst.items()])
+    heads = ["region", "NumPy", "compiled", "NumPy Jacobian", "compiled Jacobian", "magpylib"]
+    lines += _table(heads, _worst_by_region(errors))
     lines += ["", "Every region of every magnet is in field.csv.", "", "## Time", ""]
     heads = ["program", "us a point of a million", "call with one point, us", "call with none, us", "one point, us"]
-    keys = ("many_us", "one_us", "none_us")
-    cells = [[row["program"], *(_us(row[k]) for k in keys), _us(row["one_us"] - row["none_us"])] for row in times]
+    cells = [[t.program, *map(_us, (t.many_us, t.one_us, t.none_us, t.one_us - t.none_us))] for t in times]
     lines += _table(heads, cells)
     lines += ["", "## First calls", ""]
     heads = ["process", "import analytic.magnet, s", "first call in NumPy, s", "kernel loaded and called, s"]
-    lines += _table(heads, [[w["process"], *(f"{w[k]:.2f}" for k in list(w)[1:])] for w in waits])
+    cells = [[c.process, f"{c.import_s:.2f}", f"{c.first_numpy_s:.2f}", f"{c.kernel_s:.2f}"] for c in calls]
+    lines += _table(heads, cells)
     lines += [
         "",
         f"The kernel is loaded by a call with {magnet.MANY} points or more, or by `analytic.magnet.compiled()`.",
@@ -227,6 +263,22 @@ def report(found: list[Row], times: list[Row], waits: list[Row], about: dict[str
     ]
     lines += ["## How it was measured", "", *ABOUT.splitlines(), ""]
     return "\n".join([*lines, *(f"- {name}: {value}" for name, value in about.items())]) + "\n"
+
+
+def _worst_by_region(errors: Sequence[RegionErrors]) -> list[list[str]]:
+    """Cells of each region: its name, and the worst error of each program over all magnets."""
+    cells = []
+    for region in dict.fromkeys(error.region for error in errors):
+        own = [error for error in errors if error.region == region]
+        worst = (
+            max(error.numpy for error in own),
+            max(error.compiled for error in own),
+            max(error.numpy_jacobian for error in own),
+            max(error.compiled_jacobian for error in own),
+            max(error.magpylib for error in own),
+        )
+        cells.append([region, *map(_error, worst)])
+    return cells
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
@@ -254,10 +306,10 @@ def main(out: str) -> None:
         about |= {name: metadata.version(name) for name in ("numba", "magpylib", "mpmath")}
         times = speed()
         console.say("speed measured")
-        waits = first_calls()
-        found = errors()
-        write_table(folder / "field.csv", found, digits=3)
-        atomic_files.write_text(folder / "FIELD.md", report(found, times, waits, about))
+        calls = first_calls()
+        by_region = errors()
+        write_table(folder / "field.csv", [error.row() for error in by_region], digits=3)
+        atomic_files.write_text(folder / "FIELD.md", report(by_region, times, calls, about))
 
 
 if __name__ == "__main__":
