@@ -12,13 +12,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from analytic.hall import in_magnet_frame
 from analytic.parts import Element, of_design
+from geometry.arrays import Array
 from geometry.design import Design
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 

@@ -24,9 +24,9 @@ from analytic.inverse import damped_newton, observability, response_surface, sta
 from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
-Array = NDArray[np.float64]
 Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension"]
 
 CELLS = (24, 24, 12)

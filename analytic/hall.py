@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.magnet import cylinder_field, dipole_field, paper_field
 from analytic.parts import Element, of_design
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
 
-Array = NDArray[np.float64]
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])

@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from analytic.inverse.forward_model import Forward, values_at
 from analytic.magnet import cylinder_field
+from geometry.arrays import Array
 from geometry.design import BadInput
-
-Array = NDArray[np.float64]
-
 
 SIDE = 16
 """Of a block, in poses."""

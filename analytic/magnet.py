@@ -24,13 +24,13 @@ from contextvars import ContextVar
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from analytic.field import cylinder_pointwise
 from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
+from geometry.arrays import Array
 from geometry.design import BadInput
 
-Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
 
 MANY = 2000

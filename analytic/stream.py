@@ -12,7 +12,6 @@ from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic.decode import EDGE, Decoder, Status, decode
 from analytic.inverse.damped_newton import GOAL
@@ -21,7 +20,6 @@ from analytic.inverse.start_table import APART, BENDS, BINS, MARGIN, monomials
 from analytic.magnet import meridian_field
 from geometry.loads import rotation_of
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 STEPS = 8

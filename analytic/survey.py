@@ -24,9 +24,9 @@ from analytic import decode
 from analytic.clearance import lowest, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from analytic.inverse import forward_model, observability, response_surface
+from geometry.arrays import Array
 from geometry.design import BadInput
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
@@ -36,10 +35,9 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, with_harmonics
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
-
-Array = NDArray[np.float64]
 
 SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""

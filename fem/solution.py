@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fem.discretisation import elements
 from fem.solvers.newton import Stop
+from geometry.arrays import Array
 from geometry.loads import Load, Response
 
-Array = NDArray[np.float64]
 Status = Literal["ok", "not_converged", "unstable", "no_contact"]
 Remark = Literal[
     "no_touch",

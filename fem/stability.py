@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
@@ -31,10 +30,9 @@ from fem.solvers.load_case_models import PRESS_FILLET
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, glued, with_harmonics
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
-
-Array = NDArray[np.float64]
 
 DEEPEST = 0.5
 """Depth over the silicone's height up to which an instability is looked for."""

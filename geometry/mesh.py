@@ -27,10 +27,11 @@ from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
 from geometry import cad
+from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.meshing import curved_mesh, edge_lengths, exact_surfaces, mesh_cache, surface_triangulation
 from geometry.meshing import mesh_magnification as zooming
-from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.edge_lengths import Sizes
 from geometry.meshing.mesh_magnification import Zoom
 from geometry.messages import warn_once
 
@@ -203,15 +204,15 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
 
 
 def _tetwild(
-    points: Floats,
+    points: Array,
     faces: Ints,
     size: float,
     epsilon: float,
-    field: tuple[Floats, Ints, Floats],
+    field: tuple[Array, Ints, Array],
     timeout: float,
     *,
     around: bool = False,
-) -> tuple[Floats, Ints]:
+) -> tuple[Array, Ints]:
     """Points (n, 3) and cells (m, 4) from fTetWild in a child process; lengths in the unit of `points`.
 
     around : keep the cells outside too, out to a box.

@@ -21,13 +21,12 @@ from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
+from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
 from geometry.meshing.section_outline import Curve, outline, room
 
 Points = NDArray[np.complex128]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SPACING, STEPS = 0.85, 10
 """Least distance of points as a fraction of the edge length; smoothing steps."""
@@ -102,7 +101,7 @@ def section(
     )
 
 
-def _cuts(curves: list[Curve], sizing: Grading) -> list[Floats]:
+def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
     """For each curve the fractions of its length, from 0 to 1, that cut it into steps of the local size."""
     wanted = sizing.along(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
     cuts = []
@@ -114,7 +113,7 @@ def _cuts(curves: list[Curve], sizing: Grading) -> list[Floats]:
     return cuts
 
 
-def _border(curves: list[Curve], cuts: list[Floats]) -> _Border:
+def _border(curves: list[Curve], cuts: list[Array]) -> _Border:
     """Number the nodes on the curves; curves that meet share theirs."""
     corner: dict[complex, int] = {}
     nodes, segments, middles, total = [], [], [], 0
@@ -153,7 +152,7 @@ def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
     return _thinned(x[order], length[order])
 
 
-def _thinned(x: Points, length: Floats) -> Points:
+def _thinned(x: Points, length: Array) -> Points:
     """The points, first come first served, that keep their distance from those before."""
     kept, nearest = [], (SPACING * length) ** 2
     while len(x):

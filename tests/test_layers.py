@@ -183,3 +183,13 @@ def test_each_folder_of_modules_is_a_package():
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_no_machine_paths(path):
     assert not re.search(r"/(home|work|Users|root)/", path.read_text("utf-8"))
+
+
+def test_types_that_all_packages_use_are_defined_once():
+    defined = re.compile(r"^ *(Array|Ints|Progress)\b[^=\n]*= ", re.MULTILINE)
+    places = {(name(path), which) for path in FILES for which in defined.findall(path.read_text("utf-8"))}
+    assert places == {
+        ("geometry/arrays.py", "Array"),
+        ("geometry/arrays.py", "Ints"),
+        ("geometry/messages.py", "Progress"),
+    }

@@ -31,9 +31,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 FAR = 5.0
 """Beyond this many circumscribed radii the multipole series takes over: 5^-28 of the field is left out."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from analytic.inverse.forward_model import Forward, seen
 from analytic.inverse.start_table import STEEP
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 GOAL = 1e-9
 """Error of a pose at which the iteration ends, mm."""

@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from analytic.hall import Mode, plates
 from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from analytic.parts import Element, of_design
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
-
-Array = NDArray[np.float64]
 
 NO_TILT: Array = np.zeros((1, 1))
 """tau = 0."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import survey
 from analytic.decode import Decoder
 from analytic.inverse import forward_model
 from analytic.survey import Survey
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 def least_difference(coder: Decoder, seen: Survey, apart: float, tries: int = 4) -> float:

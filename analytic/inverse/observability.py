@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic.inverse.damped_newton import inverse_normal
 from analytic.inverse.forward_model import cross
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 def condition(A: Array) -> Array:

@@ -21,13 +21,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic.inverse.forward_model import polynomial
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 
-Array = NDArray[np.float64]
 Sample = tuple[Load, Response]
 Powers = list[tuple[int, int]]
 

@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from geometry.arrays import Array, Ints
 
 MARGIN = 0.2
 """How far outside a cell, in its edges, a point is still taken as in it."""

@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from analytic.inverse.forward_model import Forward, seen
 from analytic.inverse.start_table import BINS, MARGIN, STEEP, Sheets, monomials
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from geometry.arrays import Array, Ints
 
 BOX = 1.5
 """Size of the box of a cell with a fold, over that of its corners."""

@@ -11,14 +11,13 @@ import contextlib
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import decode
 from analytic.decode import Decoder
 from analytic.inverse import damped_newton, forward_model, response_surface
+from geometry.arrays import Array
 from geometry.design import BadInput
 
-Array = NDArray[np.float64]
 End = Literal["depth", "shear", "workspace"]
 """What ends the workspace on the way to a pose: the depth or the shear of the mechanics' samples, or its own size."""
 

@@ -24,7 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from geometry.arrays import Array
+
 Mask = NDArray[np.bool_]
 
 STICK = 0.2

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from fem.contact import coulomb_friction
 from fem.contact.coulomb_friction import Friction
 from fem.discretisation.elements import Surface
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 KAPPA, SECTION_KAPPA = 3e3, 3e4
 """Numbers kappa of tetrahedra and of Coulomb friction, and of all else on sections."""

@@ -8,11 +8,9 @@ pressures, (n, c). See `fem.discretisation.elements` for D, V, E and C.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation.elements import Elements
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 def gradient(e: Elements, part: slice, u: Array) -> Array:

@@ -32,9 +32,7 @@ from numpy.typing import NDArray
 from skfem.assembly.dofs import Dofs
 from skfem.quadrature import get_quadrature
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-
+from geometry.arrays import Array, Ints
 
 Family = tuple[slice, slice]
 """A range of fields, and that of the components of the displacement which they alone carry."""
@@ -51,8 +49,8 @@ class Pairs:
     products : (3, 3, i k t, s) products V_iJf V_kLg, J and L first.
     """
 
-    first: Index
-    second: Index
+    first: Ints
+    second: Ints
     i: slice
     k: slice
     products: Array
@@ -124,7 +122,7 @@ class Elements:
     """
 
     nodes: Array
-    cells: Index
+    cells: Ints
     D: Array
     weights: Array
     pressure_shape: Array
@@ -132,12 +130,12 @@ class Elements:
     angles: Angles
 
     @functools.cached_property
-    def components(self) -> Index:
+    def components(self) -> Ints:
         """Positions (c,) of the G_iJ that can differ from zero."""
         return np.array(self.angles.components or range(9))
 
     @functools.cached_property
-    def places(self) -> Index:
+    def places(self) -> Ints:
         """Where the nodal fields of each element, fields first, are among all (n, fields) in a row: (m, f a)."""
         f = self.angles.fields
         return np.asarray((np.arange(f)[:, None] + f * self.cells[:, None]).reshape(len(self.cells), -1))
@@ -163,7 +161,7 @@ class Elements:
         return int(self.nodes.shape[1])
 
     @property
-    def corners(self) -> Index:
+    def corners(self) -> Ints:
         return self.cells[:, : self.dim + 1]
 
 
@@ -180,7 +178,7 @@ class Surface:
     E : (q, 3, fields) Cartesian displacement per field.
     """
 
-    nodes: Index
+    nodes: Ints
     shape: Array
     weights: Array
     points: Array
@@ -359,7 +357,7 @@ def surface(
     )
 
 
-def boundary_nodes(mesh: skfem.Mesh, name: str) -> Index:
+def boundary_nodes(mesh: skfem.Mesh, name: str) -> Ints:
     """All displacement nodes (corners and mid-edges) on the named boundary, numbered as in `Elements.nodes`."""
     quadratic, _ = bases(mesh.p.shape[0])
     return np.asarray(Dofs(mesh, quadratic).get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)

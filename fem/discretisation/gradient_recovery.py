@@ -16,13 +16,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation import elements
 from fem.discretisation.elements import Elements
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from geometry.arrays import Array, Ints
 
 DEGREE = 3
 PATCH = 1.5
@@ -47,7 +44,7 @@ class Recovery:
     shares : (4, 3, m, fields) of the displacement and of its derivatives by x, y, z.
     """
 
-    nodes: Index
+    nodes: Ints
     shares: Array
 
     def __call__(self, u: Array) -> tuple[Array, Array]:
@@ -77,7 +74,7 @@ def recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     return Recovery(nodes[near], np.einsum("kp,pif->kipf", weights, turned[near]))
 
 
-def fit(points: Array, radius: float) -> tuple[Index, Array]:
+def fit(points: Array, radius: float) -> tuple[Ints, Array]:
     """Value and derivatives by x, y, z at the origin of the polynomial nearest to values at points (n, 3).
 
     Residuals at a distance d are weighted by 1 - (d / radius)^2.
@@ -102,7 +99,7 @@ def fit(points: Array, radius: float) -> tuple[Index, Array]:
         radius *= WIDER
 
 
-def _around(e: Elements) -> tuple[Index, Array, Array]:
+def _around(e: Elements) -> tuple[Ints, Array, Array]:
     """A section's nodes in planes through the axis on the side y > 0, shape (n,).
 
     With them their positions (n, 3), and their displacements by their fields, (n, 3, fields). Twice as many planes,

@@ -29,15 +29,13 @@ from fem.discretisation import element_integrals
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.rigid_inclusion import RigidBody
 from fem.solvers.sparse_pattern import Pattern, Side
+from geometry.arrays import Array, Ints
 
 CHUNK = 4096
 """Integration points that are treated at a time, so that their tensors stay in the processor's cache."""
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
-
-NONE: Index = np.empty(0, dtype=np.int64)
+NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
 
 
@@ -109,7 +107,7 @@ class System:
         mu: float | Array,
         inverse_K: float | Array,
         fixed: NDArray[np.bool_],
-        glued: Index = NONE,
+        glued: Ints = NONE,
         rigid: RigidBody | None = None,
         dead: Array | None = None,
         law: material.Law = material.neo_hookean,
@@ -193,7 +191,7 @@ class System:
             e, whole, element_integrals.volumes(e, whole) * self.inverse_K
         )
 
-    def _stiffness_sides(self, cells: Index) -> tuple[Side, Side]:
+    def _stiffness_sides(self, cells: Ints) -> tuple[Side, Side]:
         """Rows and columns of the pieces of `integrals.displacement_stiffness`."""
         e = self.elements
         if e.B is not None:
@@ -201,7 +199,7 @@ class System:
         first, second = (np.concatenate(f) for f in zip(*((p.first, p.second) for p in e.angles.pairs), strict=True))
         return Side.pieces(self._reduced, cells, first), Side.pieces(self._reduced, cells, second)
 
-    def _coupling_sides(self, cells: Index, corners: Index) -> tuple[Side, Side]:
+    def _coupling_sides(self, cells: Ints, corners: Ints) -> tuple[Side, Side]:
         """Rows and columns of the pieces of `integrals.coupling`, for each field of displacement and pressure."""
         a = self.elements.angles
         fields, numbers = np.divmod(np.arange(a.fields * a.pressures), a.pressures)
@@ -297,7 +295,7 @@ class System:
         blocks = [M[: self._inner], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
-    def pushes(self, points: Index, plate: Plate) -> Array:
+    def pushes(self, points: Ints, plate: Plate) -> Array:
         """Rows (m, n) of the unknowns' shares in the motion of skin points (m,) along the plate's normal."""
         s = self.surface
         assert s is not None

@@ -14,11 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation.elements import Angles, orders
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,12 +21,12 @@ from fem.discretisation.elements import Elements
 from fem.discretisation.gradient_recovery import Recovery, recovery
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import Law, lame, neo_hookean
+from geometry.arrays import Array
 from geometry.design import Shape
 from geometry.loads import Magnet
 from geometry.meshing.section_grading import FILLET
 from geometry.section import section as section_mesh
 
-Array = NDArray[np.float64]
 Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
 

@@ -9,7 +9,6 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
@@ -19,9 +18,8 @@ from fem.results.lateral_stiffness import Margin, SidewaysModel, lateral, margin
 from fem.solution import Facts, Remark, Solution, Status
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
+from geometry.arrays import Array
 from geometry.loads import Response
-
-Array = NDArray[np.float64]
 
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;

@@ -25,7 +25,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
@@ -33,9 +32,7 @@ from fem.discretisation import symmetry_models
 from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
 from fem.solvers.path_state import PathState, with_harmonics
-
-Array = NDArray[np.float64]
-
+from geometry.arrays import Array
 
 FAR, PAST = 0.5, -0.3
 """Ratios of the lateral stiffnesses between which something is said of a critical depth."""

@@ -11,14 +11,12 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation import element_integrals
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, kinematics, strain, yeoh
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 REACH = 1.1
 """Logarithmic strains that are looked at, over those of a state: where no next state is found, it had larger ones."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
@@ -17,10 +16,9 @@ from fem.scene import Scene
 from fem.solution import Field, Solution
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load, Response
-
-Array = NDArray[np.float64]
 
 
 def read(

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from fem.discretisation import elements
 from fem.solution import Field, Solution
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 SECTORS = 12
 """Wedges of 15 degrees in half a turn."""

@@ -24,8 +24,7 @@ from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation.nonlinear_system import State, System
 from fem.solvers.direct_solver import Solver
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
 """Points that may flip on sections, and in tetrahedra, where so many right-hand sides cost as much as a plain step

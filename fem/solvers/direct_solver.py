@@ -17,11 +17,11 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from geometry.arrays import Array, Ints
+
 if TYPE_CHECKING:
     from importlib.metadata import PackagePath
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FEW = 10_000
 """Unknowns up to which PARDISO takes one thread, and orders by minimum degree: half the time of nested dissection."""
@@ -71,7 +71,7 @@ class Solver:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
         self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
-        self._order: Index | None = None
+        self._order: Ints | None = None
 
     def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True) -> None:
         """Factorise an upper triangle, or all of an unsymmetric matrix; raises SingularMatrixError."""
@@ -201,7 +201,7 @@ def _address(array: NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
 
 
-def _nested_dissection(matrix: sp.csr_matrix) -> Index:
+def _nested_dissection(matrix: sp.csr_matrix) -> Ints:
     """Order of the unknowns of a symmetric matrix that keeps its factors sparse."""
     import pymetis
 

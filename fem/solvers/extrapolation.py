@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fem.contact import plate_contact
 from fem.solvers.path_state import PathState
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 ON_LINE = 1e-9
 """Distance over D from a line up to which a position counts as on it: rounding is far below, increments far above."""

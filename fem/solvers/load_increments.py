@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate
@@ -18,8 +17,7 @@ from fem.solvers import extrapolation
 from fem.solvers.direct_solver import Solver
 from fem.solvers.newton import TOLERANCE, Equilibrium, Stop, newton
 from fem.solvers.path_state import PastState, PathState
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 LONGEST, SOLID_LONGEST = 0.25, 0.125
 """Longest increments over D without friction, on sections and in tetrahedra: these distort more where a patch ends,

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
@@ -19,8 +18,7 @@ from fem.solvers.load_increments import Segment, segment
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState, at_rest, glued, with_harmonics, with_predictor
 from fem.solvers.predictor import predicted
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 class Path:

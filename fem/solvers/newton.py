@@ -14,8 +14,7 @@ from fem.discretisation.nonlinear_system import Assembly, State, System
 from fem.solvers.active_set import settled
 from fem.solvers.direct_solver import SingularMatrixError, Solver
 from fem.solvers.nonlinear_elimination import patch
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 TOLERANCE = 1e-9
 MOST_ITERATIONS = 30

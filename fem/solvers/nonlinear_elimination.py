@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from fem.contact.plate_contact import Plate
 from fem.discretisation.nonlinear_system import Assembly, State, System
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 MOST_NODES, SHARE = 12, 0.9
 """So few nodes have to carry this share of the squared residual forces."""

@@ -17,8 +17,7 @@ from fem.contact.coulomb_friction import Friction
 from fem.contact.plate_contact import KAPPA, SECTION_KAPPA, Plate
 from fem.discretisation import elements
 from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 FIRST_TOUCH = 1e-14
 """Depth over D up to which there is no contact: less is lost in the rounding of the beam's length. The plate's

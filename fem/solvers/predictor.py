@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.contact import plate_contact
 from fem.discretisation.symmetry_models import raise_harmonics
@@ -18,8 +17,7 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import CRUSHED, least_J, segment
 from fem.solvers.newton import newton
 from fem.solvers.path_state import PathState
-
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 MOST_ITERATIONS = 12
 """For correcting the prediction: more cost as much as the increments that it is to save."""

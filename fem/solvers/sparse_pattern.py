@@ -15,8 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from geometry.arrays import Array, Ints
 
 CHUNK = 1 << 16
 """Entries of element matrices whose places are found at a time, so that they stay in the processor's cache."""
@@ -33,12 +32,12 @@ class Side:
     local : (k,) which of the b blocks an unknown lies in.
     """
 
-    unknowns: Index
-    blocks: Index
-    local: Index
+    unknowns: Ints
+    blocks: Ints
+    local: Ints
 
     @classmethod
-    def pieces(cls, numbers: Index, cells: Index, fields: Index, first: int = 0) -> Side:
+    def pieces(cls, numbers: Ints, cells: Ints, fields: Ints, first: int = 0) -> Side:
         """A piece for each of some `fields`.
 
         Parameters
@@ -50,7 +49,7 @@ class Side:
         return cls(np.swapaxes(numbers[cells][..., fields], 1, 2), first + cells, np.arange(cells.shape[1]))
 
     @classmethod
-    def whole(cls, numbers: Index, cells: Index, first: int = 0) -> Side:
+    def whole(cls, numbers: Ints, cells: Ints, first: int = 0) -> Side:
         """One piece of all fields, the fields first, as `pieces`."""
         (m, a), fields = cells.shape, numbers.shape[1]
         unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(m, 1, fields * a)
@@ -83,12 +82,12 @@ class _Layout:
     """
 
     empty: sp.csr_matrix
-    offset: Index
-    inside: Index
-    diagonal: Index
+    offset: Ints
+    inside: Ints
+    diagonal: Ints
 
 
-def _layout(keys: Index, sizes: Index) -> _Layout:
+def _layout(keys: Ints, sizes: Ints) -> _Layout:
     """The layout of a matrix in which the pairs of blocks `keys` (one number each, see `_pair_keys`) are coupled."""
     count, first = len(sizes), np.cumsum(sizes) - sizes
     # sorted keys are rows of blocks, and in each row the columns in rising order
@@ -122,13 +121,13 @@ class Pattern:
     sizes : (blocks,) numbers of unknowns of the blocks, which are numbered one block after the other.
     """
 
-    def __init__(self, groups: list[tuple[Side, Side]], sizes: Index) -> None:
+    def __init__(self, groups: list[tuple[Side, Side]], sizes: Ints) -> None:
         count = len(sizes)
         pairs = [_pair_keys(row.blocks[:, :, None], column.blocks[:, None, :], count) for row, column in groups]
         # every block is coupled with itself, so that no row of the matrix is empty
         layout = _layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
         self._empty, self.size = layout.empty, len(layout.inside)
-        self._places: list[Index] = []
+        self._places: list[Ints] = []
         entries, done = [], count
         for (row, column), pair in zip(groups, pairs, strict=True):
             offset = layout.offset[done : done + pair.size].reshape(pair.shape)
@@ -166,7 +165,7 @@ class Pattern:
         return sp.csr_matrix((data, columns, pointers), shape=upper.shape)
 
     @functools.cached_property
-    def _mirror(self) -> tuple[Index, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
+    def _mirror(self) -> tuple[Ints, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
         """Of the whole matrix: its entries' places in the upper triangle, which are below the diagonal, structure."""
         upper = copy.copy(self._empty)
         # numbers in place of values, from 1 on, as a sparse sum may drop a 0
@@ -177,7 +176,7 @@ class Pattern:
         return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
 
 
-def _placed(row: Side, column: Side, offset: Index, layout: _Layout) -> tuple[Index, Index]:
+def _placed(row: Side, column: Side, offset: Ints, layout: _Layout) -> tuple[Ints, Ints]:
     """Which numbers of a group's element matrices count, and to which entries of the matrix they are added.
 
     Parameters
@@ -206,6 +205,6 @@ def _placed(row: Side, column: Side, offset: Index, layout: _Layout) -> tuple[In
     return np.concatenate(places), np.concatenate(entries)
 
 
-def _pair_keys(a: Index, b: Index, count: int) -> Index:
+def _pair_keys(a: Ints, b: Ints, count: int) -> Ints:
     """One number for each unordered pair of numbers below `count`."""
     return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))

@@ -18,12 +18,13 @@ from skfem import ElementTetP2, ElementTriP2, MeshTet1, MeshTet2
 from skfem.quadrature import get_quadrature
 
 from geometry import cad
+from geometry.arrays import Array, Ints
 from geometry.design import Shape
 from geometry.meshing import exact_surfaces, surface_triangulation
-from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.edge_lengths import Sizes
 from geometry.meshing.exact_surfaces import Masks
 
-About = Callable[[Floats, Shape], exact_surfaces.Near]
+About = Callable[[Array, Shape], exact_surfaces.Near]
 
 LEAST_JACOBIAN = 0.05
 """Least ratio in a cell of the least to the greatest Jacobian at the quadrature points of order 4."""
@@ -52,7 +53,7 @@ def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
     return replace(mesh, _boundaries=found)
 
 
-def normals(mesh: MeshTet1, facets: Ints) -> Floats:
+def normals(mesh: MeshTet1, facets: Ints) -> Array:
     """Unit normals of facets, shape (3, n), of either sign."""
     a, b, c = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 1, 0)
     normal = np.cross(b - a, c - a, axis=0)
@@ -150,7 +151,7 @@ def volumes(mesh: MeshTet2) -> dict[str, float]:
     return {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
 
 
-def mended(p: Floats, t: Ints, on: Masks) -> Floats:
+def mended(p: Array, t: Ints, on: Masks) -> Array:
     """The vertices p, shape (3, n), where cells are flat moved to where the worst cell around them is best.
 
     fTetWild leaves flat cells at a magnet's edge, between three vertices of it and one beside, and putting vertices
@@ -193,7 +194,7 @@ class _Fit:
     pole: float
     volume: float
 
-    def missing(self, x: Floats) -> float:
+    def missing(self, x: Array) -> float:
         """Volume that the facets leave out, by the divergence theorem; planes through the pole add nothing."""
         points, areas = patches(x, self.nodes)
         points[2] -= self.pole
@@ -211,7 +212,7 @@ def facet_nodes(mesh: MeshTet1, facets: Ints) -> Ints:
     return np.vstack([corners, mesh.nvertices + edge])
 
 
-def patches(x: Floats, nodes: Ints) -> tuple[Floats, Floats]:
+def patches(x: Array, nodes: Ints) -> tuple[Array, Array]:
     """Points of quadratic facets and their shares of area as normal vectors, both of shape (3, points, facets)."""
     element = ElementTriP2()
     at, weights = get_quadrature(element.refdom, 6)
@@ -221,7 +222,7 @@ def patches(x: Floats, nodes: Ints) -> tuple[Floats, Floats]:
     return points, np.cross(along[0], along[1], axis=0) * weights[:, None]
 
 
-def _around(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
+def _around(x: Array, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Array:
     """Middle nodes that are not `kept`, moved until the volume between the facets around and the surface vanishes."""
     x = x.copy()
     middles = np.unique(nodes[3:])
@@ -238,7 +239,7 @@ def _around(x: Floats, nodes: Ints, about: About, shape: Shape, kept: NDArray[np
     return x
 
 
-def _leveled(x: Floats, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Floats:
+def _leveled(x: Array, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Array:
     """Middle nodes that are not `kept`, all moved by the same, until the volume is right."""
     x = x.copy()
     middles = np.unique(fit.nodes[3:])
@@ -250,7 +251,7 @@ def _leveled(x: Floats, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Flo
     return x
 
 
-def _drawn_in(x: Floats, fit: _Fit, edge: NDArray[np.bool_]) -> Floats:
+def _drawn_in(x: Array, fit: _Fit, edge: NDArray[np.bool_]) -> Array:
     """A magnet with sharp edges, those moved inwards until its volume is that with the fillets."""
     inwards = np.zeros_like(x)
     inwards[:2, edge] = -x[:2, edge] / np.hypot(*x[:2, edge])
@@ -263,7 +264,7 @@ def _drawn_in(x: Floats, fit: _Fit, edge: NDArray[np.bool_]) -> Floats:
     return x + depth * inwards
 
 
-def _relaxed(mesh: MeshTet1, x: Floats, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
+def _relaxed(mesh: MeshTet1, x: Array, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
     """The mesh with the nodes x, and which of its middle nodes had to move back because a cell was too distorted."""
     n = mesh.nvertices
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=np.ascontiguousarray(x[:, :n])))
@@ -281,7 +282,7 @@ def _relaxed(mesh: MeshTet1, x: Floats, on: Masks) -> tuple[MeshTet2, NDArray[np
     return None
 
 
-def _spread(bend: Floats, middles: Ints, on: Masks) -> Floats:
+def _spread(bend: Array, middles: Ints, on: Masks) -> Array:
     """Shifts of nodes, shape (3, n), of which those inside follow those on the surfaces.
 
     middles : nodes in the middle of the edges of each cell, shape (6, cells).
@@ -298,7 +299,7 @@ def _spread(bend: Floats, middles: Ints, on: Masks) -> Floats:
     return bend
 
 
-def determinants(x: Floats, nodes: Ints) -> Floats:
+def determinants(x: Array, nodes: Ints) -> Array:
     """Jacobian determinants at the corners and quadrature points of order 4, shape (points, cells)."""
     element = ElementTetP2()
     points = np.hstack([element.refdom.p, get_quadrature(element.refdom, 4)[0]])
@@ -307,13 +308,13 @@ def determinants(x: Floats, nodes: Ints) -> Floats:
     return np.asarray(np.linalg.det(jacobian))
 
 
-def shapes(corners: Floats) -> Floats:
+def shapes(corners: Array) -> Array:
     """`radius_ratios`, negative for cells that are turned inside out; corners of shape (3, 4, cells)."""
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     return np.asarray(np.sign((a * np.cross(b, c, axis=0)).sum(axis=0)) * radius_ratios(corners))
 
 
-def radius_ratios(corners: Floats) -> Floats:
+def radius_ratios(corners: Array) -> Array:
     """Three times the inscribed over the circumscribed radius, 0 where two corners are one.
 
     Parameters

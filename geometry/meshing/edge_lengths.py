@@ -11,13 +11,10 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
+from geometry.arrays import Array, Ints
 from geometry.design import Shape
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 GROWTH = 0.7
 """Growth of the edge length per length away from a refined place."""
@@ -95,7 +92,7 @@ class Sizes:
         """z of the ring."""
         return self.shape.H + math.sqrt(self.shape.R**2 - self.ring_radius**2)
 
-    def at(self, r: Floats, z: Floats) -> Floats:
+    def at(self, r: Array, z: Array) -> Array:
         """Target edge length at points (r, z), arrays of one shape."""
         s = self.shape
         contact = 1.5 * 0.35 * s.R
@@ -117,7 +114,7 @@ class Sizes:
         turn = math.pi if half else 2 * math.pi
         return max(math.ceil(turn * r / float(self.at(np.array(r), np.array(z)))), 6 if half else 12)
 
-    def _layer(self, r: Floats, z: Floats, a: float, b: float) -> Floats:
+    def _layer(self, r: Array, z: Array, a: float, b: float) -> Array:
         """1.5 times the thickness of the silicone around the magnet, at least an eighth of the bulk size."""
         s = self.shape
         skin = np.where(z > s.H, np.abs(s.R - np.hypot(r, z - s.H)), np.abs(s.R - r))
@@ -126,7 +123,7 @@ class Sizes:
         return np.asarray(np.maximum(1.5 * (np.minimum(skin, np.abs(z)) + magnet), self.bulk / 8))
 
 
-def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
+def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
     """Sizing field on a grid around the beam: points (n, 3), tetrahedra (m, 4) and edge lengths (n,)."""
     s = sizes.shape
     margin = 0.02 * s.D
@@ -157,7 +154,7 @@ def background(sizes: Sizes, half: bool) -> tuple[Floats, Ints, Floats]:
     return points, np.vstack(tets), sizes.at(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
 
 
-def _around_ring(axes: list[Floats], sizes: Sizes) -> list[slice]:
+def _around_ring(axes: list[Array], sizes: Sizes) -> list[slice]:
     """Which points of a grid, along each axis, make the least box that holds the ring and TUBE around it."""
     r, z, wide = sizes.ring_radius, sizes.ring_height, TUBE * sizes.shape.D
     found = []
@@ -167,7 +164,7 @@ def _around_ring(axes: list[Floats], sizes: Sizes) -> list[slice]:
     return found
 
 
-def _denser(grid: Floats, sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+def _denser(grid: Array, sizes: Sizes, half: bool) -> tuple[Array, Ints]:
     """The points (n, 3) of a grid with those of tubes around the ring, and the tetrahedra (m, 4) between them.
 
     The points are moved at random by little, or Delaunay's tetrahedra of a regular grid would not be unique.

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import Shape
-from geometry.meshing.edge_lengths import Floats
 
 Masks = dict[str, NDArray[np.bool_]]
 
@@ -27,12 +27,12 @@ class Near:
     curvature : sum of both curvatures of the parallel surface through the point, shape (...).
     """
 
-    distance: Floats
-    normal: Floats
-    curvature: Floats
+    distance: Array
+    normal: Array
+    curvature: Array
 
 
-def skin(x: Floats, shape: Shape) -> Near:
+def skin(x: Array, shape: Shape) -> Near:
     """About side and dome."""
     rise = np.maximum(x[2] - shape.H, 0)
     arm = np.stack([x[0], x[1], rise])
@@ -41,7 +41,7 @@ def skin(x: Floats, shape: Shape) -> Near:
     return Near(length - shape.R, arm / some, np.where(rise > 0, 2, 1) / some)
 
 
-def magnet(x: Floats, shape: Shape) -> Near:
+def magnet(x: Array, shape: Shape) -> Near:
     """About the magnet with its rounded edges."""
     rho = shape.magnet_edge_radius
     r, up = np.hypot(x[0], x[1]), x[2] - shape.H
@@ -56,13 +56,13 @@ def magnet(x: Floats, shape: Shape) -> Near:
     return Near(distance, np.stack([x[0] * across, x[1] * across, normal_z]), curvature)
 
 
-def side(x: Floats, shape: Shape) -> Near:
+def side(x: Array, shape: Shape) -> Near:
     """About the magnet's cylinder."""
     r = np.hypot(x[0], x[1])
     return Near(r - shape.magnet_diameter / 2, np.stack([x[0] / r, x[1] / r, np.zeros_like(r)]), 1 / r)
 
 
-def project(x: Floats, on: Masks, shape: Shape, ring: tuple[float, float] = (0.0, 0.0)) -> Floats:
+def project(x: Array, on: Masks, shape: Shape, ring: tuple[float, float] = (0.0, 0.0)) -> Array:
     """The points moved to the closest points of the surfaces that they are on.
 
     Parameters

@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from skfem import MeshTet1, MeshTet2
 
 from geometry import design_digest
+from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.mesh import Parts
 from geometry.meshing import curved_mesh, exact_surfaces
-from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.edge_lengths import Sizes
 from geometry.meshing.mesh_quality import quality
 
 OFF = 5e-3
@@ -49,7 +50,7 @@ class _Cells:
     text : the file's name, for messages.
     """
 
-    points: Floats
+    points: Array
     cells: Ints
     region: Ints
     sides: dict[str, Ints]

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geometry.arrays import Array
 from geometry.design import Shape
-from geometry.meshing.edge_lengths import Floats
 
 CORE, MARGIN, ROOM = 0.2, 1.5, 0.9
 """Least radius of the enlarged core over the room, and core over the magnet's reach, and room over what there is."""
@@ -65,7 +65,7 @@ class Zoom:
         )
         return cls(enlarged, pole + factor * (shape.H - pole), pole, factor, core, room)
 
-    def back(self, points: Floats) -> Floats:
+    def back(self, points: Array) -> Array:
         """Points of the enlarged body, shape (3, n), at their places in the true one."""
         if self.factor == 1:
             return points

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from geometry.arrays import Array
 from geometry.design import Shape
 from geometry.meshing.section_outline import SMALLEST, Curve, room
 
 Points = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 
 TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
 """Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
@@ -42,14 +42,14 @@ class Grading:
 
     size: float
     source: Points
-    least: Floats
-    growth: Floats
+    least: Array
+    growth: Array
 
-    def __call__(self, x: Points) -> Floats:
-        wanted: Floats = np.minimum(self.size, self._asked(x).min(axis=1))
+    def __call__(self, x: Points) -> Array:
+        wanted: Array = np.minimum(self.size, self._asked(x).min(axis=1))
         return wanted
 
-    def along(self, x: Points) -> Floats:
+    def along(self, x: Points) -> Array:
         """The very same at points that follow each other: blocks of them ask only sources that can matter."""
         blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
         middle = (blocks[:, 0] + blocks[:, -1]) / 2
@@ -65,9 +65,9 @@ class Grading:
         wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
         return wanted.ravel()[: len(x)]
 
-    def _asked(self, x: Points) -> Floats:
+    def _asked(self, x: Points) -> Array:
         """The edge length that each source asks for, shape (n, sources)."""
-        asked: Floats = cdist(pairs(x), pairs(self.source))
+        asked: Array = cdist(pairs(x), pairs(self.source))
         asked *= self.growth
         asked += self.least
         return asked
@@ -79,7 +79,7 @@ class Grading:
         return Grading(self.size, self.source[used], self.least[used], self.growth[used])
 
 
-def pairs(x: Points) -> Floats:
+def pairs(x: Points) -> Array:
     """The same numbers as real and imaginary parts, shape (n, 2)."""
     return np.ascontiguousarray(x).view(np.float64).reshape(-1, 2)
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import Shape
 
 Points = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 
 SMALLEST = 1e-9
 """Lengths in D that count as zero."""
@@ -34,7 +34,7 @@ class Curve:
             return abs(self.end - self.start)
         return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
 
-    def at(self, t: Floats) -> Points:
+    def at(self, t: Array) -> Points:
         """The points at the fractions t of the length, exact at both ends."""
         if self.centre is None:
             points = np.asarray(self.start + (self.end - self.start) * t, dtype=np.complex128)
@@ -82,10 +82,10 @@ def _dome(shape: Shape, rim: float | None) -> list[Curve]:
     return [Curve("skin", x, y, centre, (a, b)) for (a, x), (b, y) in itertools.pairwise(stops)]
 
 
-def room(shape: Shape, x: Points) -> Floats:
+def room(shape: Shape, x: Points) -> Array:
     """Distance of points, shape (n,), from base, skin and magnet, negative outside the silicone."""
     dome = shape.R - np.abs(x - 1j * shape.H)
-    room: Floats = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
+    room: Array = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
     if not shape.has_magnet:
         return room
     a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius

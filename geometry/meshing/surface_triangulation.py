@@ -12,14 +12,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.arrays import Array, Ints
 from geometry.meshing import exact_surfaces
-from geometry.meshing.edge_lengths import Floats, Ints, Sizes
+from geometry.meshing.edge_lengths import Sizes
 
 SHARE, FILLET = 0.12, 0.25
 """Envelope over the smallest edge length, and over the radius of a fillet: vertices are put on the surfaces later."""
 
 
-def body(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+def body(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
     """Outer surface of the beam: points of shape (n, 3) and outward triangles of shape (m, 3)."""
     s = sizes.shape
     side = _line(sizes, (s.R, 0.0), (s.R, s.H))
@@ -28,7 +29,7 @@ def body(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     return _revolve(sizes, np.vstack([side, *dome]), half)
 
 
-def fin(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+def fin(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
     """A narrow strip through the ring, normal to the dome, from within the beam to without.
 
     A mesh that conforms to it and to the dome has edges along the ring, where they cross.
@@ -43,7 +44,7 @@ def fin(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     return np.vstack(circles), np.vstack(faces)
 
 
-def magnet(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
+def magnet(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
     """Surface of the magnet: points of shape (n, 3) and outward triangles of shape (m, 3)."""
     s = sizes.shape
     a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius if sizes.rounded else 0.0
@@ -56,19 +57,19 @@ def magnet(sizes: Sizes, half: bool) -> tuple[Floats, Ints]:
     return _revolve(sizes, profile, half)
 
 
-def _line(sizes: Sizes, start: tuple[float, float], end: tuple[float, float]) -> Floats:
+def _line(sizes: Sizes, start: tuple[float, float], end: tuple[float, float]) -> Array:
     if math.dist(start, end) < 1e-9 * sizes.shape.R:
         return np.array([start])
     share = np.linspace(0, 1, 4001)[:, None]
     return _spaced(sizes, (1 - share) * np.array(start) + share * np.array(end), 1)
 
 
-def _arc(sizes: Sizes, centre: tuple[float, float], radius: float, start: float, end: float) -> Floats:
+def _arc(sizes: Sizes, centre: tuple[float, float], radius: float, start: float, end: float) -> Array:
     angle = np.linspace(start, end, 4001)
     return _spaced(sizes, np.array(centre) + radius * np.column_stack([np.cos(angle), np.sin(angle)]), 1)
 
 
-def _spaced(sizes: Sizes, curve: Floats, least: int) -> Floats:
+def _spaced(sizes: Sizes, curve: Array, least: int) -> Array:
     """Points of the curve, shape (n, 2), whose distances follow the sizes; at least `least` intervals."""
     middle = (curve[1:] + curve[:-1]) / 2
     steps = np.hypot(*np.diff(curve, axis=0).T) / sizes.at(middle[:, 0], middle[:, 1])
@@ -78,9 +79,9 @@ def _spaced(sizes: Sizes, curve: Floats, least: int) -> Floats:
     return np.asarray(curve[np.unique(pick)])
 
 
-def _revolve(sizes: Sizes, profile: Floats, half: bool) -> tuple[Floats, Ints]:
+def _revolve(sizes: Sizes, profile: Array, half: bool) -> tuple[Array, Ints]:
     """Closed surface from a profile (r, z), shape (n, 2), of rising z, with flat lids where it ends off the axis."""
-    points: list[Floats] = []
+    points: list[Array] = []
     rings: list[Ints] = []
     first = 0
     for r, z in profile:
@@ -102,7 +103,7 @@ def _revolve(sizes: Sizes, profile: Floats, half: bool) -> tuple[Floats, Ints]:
     return np.vstack(points), found[whole]
 
 
-def _circle(r: float, z: float, count: int, half: bool) -> Floats:
+def _circle(r: float, z: float, count: int, half: bool) -> Array:
     """Points (n, 3) in so many steps around the axis."""
     angle = np.linspace(0, math.pi if half else 2 * math.pi, count + 1)[: None if half or count == 0 else -1]
     ring = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
@@ -139,7 +140,7 @@ def envelope(sizes: Sizes) -> float:
     return min(SHARE * least, fillet, sizes.wall / 5)
 
 
-def check_surface(points: Floats, faces: Ints, epsilon: float, wall: float) -> None:
+def check_surface(points: Array, faces: Ints, epsilon: float, wall: float) -> None:
     """Refuse what makes fTetWild crash, hang or answer wrongly.
 
     Parameters
@@ -170,28 +171,28 @@ def check_surface(points: Floats, faces: Ints, epsilon: float, wall: float) -> N
         raise ValueError(f"the envelope epsilon must be less than half the wall of {wall:g}; got {epsilon:g}")
 
 
-def in_body(x: Floats, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
+def in_body(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
     """Which points (n, 3) lie inside the beam's surface."""
 
-    def out(x: Floats) -> Floats:
+    def out(x: Array) -> Array:
         beyond = np.maximum(exact_surfaces.skin(x.T, sizes.shape).distance, -x[:, 2])
         return np.maximum(beyond, -x[:, 1]) if half else beyond
 
     return _inside(x, *body(sizes, half), out)
 
 
-def in_magnet(x: Floats, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
+def in_magnet(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
     """Which points (n, 3) lie inside the magnet's surface."""
     a, b = sizes.shape.magnet_diameter / 2, sizes.shape.magnet_height / 2
 
-    def out(x: Floats) -> Floats:
+    def out(x: Array) -> Array:
         beyond = np.maximum(np.hypot(x[:, 0], x[:, 1]) - a, np.abs(x[:, 2] - sizes.centre) - b)
         return np.maximum(beyond, -x[:, 1]) if half else beyond
 
     return _inside(x, *magnet(sizes, half), out)
 
 
-def _inside(x: Floats, points: Floats, faces: Ints, out: Callable[[Floats], Floats]) -> NDArray[np.bool_]:
+def _inside(x: Array, points: Array, faces: Ints, out: Callable[[Array], Array]) -> NDArray[np.bool_]:
     """Which points x (n, 3) lie inside a closed surface: near it by its winding, elsewhere as in the exact body.
 
     out : how far points lie outside of that body, negative within.
@@ -206,7 +207,7 @@ def _inside(x: Floats, points: Floats, faces: Ints, out: Callable[[Floats], Floa
     return found
 
 
-def winding(points: Floats, vertices: Floats, faces: Ints) -> Floats:
+def winding(points: Array, vertices: Array, faces: Ints) -> Array:
     """How often a closed outward surface winds around each of the points (n, 3): 1 inside, 0 outside."""
     total = np.zeros(len(points))
     for face in faces:

@@ -20,11 +20,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import beam, decode, magnet, stream
 from analytic.decode import Decoder
 from analytic.inverse import damped_newton, forward_model, response_surface
+from geometry.arrays import Array
 from geometry.design import Design, paper
 from studies.benchmarks import benchmark_tables, decoder_report, lookup_benchmark
 from studies.benchmarks.decoder_report import DecoderSpeed, Measurements, RoundTrips, SecondPoses, TiltErrors
@@ -41,7 +41,6 @@ median of runs; a stream's is by the clock. The paper's table is read by its nea
 memory by a search tree, the full one from its file by bounds of its blocks (`analytic.lookup.nearest`).
 """
 
-Array = NDArray[np.float64]
 
 LAYOUTS = {
     "paper (h 2, l0 7.2, c 2)": {},

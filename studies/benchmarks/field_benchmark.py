@@ -24,9 +24,9 @@ from importlib import metadata
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import magnet
+from geometry.arrays import Array
 from geometry.design import BadInput, paper
 from studies.benchmarks import benchmark_tables, field_reference
 from studies.output import atomic_files, console, provenance, records
@@ -41,7 +41,6 @@ that of the same call with none, which is Python's own: converting, checking, al
 new process, by the clock.
 """
 
-Array = NDArray[np.float64]
 
 RADIUS = 1.7
 FLATNESS = (1e-6, 1e-3, 0.1, 1.0, 2.0, 30.0, 1e3)

@@ -10,9 +10,9 @@ from typing import Any
 
 import mpmath
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from geometry.arrays import Array
 
 
 def field(point: Sequence[float], radius: float, height: float, digits: int = 60) -> Array:

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import lookup
 from analytic.inverse import forward_model
 from analytic.inverse.forward_model import Forward
+from geometry.arrays import Array
 from geometry.design import BadInput, paper
 from studies.sensing import lookup_table
-
-Array = NDArray[np.float64]
 
 STEPS = (0.5, 0.25, 0.125)
 """Of the coarse tables, mm."""

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from studies.output.atomic_files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
     from fem.results.revolved_body import Body
     from fem.solution import Solution
 
-Array = NDArray[np.float64]
 Quantity = Literal["displacement", "pressure"]
 
 PIECES = 6

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet, Response
 from studies.output.atomic_files import atomic
@@ -21,7 +21,6 @@ from studies.output.section_picture import Cut, Quantity, cut_of, lines, surface
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-Array = NDArray[np.float64]
 
 SIZE = (1500, 1200)
 """Width and height of a picture, pixels."""

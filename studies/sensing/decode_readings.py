@@ -19,16 +19,13 @@ from studies.output import atomic_files, console
 from studies.sensing.field_readings import read_rows
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from analytic.decode import Decoded, Decoder
     from analytic.inverse.response_surface import Mechanics
     from analytic.inverse.workspace_limits import End
     from analytic.parts import Element
+    from geometry.arrays import Array
     from studies.sensing.force_level_check import Gap
 
-    Array = NDArray[np.float64]
 
 FOUND = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad", "force_x_N", "force_y_N"]
 FOUND += ["force_z_N", "depth_mm", "shear_mm", "shear_y_mm", "condition", "multiplicity", "level"]

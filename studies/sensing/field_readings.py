@@ -18,11 +18,10 @@ from studies.output import atomic_files
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
 
     from analytic.hall import Mode, Readings
+    from geometry.arrays import Array
 
-    Array = NDArray[np.float64]
 
 PLACES = ["x_mm", "y_mm", "z_mm"]
 FOUND = ["Bx_T", "By_T", "Bz_T"]

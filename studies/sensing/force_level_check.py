@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from analytic import beam
 from analytic.inverse import response_surface
+from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
 
 if TYPE_CHECKING:
     from analytic.inverse.response_surface import Mechanics
 
-Array = NDArray[np.float64]
 
 BEST = "finite"
 """The level that the others are compared with."""

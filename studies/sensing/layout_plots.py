@@ -10,13 +10,10 @@ from studies.output import atomic_files
 from studies.output.table_plots import ANALYTIC, COLOURS, FEM, STYLE
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from analytic.decode import Decoder
     from analytic.survey import Survey
+    from geometry.arrays import Array
 
-    Array = NDArray[np.float64]
 
 PLANE = (61, 31)
 """Poses along x and z of the plane y = 0."""

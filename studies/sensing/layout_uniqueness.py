@@ -14,15 +14,11 @@ from geometry.messages import Progress
 from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from analytic.decode import Decoder
     from analytic.hall import Mode
     from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
 
-    Array = NDArray[np.float64]
 
 ABOUT = """\
 The paper fills a table of readings over its workspace, sees in a plot for one depth that they are unique to each

@@ -23,13 +23,10 @@ from geometry.messages import Progress
 from studies.output import atomic_files, console
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from analytic.inverse.forward_model import Forward
     from analytic.lookup import Grid
+    from geometry.arrays import Array
 
-    Array = NDArray[np.float64]
 
 NOTE_EVERY = 8
 """Slabs between two notes."""

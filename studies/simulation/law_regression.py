@@ -25,13 +25,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import LAWS, LEAST_ALPHA, BadInput, Design
 from studies.simulation.law_stability import Ranges, ranges, ranges_of_test
 from studies.simulation.tensile_test import Specimen
 
-Array = NDArray[np.float64]
 Criterion = Literal["AICc", "fewest constants"]
 
 STANDARD = Design()

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from fem.material import law
 from fem.results import material_stability
+from geometry.arrays import Array
 
-Array = NDArray[np.float64]
 Ranges = dict[str, tuple[float, float]]
 
 MODES = {"uniaxial": (1.0, -0.5, -0.5), "equibiaxial": (1.0, 1.0, -2.0), "planar": (1.0, 0.0, -1.0)}

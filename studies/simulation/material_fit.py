@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import SILICONE_E, BadInput
 from geometry.messages import Progress
 from studies.output.atomic_files import write_text
@@ -16,8 +16,6 @@ from studies.simulation.law_remarks import warnings
 from studies.simulation.law_selection import Judged, choose
 from studies.simulation.law_stability import MODES
 from studies.simulation.tensile_test import Specimen, read
-
-Array = NDArray[np.float64]
 
 FILES = ("fit.csv", "fit.png", "design.toml")
 """What is written into a folder."""

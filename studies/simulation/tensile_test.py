@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.arrays import Array
 from geometry.design import BadInput, closest
 from studies.inputs import table_input
-
-Array = NDArray[np.float64]
 
 STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 0.01)}
 """Columns of the deformation: stretch = first number + second number * value."""

@@ -22,15 +22,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 
 from fem import material
 from fem.discretisation import elements
 from fem.discretisation.elements import Angles, Elements
 from fem.discretisation.symmetry_models import on_axis
+from geometry.arrays import Array
 from studies.validation.solid_problems import SKIN, Mask, body, find
-
-Array = NDArray[np.float64]
 
 ORDER, ANGLES = 6, 8
 """Of the rule that integrates body forces and errors, on the section and around the axis."""

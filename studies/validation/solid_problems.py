@@ -23,8 +23,8 @@ from fem.discretisation.nonlinear_system import System
 from fem.material import lame
 from fem.solvers.direct_solver import Solver
 from fem.solvers.newton import STOPPED, Equilibrium, newton
+from geometry.arrays import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SKIN = 1e-9
