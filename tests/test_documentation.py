@@ -126,6 +126,18 @@ def test_a_wrong_name_is_no_name():
     assert not resolves("geometry.designs")
 
 
+def test_what_is_looked_for_is_in_the_module_that_is_named():
+    """Each name with a capital letter and each quoted text of a row of CONTRIBUTING stands in the row's module."""
+    rows = re.findall(
+        r"^\| ([^|`]+(?:`\w+`)?[^|]*) \| `([\w.]+)` \|$", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), flags=re.M
+    )
+    assert len(rows) > 15
+    for text, module in rows:
+        source = " ".join(ROOT.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8").split())
+        missing = [word for word in re.findall(r"\b[A-Z]\w+|(?<=\").+(?=\")", text) if word not in source]
+        assert not missing, module
+
+
 def test_moved_paths_are_right():
     """The changelog's table: the new path is there, a module of the old one is not."""
     rows = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
