@@ -241,7 +241,7 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         (("--readings", "1,2,nan"), "finite"),
         (("--readings", "1,2,3", "--units", "G"), "G"),
         (("--readings", "1,2,3", "--level", "best"), "level must be"),
-        (("--readings", "1,2,3", "--out", "d.csv"), "--out is for"),
+        (("--readings", "1,2,3", "--out", "d.csv"), "--out works with --file only"),
         (("--readings", "1,2,3", "--level", "paper", "--responses", "s"), "give only one"),
         (("--readings", "1,2,3", "--responses", "none.jsonl"), "no file"),
         (("--readings", "1,2,3", "--responses", "r.csv"), "r.csv, line 1 is not JSON"),

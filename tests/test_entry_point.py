@@ -190,7 +190,7 @@ def test_interrupt_keeps_what_was_reached(tmp_path, strict):
         first = run.stdout.readline()
         run.send_signal(signal.SIGINT)
         rest, err = run.communicate()
-    assert (run.returncode, err) == (exit_status.INTERRUPTED, "magtip: interrupted; files that are complete stay\n")
+    assert (run.returncode, err) == (exit_status.INTERRUPTED, "magtip: interrupted; complete files are kept\n")
     reached = strict(first + rest)
     assert 1 <= len(reached) < 39
     assert {state["status"] for state in reached} == {"ok"}
@@ -334,7 +334,7 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
 def test_help_says_which_columns_a_table_has(run):
     for verb in ("solve", "sweep"):
         text = " ".join(run(verb, "--help")[1].replace("│", "").split())
-        assert "default: the main ones, as many as fit" in text
+        assert "default: as many main columns as fit" in text
 
 
 @pytest.mark.parametrize("count", ["2.5", "1e1", "two"])

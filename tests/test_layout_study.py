@@ -204,9 +204,7 @@ def test_bad_input_is_a_sentence(run, tokens, word):
 
 def test_options_in_vain_are_said(run, small):
     err = run("layout", "paper", "--count", 3, "--json")[2]
-    assert err == (
-        "magtip: warning: --count has no effect: it says how many layouts a search gives, and there is no --search\n"
-    )
+    assert err == ("magtip: warning: --count has no effect: it works with --search only\n")
     err = run("layout", "paper", "--ignore-tilt", "--json")[2]
     assert err == "magtip: warning: --ignore-tilt has no effect: the tilt is zero in these formulas or states\n"
     assert run("layout", "paper", "--ignore-tilt", "--level", "finite", "--json")[2] == ""

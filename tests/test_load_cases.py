@@ -370,4 +370,4 @@ def test_options_in_vain_are_said(run):
         "magtip: warning: --friction stick has no effect: it acts only during a shear, and this load has none\n"
     )
     err = run("analytic", "paper", "--depth", 1, "--set", "law=yeoh", "--json")[2]
-    assert err == "magtip: warning: law has no effect: the paper's formulas know E only\n"
+    assert err == "magtip: warning: law has no effect: level paper uses E only\n"

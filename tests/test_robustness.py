@@ -74,7 +74,7 @@ def test_the_largest_magnet_is_the_largest(changes):
     height = robustness_checks.largest_height(changes)
     design = Design(**changes, magnet_height=height, l0=20.0)
     assert design.shape.wall == pytest.approx(LEAST_WALL, abs=1e-6)
-    with pytest.raises(BadInput, match="wall"):
+    with pytest.raises(BadInput, match="silicone around it"):
         replace(design, magnet_height=height * 1.001)
     assert robustness_checks.largest_height({"L": 4.05}) == 0
 
@@ -237,7 +237,7 @@ def test_a_failed_scene_is_status_three(run, monkeypatch):
     status, out, err = run("extremes")
     assert status == FAILED
     assert out.startswith("FAIL  small")
-    assert "1 of 1 scenes end wrongly: small" in err
+    assert "1 of 1 cases fail: small" in err
 
 
 def test_a_scene_that_is_not_judged_is_counted_apart_and_fails_nothing(run, monkeypatch, tmp_path):
@@ -249,7 +249,7 @@ def test_a_scene_that_is_not_judged_is_counted_apart_and_fails_nothing(run, monk
     status, out, err = run("extremes", "--out", tmp_path)
     assert status == GOOD
     assert "not judged  open" in out
-    assert "1 of 2 scenes are not judged: open" in err
+    assert "1 of 2 cases yield no measurement: open" in err
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
     assert "1 of 2 scenes pass, 0 fail, 1 is not judged" in report
     assert "| **not judged** |" in report

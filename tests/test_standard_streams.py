@@ -24,7 +24,7 @@ def test_a_full_standard_output_is_named_and_no_folder_blamed(option):
     run = shell(">/dev/full", "design", "paper", *option)
     assert (run.returncode, run.stderr) == (
         2,
-        "magtip: cannot write to standard output (No space left on device): send it elsewhere\n",
+        "magtip: cannot write to standard output (No space left on device): redirect it elsewhere\n",
     )
 
 

@@ -19,20 +19,21 @@ def bench(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Measure time and memory at a given error, beside FElupe and CalculiX, against goals; and cost against size.
+    """Measure time and memory at a given error beside FElupe and CalculiX, and how cost grows with size.
 
-    A peer that is not installed gets a row that says how to install it. Goals missed are said; the status is 0.
+    A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
+    0.
 
     Parameters
     ----------
     quick
-        Medians of 3 runs instead of 5, up to 50 000 unknowns.
+        Use medians of 3 runs instead of 5, and at most 50 000 unknowns.
     peers
-        Folder of FElupe's own environment: python3 -m venv DIR && DIR/bin/pip install felupe.
+        Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
     ccx
-        The program CalculiX.
+        Command that runs CalculiX.
     out
-        Folder of bench.csv, BENCH.md and size.png.
+        Folder for bench.csv, BENCH.md and size.png.
     """
     asked = command(bench, locals())
     from studies.benchmarks import benchmark_tables

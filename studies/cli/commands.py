@@ -31,7 +31,7 @@ def _version() -> str:
 
 app = App(
     name="magtip",
-    help="Design, finite elements and formulas of soft magnetic three-axis force sensors. Units: mm and N.",
+    help="Design soft magnetic three-axis force sensors by finite elements and formulas. Units: mm, N, MPa, T, V.",
     version=_version,
     help_format="plaintext",  # its list of verbs has no markup: 0.04 s of a Markdown library are for help of a verb
     default_parameter=Parameter(negative=""),
@@ -122,14 +122,14 @@ def run(tokens: list[str] | None = None) -> int:
         standard_streams.drop_output()
         if error.errno == errno.EPIPE:
             return BROKEN_PIPE
-        console.say(f"magtip: cannot write to standard output ({error.strerror}): send it elsewhere")
+        console.say(f"magtip: cannot write to standard output ({error.strerror}): redirect it elsewhere")
         return BAD
     except OSError as error:
         name = repr(error.filename) if error.filename else "a file"
         console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
         return BAD
     except KeyboardInterrupt as stop:
-        console.say(f"magtip: interrupted; {str(stop) or 'files that are complete stay'}")
+        console.say(f"magtip: interrupted; {str(stop) or 'complete files are kept'}")
         if tokens is None and console.loaded():
             # all files are closed by now: nothing is left for Python's own end but seconds of taking down
             with contextlib.suppress(OSError):

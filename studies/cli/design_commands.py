@@ -15,7 +15,7 @@ from studies.output import atomic_files, console
 
 
 def design(source: Source, /, *, sets: Sets = None, as_json: AsJson = False) -> int:
-    """Every value of a design and where it comes from, derived values, what is assumed, warnings."""
+    """Show every value of a design with its source, derived values, assumptions and warnings."""
     from studies.simulation import design_summary
 
     design_summary.show(user_input.read_design(source, sets or []), as_json=as_json)
@@ -36,24 +36,24 @@ def cad(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Solids, printable two-part mould and base, assembly, drawings and a casting recipe; everything is checked.
+    """Make and check solids, a printable mould and base, an assembly, drawings and a casting recipe.
 
     Parts are written as .step, .stl and .3mf; start with README.md in the folder.
 
     Parameters
     ----------
     out
-        Folder of the files.
+        Output folder.
     process
-        Filament or resin printing: defaults of fit and walls.
+        Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls.
     mold
-        A choice about the mould, KEY=VALUE, such as shrink=0.01, columns=3 or split=1; repeatable.
+        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3 or split=1; repeatable.
     base
-        A choice about the base, KEY=VALUE, such as screw=0 or thickness=5; repeatable.
+        Setting of the base, KEY=VALUE, such as screw=0 or thickness=5; repeatable.
     axis
-        NAME=a,b,c with NAME one of D, L, f, E: a folder for each combination, without picture; repeatable.
+        Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
     tolerance
-        Largest distance of the STL's facets from the surface, mm; D/2000 by default.
+        Largest distance of the STL's facets from the surface, mm; default: D/2000.
     """
     asked = command(cad, locals())
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
@@ -89,16 +89,16 @@ def mesh(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """Write the tetrahedral mesh of silicone and magnet as .vtu, and print its quality.
+    """Write the tetrahedral mesh of silicone and magnet to a .vtu file and show its quality.
 
     Parameters
     ----------
     out
-        A .vtu file.
+        Output file (.vtu).
     size
-        Edge length away from features, mm; D/8 by default.
+        Edge length away from small features, mm; default: D/8.
     half
-        Only the half at y >= 0.
+        Mesh only the half at y >= 0.
     """
     from studies.simulation import design_summary
 
@@ -111,12 +111,12 @@ def mesh(
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
-    """Where meshes are kept, how many, their size and its limit (environment: MAGTIP_CACHE, MAGTIP_CACHE_MB).
+    """Show folder, number, size and limit of the cached meshes (environment: MAGTIP_CACHE, MAGTIP_CACHE_MB).
 
     Parameters
     ----------
     clear
-        Remove them.
+        Delete the cached meshes.
     """
     from geometry.meshing import mesh_cache as kept
 

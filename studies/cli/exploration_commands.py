@@ -18,7 +18,7 @@ from studies.output import atomic_files, console
 if TYPE_CHECKING:
     from studies.exploration.sweep_rows import SweepRow
 
-Study = Annotated[str | None, Parameter(name="STUDY", help="A study's TOML file; with --axis, a design.")]
+Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
 
 def sweep(
@@ -35,25 +35,25 @@ def sweep(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Both models over a grid of D, L, f, E and the depth, one row per case.
+    """Run finite elements and formulas over a grid of D, L, f, E and depth, one row per case.
 
-    magtip sweep STUDY.toml runs a study; magtip sweep --axis D=6,8,10 --depth 1 does without a file. Options given
-    beside a study replace its own values.
+    Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
+    override the values of a study.
 
     Parameters
     ----------
     axis
-        NAME=a,b,c with NAME one of D, L, f, E, depth; repeatable.
+        Values NAME=a,b,c of D, L, f, depth (mm) or E (MPa); repeatable.
     design
-        The design to vary: a preset or a TOML file; paper by default.
+        Design to vary, a preset or a TOML file; default: paper.
     depth
-        Depth of the press where it is not an axis, mm.
+        Depth of the press if depth is not an axis, mm.
     magnet
-        As a rigid body (the default), or ignored.
+        Rigid body, or ignored (the whole beam is silicone); default: rigid.
     accuracy
-        Of the finite elements; standard by default.
+        Accuracy of the finite elements; default: standard.
     out
-        Folder of the table and the plot, and of the solves, from which a sweep that was stopped goes on.
+        Folder for the table, the plot and all solves; a sweep that was stopped continues from there.
     """
     from studies.exploration import sweep_axes
 

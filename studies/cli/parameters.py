@@ -11,14 +11,14 @@ from geometry.design import Design
 from geometry.loads import Magnet
 from studies.inputs import input_warnings, user_input
 
-Source = Annotated[str, Parameter(name="DESIGN", help="A preset's name (paper) or a TOML file.")]
-Sets = Annotated[list[str] | None, Parameter(name="--set", help="Override a field, KEY=VALUE; repeatable.")]
-AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON, one object per line, and nothing else.")]
+Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
+Sets = Annotated[
+    list[str] | None, Parameter(name="--set", help="Override a field of the design, KEY=VALUE; repeatable.")
+]
+AsJson = Annotated[bool, Parameter(name="--json", help="Print JSON only, one object per line.")]
 Wide = Annotated[
     bool,
-    Parameter(
-        name="--wide", help="All columns of a table, however long its lines; default: the main ones, as many as fit."
-    ),
+    Parameter(name="--wide", help="Show all columns of a table; default: as many main columns as fit."),
 ]
 
 

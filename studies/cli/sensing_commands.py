@@ -27,14 +27,14 @@ def field(
     out: Path | None = None,
     sets: Sets = None,
 ) -> int:
-    """Add the magnet's field to a table of points in the sensor's frame (base plane z = 0, beam along z).
+    """Compute the magnet's field at the points of a table, in the sensor's frame (base at z = 0, beam along z).
 
     Parameters
     ----------
     points
-        A .csv file with the columns x_mm,y_mm,z_mm.
+        CSV file with the columns x_mm,y_mm,z_mm.
     out
-        The .csv file with Bx_T,By_T,Bz_T added; standard output by default.
+        CSV file for the points with Bx_T,By_T,Bz_T added; default: standard output.
     """
     from studies.sensing import field_readings
 
@@ -59,19 +59,19 @@ def readings(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """What the Hall elements read when the magnet has moved, with saturation and clearance.
+    """Compute what the Hall elements read after the magnet has moved; check saturation and clearance.
 
     Parameters
     ----------
     mode
-        B.n as an element reads it, or the paper's |B|.
+        Reading of an element: component B.n, or magnitude |B| as in the paper.
     ambient
-        Uniform field that is added, Bx,By,Bz in T.
+        Uniform ambient field Bx,By,Bz, T.
     seed
-        Draw one sample of the elements' noise with this seed; none by default.
+        Seed of one random sample of the elements' noise; default: no noise.
     responses
-        States printed by `magtip solve --json` (or `analytic --json`), a line each: a row of readings for each,
-        without --shift and --tilt.
+        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
+        and --tilt; each state gives a row of readings.
     """
     from studies.sensing import field_readings
 
@@ -104,34 +104,35 @@ def decode(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """Pose of the magnet and load on the tip from readings, with every other pose that reads alike.
+    """Compute the magnet's pose and the load on the tip from readings; list all poses with the same readings.
 
-    Exit status 3 if no pose in the workspace gives the readings (of a file: not a single row of it).
+    The exit status is 3 if no pose in the workspace gives the readings; with --file, if this holds for all rows.
 
     Parameters
     ----------
     readings
-        What the elements read, a,b,c in the order S1,S2,S3 (a chip: -z,x,y).
+        Readings a,b,c in the order S1,S2,S3 (of a chip: -z,x,y), V or T as --units says.
     file
-        A .csv file with the columns S1_V,S2_V,S3_V (or _T), decoded row by row as a stream.
+        CSV file with the columns S1_V,S2_V,S3_V (or _T), decoded row by row as a stream.
     units
-        Of the readings: outputs in V or flux densities B.n in T; by default what the elements send.
+        Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output.
     level
-        Formulas that give tilt and load from the shift; default: paper, which has no tilt and too small a force.
+        Formulas for tilt and load: paper, column, tip, magnet or finite; default: paper, which has no tilt and
+        underestimates the force.
     responses
-        States printed by `magtip solve --json` (or `analytic --json`), a line each, that give tilt and load
+        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load
         instead of formulas.
     ignore_tilt
-        Decode as if the magnet did not tilt.
+        Assume that the magnet does not tilt.
     out
-        The .csv file with the results added; standard output by default.
+        CSV file for the rows of --file with the results added; default: standard output.
     """
     from studies.sensing import decode_readings
 
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and out is not None:
-        raise BadInput("--out is for --file FILE.csv: leave it out")
+        raise BadInput("--out works with --file only: leave it out")
     atomic_files.check_apart([out], [source, file, responses])
     coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     name = decode_readings.level_name(level, responses)
@@ -158,7 +159,7 @@ def decode(
             if status == "out_of_workspace":
                 solved = responses is not None
                 why = [
-                    f"{n}: {decode_readings.beyond_sentence(coder, end, solved=solved)}"
+                    f"{decode_readings.beyond_sentence(coder, end, solved=solved)} ({n} of them)"
                     for end, n in found.ends.items()
                 ]
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
@@ -177,20 +178,23 @@ def table(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """The paper's look-up table: B.n of every pose on a grid, T, written as it is made; 2.6 GB at a step of 0.01 mm.
+    """Write the paper's look-up table: B.n in T at every pose of a grid (2.6 GB at a step of 0.01 mm).
 
-    Interrupted, the same command goes on where it stopped. FILE.json beside the table says what its axes are.
+    After an interruption the same command continues. FILE.json beside the table describes its axes.
 
     Parameters
     ----------
     out
-        A .npy file, shape (x, y, z, element); read it with numpy.load(FILE, mmap_mode="r").
+        Output file (.npy) of shape (x, y, z, element); read it with numpy.load(FILE, mmap_mode="r").
     step
-        Of the grid, mm.
-    level, responses
-        As in decode, for the tilt; without them the magnet does not tilt.
+        Step of the grid, mm.
+    level
+        Formulas for the tilt: paper, column, tip, magnet or finite; default: none, so that the magnet does not tilt.
+    responses
+        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for the tilt instead of
+        formulas.
     plane
-        The table of two dimensions that is enough where the magnet does not tilt: B_rho and B_z over (rho, Z).
+        Write a table of two dimensions, B_rho and B_z over (rho, Z); it suffices if the magnet does not tilt.
     """
     from studies.sensing import decode_readings, lookup_table
 
@@ -222,20 +226,21 @@ def layout(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """How well the Hall elements tell the magnet's poses apart over the workspace; and a search for better layouts.
+    """Evaluate the layout of the Hall elements: uniqueness, noise, saturation, clearance; search for better layouts.
 
     Parameters
     ----------
     search
-        Rank layouts over f, l0 and c (of a chip: l0 and chip_x) by what they fail at, then by worst noise; a minute.
+        Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
+        poses, then by their worst noise; takes a minute.
     ranges
-        Where to search: NAME=LOW,HIGH in mm, or NAME=VALUE to keep it; repeatable.
+        Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable.
     count
-        How many layouts the search gives, 1 to 16; default: 10.
+        Number of layouts that the search lists, 1 to 16; default: 10.
     claim
-        Whether readings are unique, as the paper models them and as elements read them, over c; a minute.
+        Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute.
     out
-        Folder of layout.csv, layout.png and LAYOUT.md.
+        Folder for layout.csv, layout.png and LAYOUT.md.
     """
     asked = command(layout, locals())
     from studies.sensing import layout_report as texts
@@ -244,9 +249,9 @@ def layout(
 
     given = design_of(source, sets)
     if ranges and not search:
-        raise BadInput("--range says where to search: add --search")
+        raise BadInput("--range sets the range of a search: add --search")
     if count is not None and not search:
-        say_no_effect("--count", "it says how many layouts a search gives, and there is no --search")
+        say_no_effect("--count", "it works with --search only")
     atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         job = work.Job(
@@ -258,7 +263,7 @@ def layout(
         return GOOD
     console.report([texts.shown(found)], as_json=False, title="Layout")
     if search:
-        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, the best first", wide=wide)
+        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, best first", wide=wide)
     if claim:
         console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim", wide=wide)
     for warning in (*found["hits"], *found["warnings"]):

@@ -36,16 +36,16 @@ def solve(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Force, shift and tilt of the magnet by finite elements, each state as soon as it is reached.
+    """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
-    If a solve stops short, the last good state is given, and the exit status is 3.
+    If a solve stops early, the last converged state is printed and the exit status is 3.
 
     Parameters
     ----------
     out
-        A .vtu file for the deformed body of the last state.
+        File (.vtu) for the deformed body of the last state.
     picture
-        A .png file for the deformed section of the last state.
+        File (.png) for the deformed section of the last state.
     """
     from studies.simulation import load_cases
 
@@ -85,18 +85,18 @@ def analytic(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """Force, shift of the magnet and readings by formulas; the tip sticks to a plate that shears.
+    """Compute force, shift of the magnet and readings by formulas; in a shear the tip sticks to the plate.
 
     Parameters
     ----------
     level
-        Which formulas: paper, column, tip, magnet or finite, each with more in it than the one before.
+        Formulas, from the simplest to the most complete: paper, column, tip, magnet or finite.
     """
     from studies.simulation import load_cases
 
     given = design_of(source, sets)
     if level == "paper" and given.law != "neo-hookean":
-        say_no_effect("law", "the paper's formulas know E only")
+        say_no_effect("law", "level paper uses E only")
     record = load_cases.analytic(given, depth, (shear, shear_y), level)
     print_record(record, "Formulas", load_cases.UNSHOWN, as_json=as_json)
     return GOOD
@@ -115,14 +115,14 @@ def stability(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """At which depth a press gives way sideways, free or guided; at a depth, small shear about it.
+    """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
 
     Parameters
     ----------
     slenderness
-        L/D as numbers a,b,c: the critical depths of beams of these lengths, beside Euler, Engesser and Haringx.
+        Values a,b,c of L/D: critical depths of beams of these lengths, beside Euler, Engesser and Haringx.
     out
-        Folder of their table, plot and STABILITY.md.
+        Folder for table, plot and STABILITY.md of --slenderness.
     """
     asked = command(stability, locals())
     from studies.simulation import stability_report
@@ -130,12 +130,12 @@ def stability(
     given = design_of(source, sets, magnet)
     if slenderness is not None:
         if depth is not None:
-            raise BadInput("--depth asks for one beam and --slenderness for many: leave one of them out")
+            raise BadInput("--depth and --slenderness exclude each other: give only one")
         if "L" in user_input.pairs("--set", sets or [], "D=10"):
-            say_no_effect("L", "--slenderness gives the lengths")
+            say_no_effect("L", "the lengths come from --slenderness")
         return _stability_map(source, given, magnet, accuracy, slenderness, out, asked, as_json=as_json, wide=wide)
     if out is not None:
-        raise BadInput("--out is the folder of the table over slenderness: give --slenderness 1,2,3 too")
+        raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
     with console.progress(as_json=as_json) as progress:
         record = stability_report.run(given, magnet, accuracy, depth, progress)
     console.report([record if as_json else stability_report.shown(record)], as_json=as_json, title="Stability")
@@ -156,12 +156,14 @@ def _stability_map(
 ) -> int:
     ratios = user_input.parse_numbers("--slenderness", slenderness)
     if not min(ratios) > 0.5:
-        raise BadInput(f"--slenderness must exceed 0.5, for L exceeds the tip radius D/2; got {min(ratios):g}")
+        raise BadInput(
+            f"--slenderness must exceed 0.5, because L must exceed the tip radius D/2; got {min(ratios):g}"
+        )
     longest = Design.__dataclass_fields__["L"].metadata["high"]
     if not min(ratios) * given.D <= longest:
         raise BadInput(
-            f"--slenderness must be at most {longest / given.D:g} with D = {given.D:g} mm, for L is at most"
-            f" {longest:g} mm; got {min(ratios):g}"
+            f"--slenderness must be at most {longest / given.D:g} with D = {given.D:g} mm, because L is at most "
+            f"{longest:g} mm; got {min(ratios):g}"
         )
     from studies.output.provenance import versions
     from studies.simulation import critical_depth_map as work
@@ -195,12 +197,12 @@ def modes(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """Natural frequencies and shapes of the free sensor, or of one pressed against a plate that it sticks to.
+    """Compute natural frequencies and mode shapes of the free sensor, or pressed to --depth and stuck to the plate.
 
     Parameters
     ----------
     count
-        How many, pairs of bending or ovalling modes counted once.
+        Number of modes, 1 to 40; a pair of bending or ovalling modes counts once.
     """
     from studies.simulation import modal_report
 
@@ -221,17 +223,17 @@ def compare(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Finite elements and formulas side by side, in press and in shear.
+    """Compare finite elements and formulas in a press and in a shear.
 
-    A press in 12 steps to a depth of 3 D/8, or of 0.6 of the silicone on the axis if that is less; at a third of that
-    depth a shear in 6 steps to 3 D/8. For other depths there is magtip sweep --axis depth=a,b,c.
+    The press has 12 steps to a depth of 3 D/8, or to 0.6 of the silicone on the axis if that is less. The shear has
+    6 steps to 3 D/8 at a third of that depth. For other depths use magtip sweep --axis depth=a,b,c.
 
     Parameters
     ----------
     out
-        Folder of tables and plots.
+        Folder for tables and plots.
     accuracy
-        Of the finite elements.
+        Accuracy of the finite elements.
     """
     given = design_of(source, sets)
     from fem.accuracy import LEVELS
@@ -261,19 +263,19 @@ def fit(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """E and the law of a silicone from a uniaxial test: every law's fit, ranked, and where it is stable.
+    """Fit E and the material laws to a uniaxial test of a silicone; rank the laws and show where each is stable.
 
-    Two or three values of a data sheet will do for the laws with as few constants.
+    Two or three values from a data sheet are enough for laws with as few constants.
 
     Parameters
     ----------
     law
-        The law to choose. Default: of those that hit the test and are stable in it, the best that is stable in a
-        press to 3/8 D too.
+        Law for design.toml; default: the best one that fits the test and is stable in the test and in a press to
+        3/8 D.
     out
-        Folder of the table, the plot and design.toml, which holds the chosen law.
+        Folder for the table, the plot and design.toml with the chosen law.
     nu
-        Poisson's ratio that E is for.
+        Poisson's ratio for which E is given.
     """
     asked = command(fit, locals())
     from studies.simulation import material_fit as work
@@ -293,15 +295,21 @@ def fit(
         for warning in record["warnings"]:
             console.warn(warning)
     if not chosen:
-        console.say("magtip: no law is chosen and there is no design.toml, for no E is one that a design may have")
+        console.say(
+            "magtip: no law is chosen and no design.toml written: every fitted E is outside the range of a design"
+        )
         return FAILED
     return GOOD
 
 
 def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
     """Tables that a terminal of 80 columns holds, or a single one with all columns."""
-    how = "by AICc" if rows[0]["ranked_by"] == "AICc" else "by fewest constants (too few points for AICc)"
-    title = f"Laws, the best first {how}"
+    how = (
+        "ranked by AICc"
+        if rows[0]["ranked_by"] == "AICc"
+        else "ranked by number of constants (too few points for AICc)"
+    )
+    title = f"Laws, best first, {how}"
     if wide:
         console.report(rows, as_json=False, title=title, wide=True)
         return
@@ -312,12 +320,12 @@ def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:
-    """The main job on the paper's sensor: CAD, mould, mesh, finite elements, formulas, comparison, report.
+    """Study the paper's sensor from start to end: CAD, mould, mesh, finite elements, formulas, comparison, report.
 
     Parameters
     ----------
     out
-        Folder of the results.
+        Output folder.
     """
     asked = command(demo, locals())
     from studies import demo as work
@@ -328,6 +336,6 @@ def demo(*, out: Path = Path("out/demo")) -> int:
         console.note(f"- {sentence}")
     console.note(f"All results are in {out}; start with REPORT.md.")
     if found["status"] != "ok":
-        console.say(f"magtip: not all of it succeeded: {found['message']}")
+        console.say(f"magtip: part of the demo failed: {found['message']}")
         return FAILED
     return GOOD

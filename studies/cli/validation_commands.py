@@ -15,14 +15,14 @@ from studies.output import atomic_files, console
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Solve published and closed-form problems, and judge each against its tolerance; status 3 if one fails.
+    """Solve published and closed-form problems and check each against its tolerance; exit status 3 if one fails.
 
     Parameters
     ----------
     quick
-        On coarser meshes, in an eighth of the time.
+        Use coarser meshes: an eighth of the time.
     out
-        Folder of verify.csv and VERIFY.md.
+        Folder for verify.csv and VERIFY.md.
     """
     asked = command(verify, locals())
     from studies.validation import verify as work
@@ -44,14 +44,14 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
 
 
 def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Coulomb friction against Cattaneo and Mindlin, mu F_N at full slip, and energy; status 3 if a check fails.
+    """Check Coulomb friction against Cattaneo and Mindlin, full slip and energy; exit status 3 if a check fails.
 
     Parameters
     ----------
     quick
-        On coarser meshes and without tetrahedra: a minute instead of several.
+        Use coarser meshes and no tetrahedra: one minute instead of several.
     out
-        Folder of friction.csv, FRICTION.md and friction.png.
+        Folder for friction.csv, FRICTION.md and friction.png.
     """
     asked = command(friction, locals())
     from studies.validation import coulomb_study as work
@@ -72,16 +72,16 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
 
 
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
-    """Solve scenes at the edge of what is allowed: each must end in a right answer or a clear status, else status 3.
+    """Solve cases at the limits of the input ranges; exit status 3 if a result is wrong or a status unclear.
 
-    A scene that nothing could be measured of is not judged: it is counted apart, and fails nothing.
+    A case that yields no measurement is listed separately and does not count as a failure.
 
     Parameters
     ----------
     quick
-        On quick accuracy and without the slow scenes: one minute.
+        Use accuracy quick and skip the slow cases: one minute.
     out
-        Folder of extremes.csv and EXTREMES.md.
+        Folder for extremes.csv and EXTREMES.md.
     """
     asked = command(extremes, locals())
     from studies.validation import robustness as work
@@ -95,9 +95,9 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
         [result.scene for result in results if result.verdict == verdict] for verdict in ("fail", "not judged")
     )
     if unjudged:
-        console.say(f"magtip: {len(unjudged)} of {len(results)} scenes are not judged: {'; '.join(unjudged)}")
+        console.say(f"magtip: {len(unjudged)} of {len(results)} cases yield no measurement: {'; '.join(unjudged)}")
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(results)} scenes end wrongly: {'; '.join(failed)}")
+        console.say(f"magtip: {len(failed)} of {len(results)} cases fail: {'; '.join(failed)}")
     return FAILED if failed else GOOD
 
 
@@ -109,16 +109,16 @@ def accuracy(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Error estimates and accuracy levels against much finer meshes on twelve designs; status 3 if a promise fails.
+    """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
 
     Parameters
     ----------
     quick
-        Two designs at level quick only: half a minute instead of an hour, against a rougher reference.
+        Use two designs, accuracy quick and a coarser reference: half a minute instead of an hour.
     out
-        Folder of accuracy.csv, ACCURACY.md and a picture, and of the solves, from which a stopped run goes on.
+        Folder for accuracy.csv, ACCURACY.md, a plot and all solves; a run that was stopped continues from there.
     minutes
-        Begin no further solve after this time, and report what there is.
+        Start no further solve after this time, min, and report the finished ones.
     """
     asked = command(accuracy, locals())
     if minutes is not None and not minutes >= 0:
@@ -146,7 +146,7 @@ def accuracy(
         )
     missed = error_statistics.verdicts(states)
     if missed:
-        console.say(f"magtip: {len(missed)} promises are not kept: {'; '.join(missed)}")
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
     return FAILED if missed else GOOD
 
 
@@ -158,16 +158,16 @@ def crosscheck(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """The harmonic model beside tetrahedra on twelve designs; status 3 where they differ by more than both estimates.
+    """Compare the harmonic model with tetrahedra; exit status 3 if they differ by more than both error estimates.
 
     Parameters
     ----------
     accuracy
-        Of both models.
+        Accuracy of both models.
     count
-        How many of the twelve designs, 1 to 12.
+        Number of designs, 1 to 12.
     out
-        Folder of crosscheck.csv and CROSSCHECK.md.
+        Folder for crosscheck.csv and CROSSCHECK.md.
     """
     asked = command(crosscheck, locals())
     from studies.output.provenance import versions
@@ -175,7 +175,7 @@ def crosscheck(
     from studies.validation import model_crosscheck as work
 
     if not 1 <= count <= error_study_cases.DESIGNS:
-        raise BadInput(f"count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
+        raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
@@ -205,16 +205,16 @@ def ladder(
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Every level of the formulas beside finite elements, on ten designs: errors by level and region.
+    """Compare every level of the formulas with finite elements on ten designs: errors by level and region.
 
     Parameters
     ----------
     accuracy
-        Of the finite elements.
+        Accuracy of the finite elements.
     count
-        How many of the ten designs, 1 to 10.
+        Number of designs, 1 to 10.
     out
-        Folder of ladder.csv, LADDER.md and ladder.png.
+        Folder for ladder.csv, LADDER.md and ladder.png.
     """
     asked = command(ladder, locals())
     from studies.output.provenance import versions
@@ -223,7 +223,7 @@ def ladder(
 
     most = len(work.designs())
     if not 1 <= count <= most:
-        raise BadInput(f"count must lie between 1 and {most}; got {count}")
+        raise BadInput(f"--count must lie between 1 and {most}; got {count}")
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = []
         for comparison in work.run(accuracy, count, progress):
@@ -239,21 +239,21 @@ def ladder(
 
 
 def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
-    """Solids, mould and meshes of designs sampled over the whole range; status 3 if one fails without a reason.
+    """Make solids, mould and meshes of designs sampled over all input ranges; exit status 3 if one fails.
 
     Parameters
     ----------
     count
-        How many of the sampled designs, 1 to 1024; 64 take some minutes, 4 a quarter of one.
+        Number of sampled designs, 1 to 1024; 64 take some minutes, 4 take 15 seconds.
     out
-        Folder of range.csv, RANGE.md and rows.jsonl, from which a stopped run goes on.
+        Folder for range.csv, RANGE.md and rows.jsonl; a run that was stopped continues from there.
     """
     asked = command(range_, locals())
     from studies.output.provenance import versions
     from studies.validation import design_range as work
 
     if not 1 <= count <= 1024:
-        raise BadInput(f"count must lie between 1 and 1024; got {count}")
+        raise BadInput(f"--count must lie between 1 and 1024; got {count}")
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []

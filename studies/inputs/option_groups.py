@@ -28,12 +28,14 @@ def _whole(type_: object, tokens: Sequence[Token]) -> int:
 
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
 
-DEPTH = Parameter(help="How far the plate comes down after first touch, mm.")
-SHEAR = Parameter(help="Sideways motion of the plate or the grip along x, mm.")
-SHEAR_Y = Parameter(help="Sideways motion along y, mm.")
-MAGNET = Parameter(help="As a rigid body, or ignored: all silicone.")
-LEVEL = Parameter(help="Field: exact, the paper's quadrature (3), the same with its misprint, or a dipole.")
-ACCURACY = Parameter(help="Of the mesh and the harmonics.")
+DEPTH = Parameter(help="Travel of the plate after first touch, mm.")
+SHEAR = Parameter(help="Displacement of the plate or the grip along x, mm.")
+SHEAR_Y = Parameter(help="Displacement of the plate or the grip along y, mm.")
+MAGNET = Parameter(help="Rigid body, or ignored (the whole beam is silicone).")
+LEVEL = Parameter(
+    help="Model of the magnet's field: exact; paper, its quadrature (3); paper-printed, with its misprint; or dipole."
+)
+ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
 
 
 @Parameter(name="*")
@@ -44,18 +46,18 @@ class Motion:
     Attributes
     ----------
     depths
-        Several depths of a press, d1,d2,d3.
+        Several depths of a press, d1,d2,d3, mm.
     steps
-        N states on the way: of the depth, or with a shear, of the shear at the full depth.
+        Number of equal steps of the depth, or of the shear (at full depth) if there is one; default: 1.
     plate_tilt
-        Rotation of the plate about y that carries its normal from z towards x, degrees.
+        Rotation of the plate about y, degrees; positive values turn its normal from z towards x.
     imperfection
-        Dead force along x on the dome, N: a press that gives way sideways is followed to that side.
+        Dead force on the dome along x, N; it selects the direction in which a press buckles.
     friction
-        none, stick (the patch in contact is glued to the plate), or a Coulomb coefficient, from first touch on.
-        By default none for a press, and stick when the plate shears.
+        none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first
+        touch on; default: none for a press, stick for a shear.
     grip
-        No plate: all surface points within this height of the tip are moved sideways, mm.
+        Replace the plate by a grip that holds all surface points within this height of the tip, mm.
     """
 
     depth: Annotated[float | None, DEPTH] = None
@@ -77,10 +79,10 @@ class Pose:
     Attributes
     ----------
     shift
-        Displacement of its centre, x,y,z in mm; z is negative when it sinks.
+        Displacement x,y,z of the magnet's centre, mm; z is negative towards the base.
     tilt
-        Rotation vector about its centre, rx,ry in rad, which is -tilt_y,tilt of a state: a positive ry carries z
-        towards x, a positive rx carries z towards -y.
+        Rotation vector rx,ry of the magnet about its centre, rad: positive ry tilts its axis towards x, positive rx
+        towards -y (a state has rx = -tilt_y and ry = tilt).
     """
 
     shift: str = "0,0,0"
@@ -95,12 +97,12 @@ class Method:
     Attributes
     ----------
     model
-        auto takes the smallest that can carry the load.
+        Finite-element model; auto takes the smallest one that can carry the load.
     harmonics
-        Number of harmonics of the harmonic model, 0 to 12 (a shear needs 1 or more), in place of the accuracy's.
+        Number of harmonics of model harmonic, 0 to 12 (a shear needs 1 or more); default: that of the accuracy.
     mesh
-        A file with tetrahedra of this design to solve on, whole or the half at y >= 0, that meshio reads (.vtu, .msh,
-        .inp, ...), with regions named silicone and magnet; errors are not estimated then.
+        File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
+        .inp, ...), with regions named silicone and magnet; errors are then not estimated.
     """
 
     magnet: Annotated[Magnet, MAGNET] = "rigid"
@@ -118,15 +120,16 @@ class Basis:
     Attributes
     ----------
     level
-        Formulas that give tilt and force from the shift, and the reach of the workspace: paper (no tilt) by default.
+        Formulas for tilt, force and size of the workspace: paper (no tilt), column, tip, magnet or finite; default:
+        paper.
     responses
-        States printed by `magtip solve --json` (or `analytic --json`), a line each, instead of formulas.
+        File of states printed by `magtip solve --json` (or `analytic --json`), one per line, instead of formulas.
     ignore_tilt
-        As if the magnet did not tilt.
+        Assume that the magnet does not tilt.
     mode
-        B.n as an element reads it, or the paper's |B|.
+        Reading of an element: component B.n, or magnitude |B| as in the paper.
     clearance
-        Least distance of an element from the moved magnet and the beam's wall, mm.
+        Least distance between an element and the moved magnet or the beam's wall, mm.
     """
 
     level: str | None = None
