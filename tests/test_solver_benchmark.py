@@ -14,7 +14,14 @@ from fem.accuracy import STANDARD
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.benchmarks import benchmark_statistics, benchmark_tables, peer_calculix, peers, solver_benchmark
+from studies.benchmarks import (
+    benchmark_cases,
+    benchmark_statistics,
+    benchmark_tables,
+    peer_calculix,
+    peers,
+    solver_benchmark,
+)
 from studies.output import table_plots
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -255,7 +262,7 @@ def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict,
 
 def test_goals_are_judged_and_misses_said(alone, monkeypatch, run, strict):
     fast, slow = answer(0.1, 0.2) | {"dofs": 9, "peak_MB": 50.0}, answer(0.1, 0.4) | {"dofs": 9, "peak_MB": 50.0}
-    case = solver_benchmark.Case(
+    case = benchmark_cases.Case(
         "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 0.3
     )
     for found, met in ((fast, True), (slow, False)):
@@ -273,11 +280,11 @@ def test_what_follows_from_a_tangent_is_held_against_its_goals(monkeypatch, shea
     monkeypatch.setattr(peers, "magtip", lambda task: answer(0, cost[task["task"]]))
     found = solver_benchmark._Bench(True, Path("nowhere"), "no-such-ccx", None)
     solver_benchmark._linear(found)
-    assert [row["met"] for row in found.rows] == [None, *met]
+    assert [row.met for row in found.rows] == [None, *met]
 
 
 def test_a_section_is_compared_with_the_half_model_of_its_scene():
-    case = next(case for case in solver_benchmark.CASES if case.model == "harmonic" and case.reference is not None)
+    case = next(case for case in benchmark_cases.CASES if case.model == "harmonic" and case.reference is not None)
     found = solver_benchmark._Bench(True, Path("nowhere"), "no-such-ccx", None)
     assert solver_benchmark._over_half(found, case, answer(0, 1.5)) is None
     found.rows.append(solver_benchmark.row(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0)))
@@ -299,7 +306,7 @@ def test_a_tangent_in_a_process_of_its_own(task):
 
 
 def test_a_lost_reference_meets_no_goal(alone, monkeypatch, run, strict):
-    case = solver_benchmark.Case(
+    case = benchmark_cases.Case(
         "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 9.0
     )
     monkeypatch.setattr(solver_benchmark, "CASES", (case,))
@@ -313,7 +320,7 @@ def test_faster_leaves_the_mesher_out():
     own = solver_benchmark.row("c", "magtip", "", {"status": "ok", "cpu_s": 3.0, "mesh_s": 2.0})
     peer = solver_benchmark.row("c", "CalculiX", "", {"status": "ok", "cpu_s": 5.0})
     found = solver_benchmark._beside(solver_benchmark._Bench(True, Path(), "", None, rows=[own]), peer)
-    assert (found["faster"], found["met"]) == (5.0, True)
+    assert (found.faster, found.met) == (5.0, True)
 
 
 def test_picture_of_growth(tmp_path):

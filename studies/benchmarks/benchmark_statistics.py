@@ -7,14 +7,15 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-Row = dict[str, Any]
+Answer = dict[str, Any]
+"""The JSON object that a measured process prints, with what was counted of it."""
 Forces = Sequence[Sequence[float]]
 
 LONG_S = 20.0
 """CPU seconds beyond which a solve is measured once."""
 
 
-def compared(answer: Row) -> list[Sequence[float]]:
+def compared(answer: Answer) -> list[Sequence[float]]:
     """What counts for the error of an answer: forces, and tilts under shear where they are known."""
     return [*answer["forces_N"], *answer.get("tilts_rad", ())]
 
@@ -28,7 +29,7 @@ def errors_percent(forces: Forces, truth: Forces) -> float:
     return 100 * max(math.dist(f, t) / math.hypot(*t) for f, t in zip(forces, truth, strict=True))
 
 
-def median(answers: Sequence[Row]) -> Row:
+def median(answers: Sequence[Answer]) -> Answer:
     """Medians of the numbers of several runs; all else from the first that failed, or from the first."""
     worst = next((answer for answer in answers if answer["status"] != "ok"), answers[0])
     found = dict(worst)
@@ -51,10 +52,10 @@ def power(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
 
 
 def candidates(
-    solve: Callable[[Any], Row], ladder: Iterable[Any], truth: Forces | None, tolerance: float
-) -> list[tuple[Any, Row]]:
+    solve: Callable[[Any], Answer], ladder: Iterable[Any], truth: Forces | None, tolerance: float
+) -> list[tuple[Any, Answer]]:
     """Each rung solved once: those within tolerance (%), the cheapest first; or else one, the best there is."""
-    tried: list[tuple[Any, Row]] = []
+    tried: list[tuple[Any, Answer]] = []
     for rung in ladder:
         answer = solve(rung)
         if answer["status"] == "ok" and truth is not None:
@@ -69,12 +70,12 @@ def candidates(
 
 
 def measured(
-    solve: Callable[[Any], Row],
+    solve: Callable[[Any], Answer],
     ladder: Iterable[Any],
     truth: Forces | None,
     tolerance: float,
     runs: int,
-) -> tuple[Any, Row]:
+) -> tuple[Any, Answer]:
     """The cheapest rung that is within tolerance in all of several runs, and their medians; else the last tried."""
     for rung, first in candidates(solve, ladder, truth, tolerance):
         answers = [first]
@@ -91,7 +92,7 @@ def measured(
     return rung, found
 
 
-def exponents(answers: Sequence[Row]) -> dict[str, tuple[float, float]]:
+def exponents(answers: Sequence[Answer]) -> dict[str, tuple[float, float]]:
     """Fits a n^p over the number n of unknowns: of time, of time an iteration, of meshing and of memory."""
     n = [answer["dofs"] for answer in answers]
     solve = [answer["cpu_s"] - answer["mesh_s"] for answer in answers]

@@ -5,13 +5,53 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from studies.output import provenance
+from studies.output import provenance, records
 from studies.output.atomic_files import write_text
+from studies.output.records import FlatRow
 
-Row = Mapping[str, Any]
+
+@dataclass(frozen=True, slots=True)
+class BenchRow:
+    """One measured program in one case; None where a number is not known.
+
+    Attributes
+    ----------
+    setting : mesh, or what was measured.
+    force_N : of the last load.
+    error_percent : of the worst load.
+    exponent : of a fit over the unknowns.
+    faster : how many times magtip is faster.
+    goal, met : what was promised, and whether it holds.
+    """
+
+    case: str
+    program: str
+    setting: str
+    dofs: int | None = None
+    iterations: int | None = None
+    runs: int | None = None
+    import_s: float | None = None
+    cpu_s: float | None = None
+    mesh_s: float | None = None
+    wall_s: float | None = None
+    peak_MB: float | None = None
+    force_N: Sequence[float] | None = None
+    error_percent: float | None = None
+    exponent: float | None = None
+    faster: float | None = None
+    goal: str = ""
+    met: bool | None = None
+    status: str = "ok"
+    message: str = ""
+
+    def row(self) -> FlatRow:
+        """Its columns in bench.csv and in JSON."""
+        return records.flat(self)
+
 
 HEADS = {
     "setting": "setting",
@@ -55,32 +95,34 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def write(folder: Path, rows: Sequence[Row], about: Mapping[str, str], command: str, text: str) -> None:
+def write(folder: Path, rows: Sequence[BenchRow], about: Mapping[str, str], command: str, text: str) -> None:
     """bench.csv, BENCH.md and size.png."""
     from studies.output import table_plots
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "bench.csv", [dict(row) for row in rows], digits=6)
-    sizes = [row for row in rows if row["case"].startswith("cost against size") and row["dofs"]]
-    fits = {row["setting"]: row["exponent"] for row in rows if row["exponent"] is not None}
+    write_table(folder / "bench.csv", [row.row() for row in rows], digits=6)
+    sizes = [row.row() for row in rows if row.case.startswith("cost against size") and row.dofs]
+    fits = {row.setting: row.exponent for row in rows if row.exponent is not None}
     if len(sizes) > 1:
         table_plots.size(folder / "size.png", sizes)
     write_text(folder / "BENCH.md", report(rows, about, fits, command, text))
 
 
-def report(rows: Sequence[Row], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str) -> str:
+def report(
+    rows: Sequence[BenchRow], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str
+) -> str:
     """BENCH.md: goals first, then a table for each case, then how it was measured and where."""
-    judged = [row for row in rows if row["goal"]]
-    met = sum(row["met"] is True for row in judged)
+    judged = [row for row in rows if row.goal]
+    met = sum(row.met is True for row in judged)
     lines = ["# Speed", "", f"{met} of {len(judged)} goals are met.", ""]
-    for case in dict.fromkeys(row["case"] for row in rows):
-        own = [row for row in rows if row["case"] == case and row["setting"] not in fits]
+    for case in dict.fromkeys(row.case for row in rows):
+        own = [row.row() for row in rows if row.case == case and row.setting not in fits]
         keys = [key for key in HEADS if any(row[key] not in (None, "") for row in own)]
         lines += [f"## {case.capitalize()}", "", _line(["program", *(HEADS[key] for key in keys)])]
         lines.append("|---" * (len(keys) + 1) + "|")
         lines += [_line([row["program"], *(_text(key, row[key]) for key in keys)]) for row in own]
         lines += ["", *(f"- {row['program']}: {row['message']}" for row in own if row["message"])]
-        if any(row["case"] == case and row["setting"] in fits for row in rows):
+        if any(row.case == case and row.setting in fits for row in rows):
             lines += [*(f"- {name}, n unknowns" for name in fits), "", "![Cost against size](size.png)"]
         lines.append("")
     lines += ["## How it was measured", "", *text.splitlines(), ""]

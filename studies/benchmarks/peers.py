@@ -20,10 +20,9 @@ from typing import Any
 
 from geometry.design import BadInput, Design
 from studies.benchmarks import peer_calculix
+from studies.benchmarks.benchmark_statistics import Answer
 from studies.benchmarks.peer_calculix import Press
 from studies.output.provenance import ROOT
-
-Answer = dict[str, Any]
 
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER")
 LIMIT_S = 1800.0

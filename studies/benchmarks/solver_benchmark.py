@@ -14,12 +14,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fem.accuracy import QUICK, STANDARD
+from fem.accuracy import STANDARD
 from geometry.design import Design, paper
-from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.benchmarks import benchmark_tables, peers
-from studies.benchmarks.benchmark_statistics import compared, exponents, measured, median
+from studies.benchmarks.benchmark_cases import (
+    CASES,
+    CCX_LADDERS,
+    CURVE,
+    DEPTH_MM,
+    DEPTHS_MM,
+    HALF,
+    TRIANGLES,
+    Case,
+    Fields,
+)
+from studies.benchmarks.benchmark_statistics import Answer, compared, exponents, measured, median
+from studies.benchmarks.benchmark_tables import BenchRow
 from studies.benchmarks.peer_calculix import Press
 
 ABOUT = """\
@@ -35,105 +46,6 @@ tetrahedra costs as much as the solve, so that beside CalculiX the mesher's time
 machine changes within minutes: solves below a second that are compared take turns, and what counts is the median over
 the turns, of the ratio for FElupe and of the difference for a small shear.
 """
-
-Row = dict[str, Any]
-DEPTHS_MM = tuple(0.25 * k for k in range(1, 13))
-PRESS_CURVE = tuple({"depth": depth} for depth in DEPTHS_MM)
-DEPTH_MM = 1.0
-PRESS = ({"depth": DEPTH_MM, "friction": "stick"},)
-SHEAR = (*PRESS, {"depth": DEPTH_MM, "shear_x": 3.0, "friction": "stick"})
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A scene that magtip solves.
-
-    Attributes
-    ----------
-    name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
-    ladder : accuracies to choose from, fields of `fem.accuracy.Accuracy`; the cheapest within tolerance counts.
-    tolerance_percent : of the force at every load; infinite where it is only reported.
-    reference : model and accuracy of the fine solution, or None.
-    goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.
-    quick : whether the reduced run has it, with its reference.
-    """
-
-    name: str
-    model: str
-    magnet: Magnet
-    loads: tuple[Row, ...]
-    ladder: tuple[Row, ...]
-    tolerance_percent: float
-    reference: tuple[str, Row] | None
-    goal_s: float = math.inf
-    goal_MB: float = math.inf
-    quick_reference: bool = True
-
-
-def _sizes(name: str, *values: float) -> tuple[Row, ...]:
-    return tuple({name: value} for value in values)
-
-
-RUB = ({"depth": DEPTH_MM, "friction": 0.5}, {"depth": DEPTH_MM, "shear_x": 5.0, "friction": 0.5})
-
-SECTIONS = (0.25, 0.22, 0.2, 0.19, 0.18, 0.16, 0.14, 0.12, 0.1, 0.08, 0.06)
-FINE = ("axisymmetric", {"section_size": 0.018})
-FINE_SHEAR = ("harmonic", {"section_size": 0.05, "section_patch": 0.0015, "harmonics": 5})
-SOLIDS = _sizes("solid_size", 0.25, 0.2, 0.16, 0.14, 0.12)
-CURVE, HALF = "press curve to 3 mm", "half model, press 1 mm"
-
-CASES = (
-    Case(CURVE, "axisymmetric", "ignored", PRESS_CURVE, _sizes("section_size", *SECTIONS), 0.5, FINE, goal_s=0.3),
-    Case(HALF, "half", "ignored", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
-    Case("half model, press 1 mm, rigid magnet", "half", "rigid", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
-    Case(
-        "press 1 mm, shear 3 mm, rigid magnet",
-        "half",
-        "rigid",
-        SHEAR,
-        ({"solid_size": 0.16, "solid_patch": 0.02}, {"solid_size": 0.14, "solid_patch": 0.015}),
-        1.0,
-        FINE_SHEAR,
-        goal_s=30,
-        quick_reference=False,
-    ),
-    Case(
-        "press 1 mm, shear 3 mm, rigid magnet",
-        "harmonic",
-        "rigid",
-        SHEAR,
-        (
-            {"section_size": 0.16, "section_patch": 0.008, "harmonics": 3},
-            {"section_size": 0.14, "section_patch": 0.007, "harmonics": 3},
-            {"section_size": 0.2, "section_patch": 0.008, "harmonics": 4},
-            {"section_size": 0.12, "section_patch": 0.006, "harmonics": 4},
-        ),
-        0.5,
-        FINE_SHEAR,
-        goal_s=1.5,
-        quick_reference=False,
-    ),
-    Case(
-        "press 1 mm, shear 5 mm, friction 0.5 to full slip",
-        "harmonic",
-        "rigid",
-        RUB,
-        ({"section_size": QUICK.section_size, "harmonics": QUICK.harmonics},),
-        math.inf,
-        None,
-        goal_s=10,
-    ),
-)
-"""What is measured of magtip; a line more is a case more."""
-
-TRIANGLES = tuple((size, tip) for size in SECTIONS for tip in (1.0, 0.6))
-"""Meshes for FElupe: edge length in units of D, and that at the tip over magtip's."""
-
-CCX_LADDERS = {
-    0.49: (0.3, 0.25, 0.2, 0.16),
-    0.4998: (0.2, 0.16, 0.14),
-}
-"""Meshes for CalculiX, in units of D, for each Poisson's ratio that it is given; the second is the sensor's."""
 
 LEAST, MORE_S, MODES_S, TIMES = 4.0, 0.2, 0.5, 10.0
 """Goals: peers' CPU seconds over magtip's; CPU seconds of a small shear beyond the press and of the modes; half over
@@ -154,10 +66,10 @@ class _Bench:
     ccx: str
     progress: Progress | None
     design: Design = field(default_factory=paper)
-    rows: list[Row] = field(default_factory=list)
+    rows: list[BenchRow] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     references: dict[str, list[Sequence[float]]] = field(default_factory=dict)
-    chosen: dict[str, Row] = field(default_factory=dict)
+    chosen: dict[str, Answer] = field(default_factory=dict)
     done: float = 0.0
 
     @property
@@ -177,7 +89,7 @@ def run(
     ccx: str = "ccx",
     command: str = "",
     progress: Progress | None = None,
-) -> list[Row]:
+) -> list[BenchRow]:
     """All rows; with a folder also bench.csv, BENCH.md and size.png in it, written anew after each case.
 
     Parameters
@@ -201,19 +113,31 @@ def run(
     return bench.rows
 
 
-def row(case: str, program: str, setting: str, answer: Row | None = None, /, **more: Any) -> Row:
-    """A row of the table; what is not known is None."""
+def row(case: str, program: str, setting: str, answer: Answer | None = None, /, *, goal: str = "") -> BenchRow:
+    """A row of the table from the answer of a process; what is not known is None."""
     answer = answer or {}
-    keys = ("dofs", "iterations", "runs", "import_s", "cpu_s", "mesh_s", "wall_s", "peak_MB")
-    found: Row = {"case": case, "program": program, "setting": setting}
-    found |= {key: answer.get(key) for key in keys}
     forces = answer.get("forces_N")
-    found |= {"force_N": forces[-1] if forces else None, "error_percent": answer.get("error_percent")}
-    found |= {"exponent": None, "faster": None, "goal": "", "met": None}
-    return found | {"status": answer.get("status", "ok"), "message": answer.get("message", "")} | more
+    return BenchRow(
+        case,
+        program,
+        setting,
+        dofs=answer.get("dofs"),
+        iterations=answer.get("iterations"),
+        runs=answer.get("runs"),
+        import_s=answer.get("import_s"),
+        cpu_s=answer.get("cpu_s"),
+        mesh_s=answer.get("mesh_s"),
+        wall_s=answer.get("wall_s"),
+        peak_MB=answer.get("peak_MB"),
+        force_N=forces[-1] if forces else None,
+        error_percent=answer.get("error_percent"),
+        goal=goal,
+        status=answer.get("status", "ok"),
+        message=answer.get("message", ""),
+    )
 
 
-def spec(model: str, magnet: str, loads: Sequence[Row], accuracy: Row) -> Row:
+def spec(model: str, magnet: str, loads: Sequence[Fields], accuracy: Fields) -> Answer:
     """What `studies.benchmarks.benchmark_worker` is to solve."""
     return {"task": "trace", "model": model, "magnet": magnet, "loads": list(loads), "accuracy": accuracy}
 
@@ -226,8 +150,9 @@ def _case(bench: _Bench, case: Case) -> None:
         model, accuracy = case.reference
         found = peers.magtip(spec(model, case.magnet, case.loads, accuracy))
         if found["status"] != "ok":
-            lost = {"status": "no reference", "message": f"the reference failed: {found['message']}", "met": False}
-            bench.rows.append(row(case.name, "magtip", "", goal=f"within {case.tolerance_percent:g} %", **lost))
+            lost = {"status": "no reference", "message": f"the reference failed: {found['message']}"}
+            goal = f"within {case.tolerance_percent:g} %"
+            bench.rows.append(replace(row(case.name, "magtip", "", lost, goal=goal), met=False))
             return
         truth = bench.references[case.name] = compared(found)
     bench.say(f"{case.name}: magtip")
@@ -249,15 +174,15 @@ def _case(bench: _Bench, case: Case) -> None:
         goals.append((f"{TIMES:g} times faster than the half model", faster >= TIMES))
         met = met and faster >= TIMES
     goal = ", ".join([text for text, _ in goals] + ([f"within {case.tolerance_percent:g} %"] if truth else []))
-    bench.rows.append(row(case.name, "magtip", setting, answer, goal=goal, met=met, faster=faster))
+    bench.rows.append(replace(row(case.name, "magtip", setting, answer, goal=goal), met=met, faster=faster))
 
 
-def _over_half(bench: _Bench, case: Case, answer: Row) -> float | None:
+def _over_half(bench: _Bench, case: Case, answer: Answer) -> float | None:
     """How many times faster than the half model a section answers the same scene, if that one has been measured."""
-    half = next((r for r in bench.rows if r["case"] == case.name and "solid_size" in r["setting"]), None)
-    if half is None or half["status"] != "ok" or answer["status"] != "ok":
+    half = next((r for r in bench.rows if r.case == case.name and "solid_size" in r.setting), None)
+    if half is None or half.cpu_s is None or half.status != "ok" or answer["status"] != "ok":
         return None
-    return float(half["cpu_s"] / answer["cpu_s"])
+    return float(half.cpu_s / answer["cpu_s"])
 
 
 def _felupe(bench: _Bench) -> None:
@@ -276,8 +201,8 @@ def _felupe(bench: _Bench) -> None:
     )
     bench.versions["FElupe"] = answer.get("version", "")
     setting = f"second-order triangles (u, p, J), size {size:g} D, tip x {tip:g}"
-    found = _beside(bench, row(CURVE, "FElupe", setting, answer))
-    if found["met"] is not None:
+    beside = _beside(bench, row(CURVE, "FElupe", setting, answer))
+    if beside.met is not None:
         bench.say(f"{CURVE}: magtip and FElupe by turns")
         ratios = []
         for _ in range(bench.runs):
@@ -285,8 +210,8 @@ def _felupe(bench: _Bench) -> None:
             # a run that fails counts as the slowest
             ratios.append(peer.get("cpu_s", 0.0) / own.get("cpu_s", math.inf))
         faster = statistics.median(ratios)
-        found |= {"faster": faster, "met": faster >= LEAST}
-    bench.rows.append(found)
+        beside = replace(beside, faster=faster, met=faster >= LEAST)
+    bench.rows.append(beside)
 
 
 def _calculix(bench: _Bench) -> None:
@@ -302,7 +227,8 @@ def _calculix(bench: _Bench) -> None:
     for nu, ladder in CCX_LADDERS.items():
         setting = f"C3D10, nu {nu:g}"
         if bench.quick and nu == design.nu:
-            bench.rows.append(row(HALF, "CalculiX", setting, status="left out", message="left out of the quick run"))
+            left_out = {"status": "left out", "message": "left out of the quick run"}
+            bench.rows.append(row(HALF, "CalculiX", setting, left_out))
             continue
         bench.say(f"{HALF}: CalculiX with nu {nu:g}")
         given = replace(press, nu=nu)
@@ -318,24 +244,26 @@ def _calculix(bench: _Bench) -> None:
         bench.rows.append(_beside(bench, row(HALF, "CalculiX", f"{setting}, size {size:g} D", answer)))
 
 
-def _press_by_calculix(ccx: str, meshes: dict[float, Any], press: Press, size: float) -> Row:
+def _press_by_calculix(ccx: str, meshes: dict[float, Any], press: Press, size: float) -> Answer:
     return peers.calculix(ccx, meshes[size], press)
 
 
-def _beside(bench: _Bench, peer: Row) -> Row:
+def _beside(bench: _Bench, peer: BenchRow) -> BenchRow:
     """The peer's row with how many times faster magtip is; the mesher's time counts on neither side."""
-    own = next((r for r in bench.rows if r["case"] == peer["case"] and r["program"] == "magtip"), None)
-    goal = {"goal": f"magtip at least {LEAST:g} times faster", "met": None}
-    if own is None or own["status"] != "ok" or peer["status"] != "ok":
-        return peer | goal
-    faster = peer["cpu_s"] / (own["cpu_s"] - own["mesh_s"])
-    return peer | goal | {"faster": faster, "met": faster >= LEAST}
+    own = next((r for r in bench.rows if r.case == peer.case and r.program == "magtip"), None)
+    peer = replace(peer, goal=f"magtip at least {LEAST:g} times faster", met=None)
+    if own is None or own.status != "ok" or peer.status != "ok":
+        return peer
+    if peer.cpu_s is None or own.cpu_s is None or own.mesh_s is None:
+        return peer
+    faster = peer.cpu_s / (own.cpu_s - own.mesh_s)
+    return replace(peer, faster=faster, met=faster >= LEAST)
 
 
 def _missing(bench: _Bench, case: str, program: str) -> None:
     message = f"{program} is not installed: {peers.INSTALL[program].format(peers=bench.peers)}"
     goal = f"magtip at least {LEAST:g} times faster"
-    bench.rows.append(row(case, program, "", goal=goal, status="not installed", message=message))
+    bench.rows.append(row(case, program, "", {"status": "not installed", "message": message}, goal=goal))
 
 
 def _linear(bench: _Bench) -> None:
@@ -349,14 +277,15 @@ def _linear(bench: _Bench) -> None:
     ):
         bench.rows.append(row(case, "magtip", setting, median(answers)))
     more = statistics.median(b.get("cpu_s", math.inf) - a.get("cpu_s", 0.0) for a, b in turns)
-    bench.rows[-1] |= {"goal": f"at most {MORE_S:g} s more", "met": more <= MORE_S}
+    bench.rows[-1] = replace(bench.rows[-1], goal=f"at most {MORE_S:g} s more", met=more <= MORE_S)
     modes = _repeated(
         bench, "first eight modes, rigid magnet", f"level {STANDARD.name}", {"task": "modes", "count": 8}
     )
-    bench.rows[-1] |= {"goal": f"at most {MODES_S:g} s", "met": modes.get("cpu_s", math.inf) <= MODES_S}
+    met = bool(modes.get("cpu_s", math.inf) <= MODES_S)
+    bench.rows[-1] = replace(bench.rows[-1], goal=f"at most {MODES_S:g} s", met=met)
 
 
-def _repeated(bench: _Bench, case: str, setting: str, task: Row) -> Row:
+def _repeated(bench: _Bench, case: str, setting: str, task: Answer) -> Answer:
     """The median of several runs, which is also a row."""
     bench.say(f"{case}: {setting}")
     answer = median([peers.magtip(task) for _ in range(bench.runs)])
@@ -376,7 +305,7 @@ def _first_call(bench: _Bench, least: float = 5.0) -> None:
             waits.append(answer.get("wall_s", math.nan))
             bench.rows.append(row(case, "magtip", name, answer | {"runs": 1}))
     goal = f"first waits at most {least:g} s more"
-    bench.rows[-2] |= {"goal": goal, "met": waits[0] - waits[1] <= least}
+    bench.rows[-2] = replace(bench.rows[-2], goal=goal, met=waits[0] - waits[1] <= least)
 
 
 def _growth(bench: _Bench) -> None:
@@ -391,4 +320,6 @@ def _growth(bench: _Bench) -> None:
             found.append(answer)
     if len(found) > 1:
         fits = exponents(found).items()
-        bench.rows += [row(case, "magtip", f"fit of {name}: {a:.2g} n^{p:.2f}", exponent=p) for name, (a, p) in fits]
+        bench.rows += [
+            BenchRow(case, "magtip", f"fit of {name}: {a:.2g} n^{p:.2f}", exponent=p) for name, (a, p) in fits
+        ]

@@ -41,11 +41,13 @@ def bench(
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
-    console.report(rows, as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide)
+    console.report(
+        [row.row() for row in rows], as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide
+    )
     for row in rows:
-        if row["message"]:
-            console.say(f"magtip: {row['case']}: {row['message']}")
-    missed = [f"{row['case']} ({row['goal']})" for row in rows if row["met"] is False]
+        if row.message:
+            console.say(f"magtip: {row.case}: {row.message}")
+    missed = [f"{row.case} ({row.goal})" for row in rows if row.met is False]
     if missed:
         console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
     return GOOD
