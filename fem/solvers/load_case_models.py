@@ -19,7 +19,7 @@ TIP = 1.0
 """Edge length at the tip over that of the section, in radii at which the plate would cut the tip, over D."""
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over its radius, for a press: it goes deeper than what is sheared, and larger
-elements turn inside out there. A shear gains nothing by it."""
+elements are inverted there. A shear gains nothing by it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,16 +17,20 @@ from fem.solvers.nonlinear_elimination import patch
 from geometry.arrays import Array
 
 TOLERANCE = 1e-9
+"""Residual over reactions and displacements: small beside what the mesh costs also where answers are subtracted, as
+those of two meshes are for an error estimate."""
 MOST_ITERATIONS = 30
+"""Several times what a good first guess takes: beyond them two increments of half the length are cheaper."""
 NOTHING = 1e-18
-"""Reactions over E D^2 and displacements over D below which the body is at rest."""
+"""Reactions over E D^2 and displacements over D below which the body is at rest: below their rounding."""
 CHORD, CHORDS = 0.02, 3
 """A step that leaves less of the residual than this, or after which so many more like it will do, is followed by one
 with the same factorisation."""
 PATIENCE = 6
-"""Full steps after which one that does not halve the residual is compared with shorter ones."""
+"""Full steps after which one that does not halve the residual is compared with shorter ones. Before, contact may
+still be changing, and a residual that grows for a step is no bad sign."""
 LOCAL, MOST_LOCAL = 1e-3, 12
-"""Tolerance, and most iterations, for cells that are balanced by themselves."""
+"""Tolerance, and most iterations, for cells that are balanced by themselves: the body around them is not yet."""
 
 Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
 STOPPED: dict[Stop, str] = {
@@ -81,23 +85,22 @@ def newton(
     tolerance of the reactions and the residual volumes below that of the largest displacement times the unit area
     (lengths are scaled by D before).
     """
-    n = system.n_free + system.n_rigid
     unstable: int | None = None
     state = system.admissible(q)
     if state is None:
         state = system.state(q)
         return Equilibrium(state, _empty(system), 0, "guess_inverted")
-    frozen = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
-    assembly = system.assemble(state, frozen)
-    force, volume = _sizes(assembly, n)
+    first = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
+    assembly = system.assemble(state, first)
     rate = 1.0
     for iteration in range(most):
-        reference, reach = _length(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
-        left = max(force / max(reference, NOTHING), volume / max(reach, NOTHING))
-        own = iteration > 0 or frozen is plate
+        size = _size(system, state, assembly)
+        left = size.share(assembly)
+        # the points `pressed` are a guess, and those that friction held may slip: such a balance is none yet
+        balanced = left <= tolerance and (iteration > 0 or first is plate)
         plate, held = watched(system.surface, state.u, plate)
         try:
-            if left <= tolerance and own and not held:
+            if balanced and not held:
                 if unstable:  # the tangent that told so may be that of an iterate far from here
                     here = assembly if assembly.matrix is not None else system.assemble(state, plate)
                     unstable = _unstable(system, solver, here)
@@ -105,6 +108,7 @@ def newton(
             if assembly.matrix is not None:
                 unstable = _unstable(system, solver, assembly)
             step = solver.solve(assembly.residual)
+            # flips of contact are settled about a tangent of this iterate only
             if assembly.matrix is not None:
                 step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
         except SingularMatrixError:
@@ -112,25 +116,77 @@ def newton(
         trial = _search(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
-        scale = reference or 1.0, reach or 1.0
-        before, step = _merit(force, volume, scale), state.q - trial.q
-        # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
-        likely = rate**2
-        fresh = not _goes_on(likely, likely * left, tolerance)
-        state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
-        force, volume = _sizes(assembly, n)
-        rate = _merit(force, volume, scale) / before if before else 0.0
-        relaxed = None if _goes_on(rate, rate * left, tolerance) else _relaxed(system, state, assembly, plate, n)
-        if relaxed is not None:
-            (state, assembly), fresh = relaxed, False
-            force, volume = _sizes(assembly, n)
-            rate = _merit(force, volume, scale) / before if before else 0.0
-        if not fresh and not _goes_on(rate, rate * left, tolerance):
-            assembly = system.assemble(state, plate)
+        full, before = state.q - trial.q, size.merit(assembly)
+        state, assembly, rate = _taken(system, plate, trial, size, before, rate, left, tolerance)
         if iteration >= PATIENCE and rate > 1 / 2:
-            state, assembly = _damped(system, plate, state, assembly, step, n, scale)
-            force, volume = _sizes(assembly, n)
+            state, assembly = _damped(system, plate, state, assembly, full, size)
     return Equilibrium(state, assembly, most, "no_convergence")
+
+
+@dataclass(frozen=True, slots=True)
+class _Size:
+    """What residuals at an iterate are held against.
+
+    Attributes
+    ----------
+    n : number of the residual forces; the residual volumes follow them.
+    reaction, reach : norm of the reactions over E D^2, and the largest displacement over D.
+    """
+
+    n: int
+    reaction: float
+    reach: float
+
+    def share(self, assembly: Assembly) -> float:
+        """The residual over what it has to be small beside: the larger share of forces and volumes."""
+        force, volume = _norms(assembly, self.n)
+        return max(force / max(self.reaction, NOTHING), volume / max(self.reach, NOTHING))
+
+    def merit(self, assembly: Assembly) -> float:
+        """Forces and volumes in one number, with the same weights before and after a step."""
+        force, volume = _norms(assembly, self.n)
+        return force / (self.reaction or 1.0) + volume / (self.reach or 1.0)
+
+
+def _size(system: System, state: State, assembly: Assembly) -> _Size:
+    reaction, reach = _length(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
+    return _Size(system.n_free + system.n_rigid, reaction, reach)
+
+
+def _taken(
+    system: System,
+    plate: Plate | None,
+    trial: State,
+    size: _Size,
+    before: float,
+    rate: float,
+    left: float,
+    tolerance: float,
+) -> tuple[State, Assembly, float]:
+    """State, residual and perhaps tangent after a step, and the share of the residual's merit that is left.
+
+    Parameters
+    ----------
+    before : merit of the residual before the step.
+    rate : share that the last step left.
+    left : residual before the step, as `_Size.share`.
+    """
+
+    def share(after: Assembly) -> float:
+        return size.merit(after) / before if before else 0.0
+
+    # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
+    likely = rate**2
+    fresh = not _goes_on(likely, likely * left, tolerance)
+    state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
+    rate = share(assembly)
+    relaxed = None if _goes_on(rate, rate * left, tolerance) else _relaxed(system, state, assembly, plate, size.n)
+    if relaxed is not None:
+        (state, assembly), fresh = relaxed, False
+        rate = share(assembly)
+    if not fresh and not _goes_on(rate, rate * left, tolerance):
+        assembly = system.assemble(state, plate)
+    return state, assembly, rate
 
 
 def _unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
@@ -150,14 +206,9 @@ def _length(x: Array) -> float:
     return math.sqrt(x @ x)
 
 
-def _sizes(assembly: Assembly, n: int) -> tuple[float, float]:
+def _norms(assembly: Assembly, n: int) -> tuple[float, float]:
     """Norms of the residual forces, the first n, and of the residual volumes."""
     return _length(assembly.residual[:n]), _length(assembly.residual[n:])
-
-
-def _merit(force: float, volume: float, scale: tuple[float, float]) -> float:
-    """Residual forces and volumes over those that count, the same before and after a step."""
-    return force / scale[0] + volume / scale[1]
 
 
 def _relaxed(
@@ -176,25 +227,18 @@ def _relaxed(
     if calmer is None:
         return None
     after = system.assemble(calmer, plate, tangent=False)
-    return (calmer, after) if _sizes(after, n)[0] < _sizes(assembly, n)[0] else None
+    return (calmer, after) if _norms(after, n)[0] < _norms(assembly, n)[0] else None
 
 
 def _damped(
-    system: System,
-    plate: Plate | None,
-    state: State,
-    assembly: Assembly,
-    step: Array,
-    n: int,
-    scale: tuple[float, float],
+    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: _Size
 ) -> tuple[State, Assembly]:
     """The best of a full step and of its half and quarter, by the residual."""
-    tried = [(_merit(*_sizes(assembly, n), scale), state)]
+    tried = [(size.merit(assembly), state)]
     for back in (0.5, 0.75):
         shorter = system.admissible(state.q + back * step)
         if shorter is not None:
-            there = system.assemble(shorter, plate, tangent=False)
-            tried.append((_merit(*_sizes(there, n), scale), shorter))
+            tried.append((size.merit(system.assemble(shorter, plate, tangent=False)), shorter))
     best = min(tried, key=lambda one: one[0])[1]
     return best, assembly if best is state else system.assemble(best, plate)
 
