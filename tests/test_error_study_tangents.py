@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from fem import modes, stability
+from fem import modes, small_shear, stability
 from fem.accuracy import LEVELS, QUICK
 from geometry.design import paper
 from studies.output.atomic_files import json_line
@@ -34,7 +34,7 @@ def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
 def test_the_study_judges_the_errors_of_a_small_shear_that_a_user_gets():
     task, states = solved("small shear")
     assert [state.depth_mm for state in states] == [load.depth for load in task.trial.loads]
-    shear = stability.small_shear(paper(), states[-1].depth_mm, accuracy=QUICK)
+    shear = small_shear.small_shear(paper(), states[-1].depth_mm, accuracy=QUICK)
     for judged in states[-1].judged:
         assert judged.estimate == getattr(shear.estimates, judged.quantity)
 

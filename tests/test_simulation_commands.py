@@ -34,13 +34,13 @@ def test_bad_modes_are_a_sentence(run):
 
 
 def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, strict, monkeypatch):
-    from fem import modes, stability
+    from fem import modes, small_shear, stability
 
     def stops(*_, **__):
         raise BadInput("the press stops at depth 6.2 mm: take a smaller depth")
 
     monkeypatch.setattr(stability, "critical", lambda *_, **__: stability.Critical(0.9, 1.0, 0.89, ""))
-    monkeypatch.setattr(stability, "small_shear", stops)
+    monkeypatch.setattr(small_shear, "small_shear", stops)
     monkeypatch.setattr(modes, "modes", stops)
     for verb, kept in (("stability", "critical_depth_mm"), ("modes", "spring_mass_Hz")):
         status, out, err = run(verb, "paper", "--depth", 6.99, "--json")
@@ -57,7 +57,7 @@ def test_only_modes_that_were_computed_are_claimed(run, strict):
 
 
 def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
-    from fem import stability
+    from fem import small_shear, stability
     from geometry.design import paper
     from studies.simulation import stability_report
 
@@ -67,7 +67,7 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
         True: stability.Critical(None, None, 3.5, ""),
     }
     monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
-    monkeypatch.setattr(stability, "small_shear", lambda *_, **__: stability.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
+    monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: small_shear.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
     said = [stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]
     assert said[0]["message"] == ""
     assert (said[0]["critical_depth_error_estimate"], said[0]["critical_force_error_estimate"]) == (0.01, 0.02)

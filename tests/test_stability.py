@@ -1,15 +1,14 @@
-"""Sideways stability and small shear about a press."""
+"""Sideways stability of a press."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from analytic import buckling
 from fem import stability
 from fem.accuracy import QUICK, STANDARD
-from fem.equilibrium import trace
-from geometry.design import BadInput, Design, paper
+from fem.scene import Scene
+from geometry.design import Design, paper
 from geometry.loads import Load
 
 
@@ -54,30 +53,6 @@ def test_a_stubby_beam_is_stable():
     assert found.stable_to == pytest.approx(0.8)
 
 
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_small_shear_is_the_start_of_a_finite_one(magnet):
-    level = replace(QUICK, section_size=0.1, section_patch=0.01)
-    small = stability.small_shear(paper(), 1.0, magnet, accuracy=level)
-    way = 0.01
-    state = trace(paper(), [Load(depth=1.0, shear_x=way, friction="stick")], level, magnet=magnet, estimate=False)[0]
-    force, shift, tilt = state.response.force[0], state.response.shift[0], state.response.tilt
-    np.testing.assert_allclose((shift / way, tilt / way), (small.shift, small.tilt), rtol=0.01)
-    assert force / way == pytest.approx(small.stiffness, rel=0.01)
-
-
-def test_small_shear_scales_with_size_and_modulus():
-    one = stability.small_shear(paper(), 1.0, accuracy=QUICK)
-    other = stability.small_shear(replace(paper(), E=2 * paper().E), 1.0, accuracy=QUICK)
-    assert other.stiffness == pytest.approx(2 * one.stiffness, rel=1e-9)
-    assert other.tilt == pytest.approx(one.tilt, rel=1e-9)
-
-
-@pytest.mark.parametrize("depth", [0.0, -1.0, 50.0])
-def test_depths_that_mean_nothing(depth):
-    with pytest.raises(BadInput, match="depth"):
-        stability.small_shear(paper(), depth)
-
-
 def scaled(design, length, modulus):
     """The design with all lengths and the modulus multiplied."""
     names = ("D", "L", "l0", "magnet_diameter", "magnet_height", "magnet_edge_radius")
@@ -101,25 +76,16 @@ def test_estimates_hold_against_a_finer_mesh():
     assert abs(one.force / truth.force - 1) <= one.estimates.force < 0.03
 
 
-def test_estimates_of_a_small_shear_hold_against_a_finer_mesh():
-    finer = replace(STANDARD, section_size=0.035, section_patch=0.001)
-    small, true = (stability.small_shear(paper(), 1.0, accuracy=level) for level in (QUICK, finer))
-    for name in ("stiffness", "shift", "tilt"):
-        error = abs(getattr(small, name) / getattr(true, name) - 1)
-        assert error <= getattr(small.estimates, name) < 0.03
-
-
 def test_estimates_can_be_left_out():
     found = stability.critical(Design(L=24.0), "ignored", accuracy=QUICK, estimate=False)
     assert found.estimates == stability.CriticalEstimates()
-    small = stability.small_shear(paper(), 1.0, accuracy=QUICK, estimate=False)
-    assert small.estimates == stability.SmallShearEstimates()
 
 
 def test_a_companion_without_an_instability_estimates_nothing():
     one, other = stability.Critical(1.0, 2.0, 1.0, ""), stability.Critical(None, None, 3.0, "")
-    assert stability.estimate_critical(one, other, "rigid", STANDARD, 8.0) == stability.CriticalEstimates()
-    assert stability.estimate_critical(one, replace(one, depth=1.01), "rigid", STANDARD, 8.0).depth > 0
+    scene = Scene(paper(), (Load(depth=1.0),))
+    assert stability.estimate_critical(one, other, scene) == stability.CriticalEstimates()
+    assert stability.estimate_critical(one, replace(one, depth=1.01), scene).depth > 0
 
 
 def test_a_wide_magnets_press_stays_stable_on_the_finest_elements():

@@ -74,7 +74,7 @@ def linearised(spec: Answer) -> Answer:
     """What follows from one tangent: a small shear, or vibrations."""
     import scipy.sparse.linalg  # noqa: F401
 
-    from fem import modes, stability
+    from fem import modes, small_shear
     from fem.solvers import direct_solver
     from geometry.design import paper
 
@@ -83,7 +83,7 @@ def linearised(spec: Answer) -> Answer:
     if spec["task"] == "modes":
         modes.modes(paper(), count=spec["count"], estimate=False)
     else:
-        stability.small_shear(paper(), spec["depth"], estimate=False)
+        small_shear.small_shear(paper(), spec["depth"], estimate=False)
     return {
         "status": "ok",
         "message": "",

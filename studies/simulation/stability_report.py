@@ -20,11 +20,11 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     None stands where there is no instability down to the depth that was looked at (`stable_to_mm`), and the values
     at a depth are left out without one.
     """
-    from fem import stability
+    from fem import small_shear, stability
     from fem.accuracy import LEVELS
 
     if depth is not None:
-        stability.check_depth(design, depth, magnet)
+        small_shear.check_depth(design, depth, magnet)
     level = LEVELS[accuracy]
     progress(0.0, "free tip")
     free = stability.critical(design, magnet, accuracy=level)
@@ -55,13 +55,13 @@ def _at(
     design: Design, magnet: Magnet, accuracy: str, depth: float, record: dict[str, Any], progress: Progress
 ) -> dict[str, Any]:
     """What the record says of a small shear at a depth; with status not_converged if the press does not reach it."""
-    from fem import stability
+    from fem import small_shear
     from fem.accuracy import LEVELS
 
     progress(0.8, f"shear at depth {depth:g} mm")
     said = [record["message"]] if record["message"] else []
     try:
-        small = stability.small_shear(design, depth, magnet, accuracy=LEVELS[accuracy])
+        small = small_shear.small_shear(design, depth, magnet, accuracy=LEVELS[accuracy])
     except BadInput as error:
         none = dict.fromkeys(("force_N", "contact_radius_mm", *PER_MM, *ESTIMATES))
         return {"status": "not_converged", "message": "; ".join([*said, str(error)]), "depth_mm": depth} | none

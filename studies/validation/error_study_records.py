@@ -10,7 +10,8 @@ from typing import Any
 
 from fem.accuracy import Accuracy
 from fem.modes import Modes
-from fem.stability import Critical, SmallShear
+from fem.small_shear import SmallShear
+from fem.stability import Critical
 from geometry.loads import Load, Magnet, Response
 from studies.output import records
 from studies.output.records import FlatRow

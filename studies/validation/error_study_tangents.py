@@ -9,12 +9,13 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from fem import modes, stability
+from fem import modes, small_shear, stability
 from fem.accuracy import Accuracy
 from fem.error_estimate_rules import PRESS_DEPTH, press_limits
 from fem.modes import Modes
 from fem.scene import Scene
-from fem.stability import Critical, SmallShear
+from fem.small_shear import SmallShear
+from fem.stability import Critical
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from studies.validation.error_study_cases import Trial, designs, rounded
@@ -30,7 +31,7 @@ from studies.validation.error_study_records import (
     nan_if_none,
 )
 
-MODULES = ("fem/stability.py", "fem/modes.py")
+MODULES = ("fem/stability.py", "fem/small_shear.py", "fem/modes.py")
 """Modules of `fem` that only these scenes use."""
 SHALLOW = 0.1 / PRESS_DEPTH
 """Lesser depth of a small shear, over the deepest of the other presses, at which the modes are looked at too."""
@@ -76,7 +77,7 @@ def _solved(trial: Trial, depth: float, accuracy: Accuracy) -> Tangent:
     if trial.scene == "critical":
         return stability.critical(design, magnet, accuracy=accuracy, deepest=depth, estimate=False)
     if trial.scene == "small shear":
-        return stability.small_shear(design, depth, magnet, accuracy=accuracy, estimate=False)
+        return small_shear.small_shear(design, depth, magnet, accuracy=accuracy, estimate=False)
     return modes.modes(design, magnet, COUNT, depth=depth, accuracy=accuracy, estimate=False)
 
 
@@ -118,7 +119,7 @@ def _judged(scene: Scene, one: Tangent | None, other: Tangent | None, truth: Tan
     assert isinstance(one, SmallShear)
     assert isinstance(other, SmallShear)
     assert isinstance(truth, SmallShear)
-    small = stability.estimate_small_shear(one, other, scene)
+    small = small_shear.estimate_small_shear(one, other, scene)
     return (
         judged("stiffness", one.stiffness, truth.stiffness, small.stiffness, other.stiffness),
         judged("shift", one.shift, truth.shift, small.shift, other.shift),

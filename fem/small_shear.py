@@ -1,0 +1,162 @@
+"""Small shear of a glued plate about a press: stiffness, motion and tilt of the magnet from one tangent.
+
+A press is followed with the axisymmetric model; then the patch in contact is glued to the plate. With the plate moved
+sideways by s, K dq = -dR/ds s in the model with one harmonic gives the answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
+from fem.contact import plate_contact
+from fem.contact.contact_extent import contact_end
+from fem.discretisation.nonlinear_system import Assembly
+from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
+from fem.error_estimates import estimate_number
+from fem.results.lateral_stiffness import normal_force
+from fem.results.postprocess import pose
+from fem.scene import Scene
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import STOPPED
+from fem.solvers.path_state import PathState, glued, with_harmonics
+from fem.stability import RIM, fine_section
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet, check_load
+
+ROUGH = 0.3
+"""Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
+
+
+@dataclass(frozen=True, slots=True)
+class SmallShearEstimates:
+    """Estimates of the relative errors of a small shear from the mesh; None where there are none."""
+
+    stiffness: float | None = None
+    shift: float | None = None
+    tilt: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SmallShear:
+    """The answer to a small sideways motion of a glued plate about a pressed state.
+
+    Attributes
+    ----------
+    stiffness : tangential force over the plate's motion, N/mm.
+    shift, tilt : motion of the magnet's centre over the plate's, and its rotation, rad/mm.
+    force, contact_radius : of the press, N and mm.
+    estimates : of the errors.
+    """
+
+    stiffness: float
+    shift: float
+    tilt: float
+    force: float
+    contact_radius: float
+    estimates: SmallShearEstimates = SmallShearEstimates()
+
+
+def small_shear(
+    design: Design,
+    depth: float,
+    magnet: Magnet = "rigid",
+    *,
+    accuracy: Accuracy = STANDARD,
+    estimate: bool = True,
+) -> SmallShear:
+    """Stiffness, shift and tilt per mm of shear at a depth in mm, with the patch in contact glued.
+
+    Parameters
+    ----------
+    estimate : estimate the errors, by a companion on a mesh coarser by COARSER.
+
+    Raises
+    ------
+    BadInput
+        The depth is not positive or does not fit, the design has no magnet to be rigid, or the press does not
+        reach the depth.
+    """
+    check_depth(design, depth, magnet)
+    scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
+    shear = _small_shear(scene)
+    if not estimate:
+        return shear
+    try:
+        companion = _small_shear(replace(scene, accuracy=coarser(accuracy)))
+    except BadInput:  # a coarse mesh may stop before
+        return shear
+    return replace(shear, estimates=estimate_small_shear(shear, companion, scene))
+
+
+def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> SmallShearEstimates:
+    """Errors of a small shear, from what a mesh coarser by COARSER says of it."""
+    magnet, edge = scene.magnet, scene.accuracy.section_size
+    radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
+    return SmallShearEstimates(
+        stiffness=estimate_number(TANGENT_RULES["stiffness", magnet], one.stiffness, other.stiffness, edge, radius),
+        shift=estimate_number(TANGENT_RULES["shift", magnet], one.shift, other.shift, edge, radius),
+        tilt=estimate_number(TANGENT_RULES["tilt", magnet], one.tilt, other.tilt, edge, radius),
+    )
+
+
+def _small_shear(scene: Scene) -> SmallShear:
+    D, accuracy = scene.design.D, scene.accuracy
+    depth = scene.loads[0].depth / D
+    rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
+    edge = contact_end(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
+    section = fine_section(scene, edge)
+    path = Path(section.build())
+    try:
+        reason, pressed = path.go(depth, np.zeros(2)), path.state
+    finally:
+        path.close()
+    if reason:
+        raise BadInput(
+            f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
+        )
+    held = glued(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
+    system, plate = held.d.system, held.plate
+    there = system.assemble(system.state(held.q), plate)
+    shear = replace(plate, shear=np.array([1.0, 0.0]))
+    moved = system.assemble(system.state(held.q), shear, tangent=False)
+    # the tangent is that of the plate at rest: what its motion adds to the residual is the load
+    return _small(scene.design, pressed, held, _solved(there, there.residual - moved.residual))
+
+
+def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
+    """Refuse a depth, mm, at which there is no patch to shear."""
+    check_load(design, Load(depth=depth), magnet)
+    if not depth > 0:
+        raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
+
+
+def _solved(assembly: Assembly, right: Array) -> Array:
+    solver = Solver()
+    try:
+        solver.factorise(assembly.tangent)
+        return solver.solve(right)
+    finally:
+        solver.close()
+
+
+def _small(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
+    """Read the linear answer `step` per unit of shear, about a press whose patch is held."""
+    system, skin, plate, D = held.d.system, held.skin, held.plate, design.D
+    assert plate.tied is not None
+    way = 1e-6
+    ahead, behind = system.state(held.q + way * step), system.state(held.q - way * step)
+    du = skin.displacement((ahead.u - behind.u) / (2 * way))[..., 0]
+    stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
+    (shift2, tilt2), (shift1, tilt1) = (pose(held.d, s.u, s.q) for s in (ahead, behind))
+    return SmallShear(
+        stiffness=stiffness * design.E * D,
+        shift=float(shift2[0] - shift1[0]) / (2 * way),
+        tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
+        force=normal_force(pressed) * design.E * D**2,
+        contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
+    )
