@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from studies.benchmarks import field_benchmark, field_reference
+from studies.benchmarks import field_benchmark, field_reference, field_report
 
 
 def test_truth_is_the_closed_form_on_the_axis_and_a_gradient():
@@ -35,7 +35,7 @@ def test_small_run_keeps_the_promise(monkeypatch):
     pytest.importorskip("numba")
     monkeypatch.setattr(field_benchmark, "FLATNESS", (1.0,))
     rows = field_benchmark.errors(count=3, jacobians=1)
-    assert max(max(row.numpy, row.compiled) for row in rows) < field_benchmark.PROMISE
+    assert max(max(row.numpy, row.compiled) for row in rows) < field_report.PROMISE
     times = field_benchmark.speed(count=2000, runs=1)
     assert [time.program.split()[0].strip(",") for time in times] == [
         "compiled",
@@ -45,7 +45,7 @@ def test_small_run_keeps_the_promise(monkeypatch):
         "magpylib",
     ]
     assert all(time.many_us > 0 and time.one_us > 0 for time in times)
-    waits = [field_benchmark.FirstCall("again", 0.1, 0.0, 0.6)]
-    text = field_benchmark.report(rows, times, waits, {"numpy": "2"})
+    waits = [field_report.FirstCall("again", 0.1, 0.0, 0.6)]
+    text = field_report.report(rows, times, waits, {"numpy": "2"}, field_benchmark.ABOUT)
     assert "| inside |" in text
     assert math.isnan(times[-1].none_us) == ("refused" in text)

@@ -14,13 +14,15 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput, Design, paper
 from studies.benchmarks import benchmark_tables
-from studies.output import atomic_files, console, provenance
+from studies.output import atomic_files, console, provenance, records
+from studies.output.records import FlatRow
 
 ABOUT = """\
 `python -m studies.benchmarks.cad_benchmark results/cad` writes CAD.md, cad.csv and the paper's sensor as pictures.
@@ -33,12 +35,10 @@ number of its designs, start and imports of the processes left out by taking the
 batch.
 """
 
-Row = dict[str, Any]
-
 BARE = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
 SMALL = {"magnet_diameter": 0.2, "magnet_height": 0.2, "magnet_edge_radius": 0.02}
 
-EXTREMES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+EXTREMES: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
     "paper": ({}, {}),
     "paper, resin, 1 % shrinkage, 1 degree of draft": ({}, {"process": "sla", "shrink": 0.01, "draft": 1.0}),
     "paper, 3 x 2 cavities": ({}, {"columns": 3, "rows": 2}),
@@ -63,7 +63,69 @@ RUNS = 3
 """Of the whole command."""
 
 
-def volumes(folder: Path) -> list[Row]:
+@dataclass(frozen=True, slots=True)
+class PartVolume:
+    """A part's volume, and the relative errors of its files; the closed form's as text, empty where there is none."""
+
+    part: str
+    volume_mm3: float
+    closed_form_error: str = field(metadata={"column": "against closed form"})
+    step_error: float = field(metadata={"column": "STEP read back"})
+    stl_error: float = field(metadata={"column": "STL"})
+    triangles: int
+
+
+@dataclass(frozen=True, slots=True)
+class TriangleErrors:
+    """Triangles of the beam for a tolerance: largest distance from its surface, and relative error of the volume."""
+
+    tolerance_mm: float
+    deviation_mm: float
+    triangles: int
+    volume_error: float = field(metadata={"column": "volume"})
+
+
+@dataclass(frozen=True, slots=True)
+class ExtremeResult:
+    """Everything for one design at the edge of what is allowed.
+
+    Attributes
+    ----------
+    checks : how many passed, of how many.
+    cavity_error : volume of the cavity against beam less pin, relative; NaN where there are no checks.
+    stl_error : the worst relative error of the parts' volumes.
+    """
+
+    case: str
+    status: str
+    parts: int
+    checks: str
+    cavity_error: float = field(metadata={"column": "cavity"})
+    stl_error: float = field(metadata={"column": "STL"})
+    cpu_s: float
+    notes: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommandTime:
+    """Time of a command, by the clock and of the processor; None where processes share it."""
+
+    what: str
+    wall_s: float
+    cpu_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Measurements:
+    """All that this benchmark measures."""
+
+    times: Sequence[CommandTime]
+    volumes: Sequence[PartVolume]
+    tolerances: Sequence[TriangleErrors]
+    extremes: Sequence[ExtremeResult]
+
+
+def volumes(folder: Path) -> list[PartVolume]:
     """Write the paper's sensor into a folder, and compare its parts' volumes."""
     import build123d as bd
 
@@ -74,29 +136,28 @@ def volumes(folder: Path) -> list[Row]:
     whole, magnet = beam_volume(shape), magnet_volume(shape)
     exact = {"beam": whole, "magnet": magnet, "silicone": whole - magnet}
     record = sensor_parts.build(paper(), folder, _silent)
-    rows = []
+    parts = []
     for part in record["parts"]:
         name, volume = part["name"], part["volume_mm3"]
         read = float(bd.import_step(folder / f"{name}.step").volume)
         form = f"{abs(volume / exact[name] - 1):.1e}" if name in exact else ""
-        row = {"part": name, "volume_mm3": volume, "against closed form": form}
-        rows.append(row | {"STEP read back": abs(read / volume - 1), "STL": part["relative_error"]})
-        rows[-1]["triangles"] = part["triangles"]
-    return rows
+        errors = form, abs(read / volume - 1), part["relative_error"]
+        parts.append(PartVolume(name, volume, *errors, part["triangles"]))
+    return parts
 
 
-def tolerances() -> list[Row]:
+def tolerances() -> list[TriangleErrors]:
     """Deviation and volume of the beam's triangles for several tolerances."""
     from geometry import cad
     from geometry.fabrication import solid_files
 
-    rows = []
+    errors = []
     for tolerance in TOLERANCES:
         solid = cad.beam(paper())
         mesh = solid_files.triangulated(solid, tolerance, math.pi)
-        row = {"tolerance_mm": tolerance, "deviation_mm": deviation(mesh), "triangles": len(mesh.faces)}
-        rows.append(row | {"volume": float(mesh.volume / solid.volume - 1)})
-    return rows
+        volume_error = float(mesh.volume / solid.volume - 1)
+        errors.append(TriangleErrors(tolerance, deviation(mesh), len(mesh.faces), volume_error))
+    return errors
 
 
 def deviation(mesh: Any) -> float:
@@ -111,12 +172,12 @@ def deviation(mesh: Any) -> float:
     return float(np.abs(np.hypot(np.hypot(points[:, 0], points[:, 1]), up) - paper().R).max())
 
 
-def extremes(folder: Path) -> list[Row]:
+def extremes(folder: Path) -> list[ExtremeResult]:
     """Everything for designs at the edge of what is allowed."""
     from geometry.mold import Mold
     from studies.fabrication import sensor_parts, sensor_solids
 
-    rows = []
+    results = []
     for k, (name, (fields, choices)) in enumerate(EXTREMES.items()):
         start = time.process_time()
         making = sensor_solids.Making(mold=Mold(**choices))
@@ -127,16 +188,24 @@ def extremes(folder: Path) -> list[Row]:
         checks = {check["name"]: check for check in record["checks"]}
         passed = sum(check["passed"] for check in checks.values())
         cavity = checks["cavity volume against beam minus pin"]["value"] if checks else math.nan
-        row = {"case": name, "status": record["status"], "parts": len(record["parts"])}
-        row |= {"checks": f"{passed} of {len(checks)}", "cavity": abs(cavity)}
         worst = max((abs(part["relative_error"]) for part in record["parts"]), default=math.nan)
-        rows.append(row | {"STL": worst, "cpu_s": time.process_time() - start})
-        rows[-1]["notes"] = "; ".join([record["message"], *record["warnings"]]).strip("; ")
+        results.append(
+            ExtremeResult(
+                case=name,
+                status=record["status"],
+                parts=len(record["parts"]),
+                checks=f"{passed} of {len(checks)}",
+                cavity_error=abs(cavity),
+                stl_error=worst,
+                cpu_s=time.process_time() - start,
+                notes="; ".join([record["message"], *record["warnings"]]).strip("; "),
+            )
+        )
         console.say(f"{name}: {record['status']}")
-    return rows
+    return results
 
 
-def times(folder: Path) -> list[Row]:
+def times(folder: Path) -> list[CommandTime]:
     """Whole commands in processes of their own, by the clock and in CPU time with that of their children."""
     from studies.fabrication import design_variants
 
@@ -150,7 +219,7 @@ def times(folder: Path) -> list[Row]:
         after, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - start
         runs.append((wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime))
     wall, cpu = min(runs)
-    rows = [{"what": f"magtip cad paper, imports included, fastest of {RUNS}", "wall_s": wall, "cpu_s": cpu}]
+    commands = [CommandTime(f"magtip cad paper, imports included, fastest of {RUNS}", wall, cpu)]
     for workers in (1, os.cpu_count() or 1):
         spent = []
         for count in (SHORT, LONG):
@@ -160,21 +229,21 @@ def times(folder: Path) -> list[Row]:
             spent.append((time.perf_counter() - start, time.process_time() - used))
         wall, cpu = ((spent[1][k] - spent[0][k]) / (LONG - SHORT) for k in (0, 1))
         name = f"one variant more in a batch, {workers} {'process' if workers == 1 else 'processes'}"
-        rows.append({"what": name, "wall_s": wall, "cpu_s": cpu if workers == 1 else ""})
-    return rows
+        commands.append(CommandTime(name, wall, cpu if workers == 1 else None))
+    return commands
 
 
-def document(found: dict[str, list[Row]], about: dict[str, str]) -> str:
+def document(measured: Measurements, about: dict[str, str]) -> str:
     """CAD.md."""
     lines = ["# CAD and moulds, measured", "", *ABOUT.splitlines(), ""]
-    titles = {
-        "volumes": "Parts of the paper's sensor: volume and its relative errors",
-        "tolerances": "Triangles of the beam against the tolerance asked for",
-        "extremes": "Designs and moulds at the edge of what is allowed",
-        "times": "Time, s",
+    tables: dict[str, Sequence[PartVolume | TriangleErrors | ExtremeResult | CommandTime]] = {
+        "Parts of the paper's sensor: volume and its relative errors": measured.volumes,
+        "Triangles of the beam against the tolerance asked for": measured.tolerances,
+        "Designs and moulds at the edge of what is allowed": measured.extremes,
+        "Time, s": measured.times,
     }
-    for key, title in titles.items():
-        rows = found[key]
+    for title, table in tables.items():
+        rows = [records.flat(record) for record in table]
         lines += [f"## {title}", "", "| " + " | ".join(rows[0]) + " |", "|" + "---|" * len(rows[0])]
         lines += ["| " + " | ".join(_cell(value) for value in row.values()) + " |" for row in rows] + [""]
     lines += ["## The paper's sensor", "", "![cut open](assembly.png)", ""]
@@ -182,13 +251,15 @@ def document(found: dict[str, list[Row]], about: dict[str, str]) -> str:
     return "\n".join([*lines, "", "## Made with", "", *(f"- {name}: {text}" for name, text in about.items()), ""])
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
     if isinstance(value, float):
         return f"{value:.2e}" if 0 < abs(value) < 1e-3 else f"{value:.5g}"
     return str(value)
 
 
-def _csv(rows: Sequence[Row]) -> str:
+def _csv(rows: Sequence[FlatRow]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -204,15 +275,15 @@ def main(out: str) -> None:
     """Measure, and write everything into a folder."""
     about = benchmark_tables.machine()
     with atomic_files.filled(out) as folder, tempfile.TemporaryDirectory() as work:
-        made = Path(work)
-        found = {"times": times(made), "volumes": volumes(made / "paper"), "tolerances": tolerances()}
+        scratch = Path(work)
+        timed, parts, triangles = times(scratch), volumes(scratch / "paper"), tolerances()
         console.say("paper's sensor done")
-        found["extremes"] = extremes(made / "extremes")
+        measured = Measurements(timed, parts, triangles, extremes(scratch / "extremes"))
         for name in ("assembly.png", "sensor.svg", "base.svg", "mold.svg"):
             with atomic_files.atomic(folder / name) as temporary:
-                temporary.write_bytes((made / "paper" / name).read_bytes())
-        atomic_files.write_text(folder / "cad.csv", _csv(found["extremes"]))
-        atomic_files.write_text(folder / "CAD.md", document(found, about))
+                temporary.write_bytes((scratch / "paper" / name).read_bytes())
+        atomic_files.write_text(folder / "cad.csv", _csv([records.flat(result) for result in measured.extremes]))
+        atomic_files.write_text(folder / "CAD.md", document(measured, about))
 
 
 if __name__ == "__main__":

@@ -17,8 +17,7 @@ import sys
 import tempfile
 import time
 import timeit
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from functools import partial
 from importlib import metadata
 from types import ModuleType
@@ -28,9 +27,9 @@ import numpy as np
 from analytic import magnet
 from geometry.arrays import Array
 from geometry.design import BadInput, paper
-from studies.benchmarks import benchmark_tables, field_reference
-from studies.output import atomic_files, console, provenance, records
-from studies.output.records import FlatRow
+from studies.benchmarks import benchmark_tables, field_reference, field_report
+from studies.benchmarks.field_report import FirstCall, ProgramTimes, RegionErrors
+from studies.output import atomic_files, console, provenance
 
 ABOUT = """\
 Errors are |B - B_true| / |B_true|, of the Jacobian |J - J_true| / |J_true|, the worst of the points of a region and
@@ -45,9 +44,6 @@ new process, by the clock.
 RADIUS = 1.7
 FLATNESS = (1e-6, 1e-3, 0.1, 1.0, 2.0, 30.0, 1e3)
 """Height over radius of the magnets."""
-PROMISE = 1e-12
-FASTER = 2.0
-ONE_POINT_US = 5.0
 
 FIRST = """
 import json, time
@@ -59,43 +55,6 @@ first = time.perf_counter()
 magnet.cylinder_field([[1.0, 2.0, 3.0]] * magnet.MANY, 2, 2, 1.2)
 print(json.dumps([imported - begin, first - imported, time.perf_counter() - first]))
 """
-
-
-@dataclass(frozen=True, slots=True)
-class RegionErrors:
-    """The worst relative errors of each program in a region of one magnet; NaN where none was measured."""
-
-    region: str
-    height_per_radius: float
-    numpy: float = field(metadata={"column": "NumPy"})
-    compiled: float
-    magpylib: float
-    numpy_jacobian: float = field(metadata={"column": "NumPy Jacobian"})
-    compiled_jacobian: float = field(metadata={"column": "compiled Jacobian"})
-
-    def row(self) -> FlatRow:
-        """Its columns in field.csv."""
-        return records.flat(self)
-
-
-@dataclass(frozen=True, slots=True)
-class ProgramTimes:
-    """CPU time for each of a million points, and clock time of a call with one point and with none, us."""
-
-    program: str
-    many_us: float
-    one_us: float
-    none_us: float
-
-
-@dataclass(frozen=True, slots=True)
-class FirstCall:
-    """What a new process waits for, s: the import, the first call in NumPy, the kernel with its first call."""
-
-    process: str
-    import_s: float
-    first_numpy_s: float
-    kernel_s: float
 
 
 def regions(flatness: float, count: int) -> dict[str, Array]:
@@ -228,74 +187,6 @@ def first_calls() -> list[FirstCall]:
     return calls
 
 
-def report(
-    errors: Sequence[RegionErrors], times: Sequence[ProgramTimes], calls: Sequence[FirstCall], about: dict[str, str]
-) -> str:
-    """FIELD.md."""
-    own = max(max(error.numpy, error.compiled) for error in errors)
-    fast, slow = times[0], times[-1]
-    ratio, beyond = slow.many_us / fast.many_us, fast.one_us - fast.none_us
-    lines = ["# The exact field", "", "`python -m studies.benchmarks.field_benchmark results/field`", ""]
-    lines += _table(
-        ["goal", "found", "met"],
-        [
-            [f"error at most {PROMISE:g} of B", f"{own:.1e}", _met(own <= PROMISE)],
-            [f"a million points {FASTER:g} times as fast as magpylib", f"{ratio:.1f} times", _met(ratio >= FASTER)],
-            [f"one point at most {ONE_POINT_US:g} us", f"{beyond:.1f} us", _met(beyond <= ONE_POINT_US)],
-        ],
-    )
-    lines += ["", "## Worst relative error", ""]
-    heads = ["region", "NumPy", "compiled", "NumPy Jacobian", "compiled Jacobian", "magpylib"]
-    lines += _table(heads, _worst_by_region(errors))
-    lines += ["", "Every region of every magnet is in field.csv.", "", "## Time", ""]
-    heads = ["program", "us a point of a million", "call with one point, us", "call with none, us", "one point, us"]
-    cells = [[t.program, *map(_us, (t.many_us, t.one_us, t.none_us, t.one_us - t.none_us))] for t in times]
-    lines += _table(heads, cells)
-    lines += ["", "## First calls", ""]
-    heads = ["process", "import analytic.magnet, s", "first call in NumPy, s", "kernel loaded and called, s"]
-    cells = [[c.process, f"{c.import_s:.2f}", f"{c.first_numpy_s:.2f}", f"{c.kernel_s:.2f}"] for c in calls]
-    lines += _table(heads, cells)
-    lines += [
-        "",
-        f"The kernel is loaded by a call with {magnet.MANY} points or more, or by `analytic.magnet.compiled()`.",
-        "",
-    ]
-    lines += ["## How it was measured", "", *ABOUT.splitlines(), ""]
-    return "\n".join([*lines, *(f"- {name}: {value}" for name, value in about.items())]) + "\n"
-
-
-def _worst_by_region(errors: Sequence[RegionErrors]) -> list[list[str]]:
-    """Cells of each region: its name, and the worst error of each program over all magnets."""
-    cells = []
-    for region in dict.fromkeys(error.region for error in errors):
-        own = [error for error in errors if error.region == region]
-        worst = (
-            max(error.numpy for error in own),
-            max(error.compiled for error in own),
-            max(error.numpy_jacobian for error in own),
-            max(error.compiled_jacobian for error in own),
-            max(error.magpylib for error in own),
-        )
-        cells.append([region, *map(_error, worst)])
-    return cells
-
-
-def _table(heads: list[str], rows: list[list[str]]) -> list[str]:
-    return ["| " + " | ".join(cells) + " |" for cells in (heads, ["---"] * len(heads), *rows)]
-
-
-def _met(good: bool) -> str:
-    return "yes" if good else "**no**"
-
-
-def _error(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.1e}"
-
-
-def _us(value: float) -> str:
-    return "refused" if math.isnan(value) else f"{value:.2f}"
-
-
 def main(out: str) -> None:
     """Measure, and write field.csv and FIELD.md into a folder."""
     from studies.output.csv_tables import write_table
@@ -308,7 +199,7 @@ def main(out: str) -> None:
         calls = first_calls()
         by_region = errors()
         write_table(folder / "field.csv", [error.row() for error in by_region], digits=3)
-        atomic_files.write_text(folder / "FIELD.md", report(by_region, times, calls, about))
+        atomic_files.write_text(folder / "FIELD.md", field_report.report(by_region, times, calls, about, ABOUT))
 
 
 if __name__ == "__main__":
