@@ -71,8 +71,8 @@ def walk(
 
     Parameters
     ----------
-    estimate : estimate the errors of force, shift and tilt, by a companion that walks along: on a mesh coarser by
-        COARSER and with one harmonic less, or two beside one. `fem.error_estimates` says how they follow from
+    estimate : estimate the errors of force, shift and tilt from a companion, the same scene on a mesh coarser by
+        COARSER and with one harmonic less (two harmonics for one). `fem.error_estimates` says how they follow from
         the difference.
         Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
     progress : called with a fraction of the path and a text.

@@ -69,6 +69,11 @@ def test_a_gripped_section_is_fine_where_the_grip_ends(height, radius):
     assert models.first.harmonics == QUICK.harmonics
 
 
+def test_a_grip_has_no_plate_to_rub_on():
+    load = Load(grip=1.0, shear_x=1.0)
+    assert path_models(scene(replace(load, friction=0.3))) == path_models(scene(load))
+
+
 def test_a_rubbing_plate_has_no_predictor():
     models = path_models(scene(Load(depth=1.0, shear_x=1.0, friction=0.3)))
     assert models.raised == replace(models.first, harmonics=QUICK.harmonics)
