@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -19,6 +19,7 @@ from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, LawName, Method, Motion, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
+from studies.output.records import FlatRow
 
 COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
 Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
@@ -279,20 +280,20 @@ def fit(
     """
     asked = command(fit, locals())
     from studies.simulation import material_fit as work
-    from studies.simulation.law_remarks import reasons
+    from studies.simulation.law_selection import reasons
 
     atomic_files.check_apart(atomic_files.inside(out, work.FILES), [data])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        records = work.run(data, nu, folder, law, progress, asked)
+        rows = work.run(data, nu, folder, law, progress, asked)
     if as_json:
-        console.report(records, as_json=True)
+        console.report([row.row() for row in rows], as_json=True)
     else:
-        _print_laws([work.flat(record) for record in records], wide=wide)
-        for reason in filter(None, map(reasons, records)):
+        _print_laws([row.texts() for row in rows], wide=wide)
+        for reason in filter(None, (reasons(row.judged) for row in rows)):
             console.note(f"{reason}.")
-    chosen = [record for record in records if record["chosen"]]
-    for record in chosen or records:
-        for warning in record["warnings"]:
+    chosen = [row for row in rows if row.judged.chosen]
+    for row in chosen or rows:
+        for warning in row.warnings:
             console.warn(warning)
     if not chosen:
         console.say(
@@ -302,7 +303,7 @@ def fit(
     return GOOD
 
 
-def _print_laws(rows: list[dict[str, Any]], *, wide: bool) -> None:
+def _print_laws(rows: list[FlatRow], *, wide: bool) -> None:
     """Tables that a terminal of 80 columns holds, or a single one with all columns."""
     how = (
         "ranked by AICc"

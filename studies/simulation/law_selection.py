@@ -1,4 +1,4 @@
-"""Which law of a uniaxial test is chosen, and what speaks against the others.
+"""Which law of a uniaxial test is chosen, what speaks against the others, and what a user should know of each.
 
 A law that misses the test gives wrong forces in silence; one that loses its stability ends a solve, which says so. So
 the law is chosen among those that are stable where the test has been (`studies.simulation.law_stability`): first come
@@ -14,10 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from geometry.design import BadInput, Design
-from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
-from studies.simulation.law_stability import SOLVE, ranges_of_test, within
-from studies.simulation.tensile_test import Specimen
+from geometry.design import SILICONE_E, BadInput, Design
+from studies.simulation.law_regression import MISFIT, SMALL_STRAIN, Fit, nominal_stress
+from studies.simulation.law_stability import MODES, RANGE, SOLVE, Ranges, ranges_of_test, within
+from studies.simulation.tensile_test import STRESS, Specimen
 
 Reason = Literal[
     "E_not_possible",
@@ -76,54 +76,150 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
     BadInput
         The test has too few points for the law asked for.
     """
-    if asked is not None and asked not in {found.law for found in fits}:
+    if asked is not None and asked not in {fit.law for fit in fits}:
         points = len(set(data.stretch[data.telling].tolist()))
         raise BadInput(
             f"the law {asked} has more constants than the test has distinct stretches ({points}): give more points, "
-            f"or choose one of {', '.join(found.law for found in fits)}"
+            f"or choose one of {', '.join(fit.law for fit in fits)}"
         )
     low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
-    possible = [low <= found.E <= high for found in fits]
-    in_test = [within(ranges_of_test(data.stretch), found.stable) for found in fits]
-    able = [found for found, *good in zip(fits, possible, in_test, strict=True) if all(good)]
-    share = min((found.share for found in able), default=0.0) + MISFIT
-    small = min((abs(found.small) for found in able), default=0.0) + SMALL_MISFIT
-    misses = [found.share > share or abs(found.small) > small for found in fits]
-    in_solve = [within(SOLVE, found.stable) for found in fits]
+    possible = [low <= fit.E <= high for fit in fits]
+    in_test = [within(ranges_of_test(data.stretch), fit.stable) for fit in fits]
+    able = [fit for fit, *good in zip(fits, possible, in_test, strict=True) if all(good)]
+    share = min((fit.share for fit in able), default=0.0) + MISFIT
+    small = min((abs(fit.small) for fit in able), default=0.0) + SMALL_MISFIT
+    misses = [fit.share > share or abs(fit.small) > small for fit in fits]
+    in_solve = [within(SOLVE, fit.stable) for fit in fits]
     keys = [
         (missed, not stable, k)
-        for k, (found, missed, stable, fits_in) in enumerate(zip(fits, misses, in_solve, possible, strict=True))
-        if fits_in and (found in able if asked is None else found.law == asked)
+        for k, (fit, missed, stable, fits_in) in enumerate(zip(fits, misses, in_solve, possible, strict=True))
+        if fits_in and (fit in able if asked is None else fit.law == asked)
     ]
     first = min(keys)[-1] if keys else None
     judged = []
-    for k, found in enumerate(fits):
+    for k, fit in enumerate(fits):
         facts: list[tuple[Reason, bool]] = [
             ("E_not_possible", not possible[k]),
             ("unstable_in_test", not in_test[k]),
             ("misses_test", misses[k]),
             ("unstable_in_solve", not in_solve[k]),
-            ("number_at_bound", bool(found.bounded)),
+            ("number_at_bound", bool(fit.bounded)),
             ("ranks_lower", first is not None and k > first),
-            ("another_asked_for", asked is not None and found.law != asked),
+            ("another_asked_for", asked is not None and fit.law != asked),
         ]
         against = () if k == first else tuple(reason for reason, holds in facts if holds)
         hit = [other for other, missed in zip(fits, misses, strict=True) if other in able and not missed]
-        spread = max((abs(_pressed(other) / _pressed(found) - 1) for other in hit), default=0.0)
-        farther = next((other for other in hit if not other.bounded and _farther(other, found)), None)
+        spread = max((abs(_pressed(other) / _pressed(fit) - 1) for other in hit), default=0.0)
+        farther = next((other for other in hit if not other.bounded and _farther(other, fit)), None)
         judged.append(
-            Judged(
-                found, k + 1, possible[k], in_test[k], in_solve[k], misses[k], spread, k == first, against, farther
-            )
+            Judged(fit, k + 1, possible[k], in_test[k], in_solve[k], misses[k], spread, k == first, against, farther)
         )
     return judged
 
 
-def _farther(other: Fit, found: Fit) -> bool:
+def _farther(other: Fit, fit: Fit) -> bool:
     """Whether one law is stable wherever another one is, and beyond."""
-    return within(found.stable, other.stable) and not within(other.stable, found.stable)
+    return within(fit.stable, other.stable) and not within(other.stable, fit.stable)
 
 
-def _pressed(found: Fit) -> float:
+def _pressed(fit: Fit) -> float:
     """A law's stress at `PRESSED`, to a factor that all laws have in common."""
-    return found.E * float(nominal_stress(found.law, tuple(found.numbers.values()), np.array(PRESSED)))
+    return fit.E * float(nominal_stress(fit.law, tuple(fit.numbers.values()), np.array(PRESSED)))
+
+
+def warnings(judged: Judged, data: Specimen) -> list[str]:
+    """What a user should know before a law is used."""
+    fit, remarks = judged.fit, []
+    if not judged.possible or not SILICONE_E[0] <= fit.E <= SILICONE_E[1]:
+        remarks.append(_impossible(judged, data))
+    if fit.share > MISFIT or abs(fit.small) > SMALL_MISFIT:
+        remarks.append(
+            f"{fit.law} fits the test poorly: its rms error is {100 * fit.share:.2g} % of the largest stress, "
+            f"and up to {100 * max(SMALL_STRAIN, data.least_strain):.3g} % strain its stress is "
+            f"{100 * abs(fit.small):.2g} % too {'large' if fit.small > 0 else 'small'}; forces may be off by as "
+            "much"
+        )
+    if fit.exact:
+        constants = f"{fit.constants} constant{'s' if fit.constants > 1 else ''}"
+        remarks.append(
+            f"{fit.law} has {constants} and the test as many points, so its error of zero is no evidence: "
+            "measure more points"
+        )
+    if data.least_strain > SMALL_STRAIN:
+        remarks.append(
+            f"the smallest strain of the test is {100 * data.least_strain:.3g} %, so E (the stiffness at small "
+            "strain) is extrapolated"
+        )
+    if data.stretch.min() > PRESSED and judged.spread > SPREAD:
+        remarks.append(
+            f"the test has no compression: at a stretch of {PRESSED:g} other laws that fit the test differ from "
+            f"{fit.law} by {100 * judged.spread:.3g} %, and press forces may be off by as much; test in "
+            "compression too"
+        )
+    ends_early = not judged.in_test or not within({"planar": RANGE}, fit.stable)
+    if not judged.in_test:
+        low, high = fit.stable["uniaxial"]
+        remarks.append(f"the test exceeds the stable range of {fit.law}, stretches from {low:.3g} to {high:.3g}")
+    elif ends_early:
+        remarks.append(
+            f"{fit.law} is stable {_ends(fit.stable)}: at the magnet's edge a press to D/4 reaches a planar "
+            "stretch of 2.7, a press to 3/8 D one of 4.3; a solve that stops there reports it"
+        )
+    if ends_early and judged.farther is not None:
+        remarks.append(_what_is_farther(fit, judged.farther))
+    if fit.bounded:
+        where = " and ".join(f"{name} = {fit.numbers[name]:.4g}" for name in fit.bounded)
+        remarks.append(f"{where} lies at a bound of the search, so it is not an optimum: the law is ranked last")
+    return remarks
+
+
+def _what_is_farther(fit: Fit, other: Fit) -> str:
+    """Which law is stable beyond where this one is, and what it costs."""
+    whole = within(dict.fromkeys(MODES, RANGE), other.stable)
+    where = f"in all stretches from {RANGE[0]:g} to {RANGE[1]:g}" if whole else _ends(other.stable)
+    return (
+        f"{other.law} has an rms error of {100 * other.share:.2g} % ({fit.law}: {100 * fit.share:.2g} %) and is "
+        f"stable {where}: --law {other.law} may allow deeper presses"
+    )
+
+
+def _impossible(judged: Judged, data: Specimen) -> str:
+    """What is wrong with E, and which unit would mend it."""
+    fit, unit = judged.fit, data.column.rpartition("_")[2]
+    if judged.possible:
+        text = (
+            f"is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to {SILICONE_E[1]:g} MPa (Shore A 90)"
+        )
+    else:
+        low, high = (Design.__dataclass_fields__["E"].metadata[end] for end in ("low", "high"))
+        text = f"is outside the range of a design, {low:g} to {high:g} MPa"
+    others = [
+        f"; in {name.rpartition('_')[2]} E would be {value:.4g} MPa"
+        for name, factor in STRESS.items()
+        if SILICONE_E[0] <= (value := fit.E * factor / STRESS[data.column]) <= SILICONE_E[1]
+    ]
+    check = f"check that the column {data.column} is in {unit}{''.join(others)}"
+    return f"{fit.law}: E = {fit.E:.4g} MPa {text}: {check}"
+
+
+def _ends(stable: Ranges) -> str:
+    """Where a law is stable in each mode."""
+    return ", ".join(f"{mode} {low:.3g} to {high:.3g}" for mode, (low, high) in stable.items())
+
+
+def reasons(judged: Judged) -> str:
+    """Why a law is not chosen; empty for the one that is."""
+    fit = judged.fit
+    texts: dict[Reason, str] = {
+        "E_not_possible": "its E is outside the range of a design",
+        "unstable_in_test": "it is unstable at some of the test's stretches",
+        "misses_test": (
+            f"its rms error is {100 * fit.share:.2g} %, and {abs(100 * fit.small):.2g} % at small strain"
+        ),
+        "unstable_in_solve": (f"it is stable {_ends(fit.stable)}, but a press to 3/8 D reaches {_ends(SOLVE)}"),
+        "number_at_bound": f"{', '.join(fit.bounded)} lies at a bound of the search",
+        "ranks_lower": "it ranks lower",
+        "another_asked_for": "--law chooses another law",
+    }
+    against = [texts[reason] for reason in judged.against]
+    return f"{fit.law} is not chosen: {'; '.join(against)}" if against else ""
