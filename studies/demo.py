@@ -12,7 +12,7 @@ from fem.solution import Solution
 from geometry.design import Design, paper
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
-from studies.output import atomic_files
+from studies.output import atomic_files, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
@@ -113,7 +113,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]
     if reached:
-        atomic_files.write_field(folder / f"{name}.vtu", reached[-1])
+        vtk_files.write_field(folder / f"{name}.vtu", reached[-1])
         section_picture(folder / f"{name}_section.png", design, reached[-1])
 
 

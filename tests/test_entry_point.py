@@ -11,7 +11,7 @@ import pytest
 
 from geometry.design import BadInput
 from studies.inputs import exit_status
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, vtk_files
 from studies.simulation import load_cases
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -244,7 +244,7 @@ def test_full_disk_is_a_sentence(run, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device", "field.vtu")
 
-    monkeypatch.setattr(atomic_files, "write_field", full)
+    monkeypatch.setattr(vtk_files, "write_field", full)
     status, out, err = run("solve", "paper", "--depth", 0.5, "--json", "--out", "field.vtu", *QUICK)
     # the state was printed before its file was to be written
     assert (status, out.count("\n"), err.count("\n")) == (2, 1, 1)

@@ -11,7 +11,7 @@ from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import mesh_import
 from geometry.meshing.mesh_quality import quality
-from studies.output import atomic_files
+from studies.output import vtk_files
 
 SHAPE = Shape(8, 6, 3, 2, 0.4)
 CORNERS = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
@@ -185,12 +185,12 @@ def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
 def test_a_mesh_says_for_which_sensor_it_was_made(own, tmp_path):
     """A sensor that differs by less than what surfaces and volumes tell is another one all the same."""
     said = []
-    atomic_files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
+    vtk_files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
     same_parts(mesh_import.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)
     assert said == []
     with pytest.raises(BadInput, match=r"with magnet_height 2 mm where this design has magnet_height 2\.0005 mm"):
         mesh_import.read(tmp_path / "own.vtu", replace(SHAPE, magnet_height=2.0005))
-    atomic_files.write_mesh(tmp_path / "mute.vtu", own)
+    vtk_files.write_mesh(tmp_path / "mute.vtu", own)
     mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
     assert len(said) == 1
     assert "does not say for which sensor it was made" in said[0]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from studies.output.atomic_files import nodal_pressure, spatial
+from studies.output.vtk_files import nodal_pressure, spatial
 
 if TYPE_CHECKING:
     from fem.results.revolved_body import Body

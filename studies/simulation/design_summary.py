@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, vtk_files
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -128,7 +128,7 @@ def build_mesh(
         except RuntimeError as error:
             return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
         seconds = time.perf_counter() - begin
-        atomic_files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
+        vtk_files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
     record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
     return record | mesh_quality(made, design)
 

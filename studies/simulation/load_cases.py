@@ -14,7 +14,7 @@ from geometry.loads import STEEPEST, Load, Magnet, Response
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, vtk_files
 from studies.sensing import field_readings
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ def _records(
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
     if vtu is not None:
-        atomic_files.write_field(vtu, state)
+        vtk_files.write_field(vtu, state)
     if png is not None:
         from studies.output.solution_pictures import section_picture
 

@@ -1,0 +1,111 @@
+"""Meshes, and displacement and pressure on them, as VTK files (.vtu)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies.output.atomic_files import atomic
+
+if TYPE_CHECKING:
+    import skfem
+
+    from fem.results.revolved_body import Body
+    from fem.solution import Solution
+
+
+def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | None = None) -> None:
+    """Write a second-order mesh as .vtu, with the number of each cell's region (0 silicone, 1 magnet).
+
+    Parameters
+    ----------
+    about : named numbers that the file holds beside the mesh.
+    """
+    import numpy as np
+
+    grid = grid_of(mesh)
+    regions = mesh.subdomains or {}
+    region = np.zeros(mesh.nelements, dtype=np.int64)
+    region[regions.get("magnet", slice(0))] = 1
+    grid.cell_data["region"] = region
+    for name, number in (about or {}).items():
+        grid.field_data[name] = np.array([number])
+    _save(path, grid)
+
+
+def write_field(path: str | Path, solution: Solution) -> None:
+    """Write the deformed body as .vtu with displacement_mm, pressure_MPa and region at its undeformed nodes moved.
+
+    What is symmetric is written in part: the section of an axisymmetric solution, half the body of a harmonic or a
+    half one, beside the plane of its shear.
+
+    The undeformed place of a point is its own less displacement_mm. Pressure is positive in compression; in the
+    middle of an edge it is the mean of those at its ends.
+    """
+    import numpy as np
+
+    from fem.results.revolved_body import place
+
+    solid = place(solution)
+    grid = grid_of(solid.mesh)
+    moved = spatial(solid.u)
+    grid.points = grid.points + moved
+    grid.point_data["displacement_mm"] = moved
+    grid.point_data["pressure_MPa"] = nodal_pressure(solid)
+    grid.cell_data["region"] = np.zeros(solid.mesh.nelements, dtype=np.int64)
+    _save(path, grid)
+
+
+def grid_of(mesh: skfem.Mesh) -> Any:
+    """PyVista's grid of quadratic cells of a second-order mesh; its points are numbered as the mesh's `doflocs`.
+
+    The (r, z) section lies in the plane y = 0 with x = r. scikit-fem and VTK number the nodes of a cell alike
+    (corners, then the edges 01, 12, 02 and, in a tetrahedron, 03, 13, 23), but VTK wants positive volumes.
+    """
+    import numpy as np
+    import pyvista as pv
+
+    nodes = np.asarray(mesh.dofs.element_dofs)
+    corners = mesh.doflocs[:, nodes[: mesh.dim() + 1]]
+    slopes = corners[:, 1:] - corners[:, :1]
+    reversed_ = np.linalg.det(np.moveaxis(slopes, 2, 0)) < 0
+    # change the places of corners 1 and 2, and of the edges that this changes
+    other = [0, 2, 1, 5, 4, 3] if mesh.dim() == 2 else [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+    nodes = np.where(reversed_, nodes[other], nodes)
+    kind = pv.CellType.QUADRATIC_TRIANGLE if mesh.dim() == 2 else pv.CellType.QUADRATIC_TETRA
+    return pv.UnstructuredGrid({kind: np.ascontiguousarray(nodes.T)}, spatial(mesh.doflocs.T))
+
+
+def spatial(vectors: Any) -> Any:
+    """Vectors (n, 2) of the section as (n, 3), with 0 along y; vectors (n, 3) as they are."""
+    import numpy as np
+
+    return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
+
+
+def nodal_pressure(body: Body) -> Any:
+    """Pressure at every node, shape (n,), MPa, positive in compression; linear along the edges."""
+    import numpy as np
+
+    pressure = np.zeros(len(body.u))
+    # the unknown p of the elements is the mean stress
+    pressure[body.vertices] = -body.p
+    nodes, corners = np.asarray(body.mesh.dofs.element_dofs), body.mesh.dim() + 1
+    ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    for row, (a, b) in zip(nodes[corners:], ends, strict=False):
+        pressure[row] = (pressure[nodes[a]] + pressure[nodes[b]]) / 2
+    return pressure
+
+
+def _save(path: str | Path, grid: Any) -> None:
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    # VTK writes into memory, for on a full disk it ends the whole process
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    with atomic(path) as temporary:
+        temporary.write_text(writer.GetOutputString(), encoding="ascii")
