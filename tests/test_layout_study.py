@@ -166,11 +166,11 @@ def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     design = Design(l0=5.01, c=0.0, f=2.0)
     coder, noise = layout_metrics.prepare(design, decode_readings.of_level(design, "paper"), Basis())
     seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
-    record = layout_metrics.record(coder, seen, noise, "paper")
-    assert record["message"].startswith("no pose")
-    assert record["noise_worst_um"] is None
-    assert layout_report.shown(record)
-    layout_report.write(tmp_path, coder, seen, record, "magtip layout", 50.0)
+    row = layout_metrics.layout_row(coder, seen, noise, "paper")
+    assert row.message.startswith("no pose")
+    assert row.figures.noise_worst_um is None
+    assert layout_report.shown(row)
+    layout_report.write(tmp_path, coder, seen, row, None, None, "magtip layout", 50.0)
     assert (tmp_path / "layout.png").stat().st_size > 10000
 
 

@@ -257,15 +257,15 @@ def layout(
         job = work.Job(
             given, basis, search, tuple(ranges or ()), layout_search.USUAL if count is None else count, claim
         )
-        found = work.run(job, progress, folder, asked)
+        answer = work.run(job, progress, folder, asked)
     if as_json:
-        console.report([found], as_json=True)
+        console.report([answer.row()], as_json=True)
         return GOOD
-    console.report([texts.shown(found)], as_json=False, title="Layout")
-    if search:
-        console.report(texts.shown_search(found["search"]), as_json=False, title="Layouts, best first", wide=wide)
-    if claim:
-        console.report(texts.shown_claim(found["claim"]), as_json=False, title="Claim", wide=wide)
-    for warning in (*found["hits"], *found["warnings"]):
+    console.report([texts.shown(answer.layout)], as_json=False, title="Layout")
+    if answer.search is not None:
+        console.report(texts.shown_search(answer.search), as_json=False, title="Layouts, best first", wide=wide)
+    if answer.claim is not None:
+        console.report(texts.shown_claim(answer.claim), as_json=False, title="Claim", wide=wide)
+    for warning in (*answer.layout.hits, *answer.layout.warnings):
         console.warn(warning)
     return GOOD

@@ -5,19 +5,25 @@ ABOUT, which the report prints, says how.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
-from geometry.loads import tilts_of
 from studies.inputs.option_groups import Basis
+from studies.output import records
+from studies.output.records import FlatRow
 from studies.sensing import decode_readings
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from analytic.decode import Decoder
     from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
+
+    Array = NDArray[np.float64]
 
 ABOUT = """\
 Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
@@ -26,8 +32,6 @@ It is ambiguous where the decoder finds other poses with the same readings, be t
 Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
 deviation along the worst direction.
 """
-
-Row = dict[str, Any]
 
 COUNTS = (25, 25, 13)
 """Poses of the map along x, y and z."""
@@ -71,87 +75,166 @@ def prepare(
     return coder, source
 
 
-def record(coder: Decoder, seen: Survey, noise: str, mechanics: str) -> Row:
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Figures of a map: condition number and noise are infinite on a fold, and None where no pose is left to judge.
+
+    Attributes
+    ----------
+    folded : whether det J changes its sign.
+    most_alike : largest number of poses with the same readings, and how far apart such poses are at most, mm.
+    worst_at_mm : shift of the pose with the largest noise.
+    """
+
+    unique_percent: float
+    ambiguous_percent: float
+    saturated_percent: float
+    blocked_percent: float
+    det_positive_percent: float
+    det_negative_percent: float
+    folded: bool
+    most_alike: int
+    alike_apart_mm: float
+    condition_median: float | None
+    condition_worst: float | None
+    noise_median_um: float | None
+    noise_worst_um: float | None
+    noise_median_N: float | None
+    noise_worst_N: float | None
+    worst_at_mm: list[float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutRow:
     """Everything that there is to say of a layout in numbers."""
+
+    status: str
+    message: str
+    layout: str
+    elements: list[str]
+    f_mm: float | None
+    l0_mm: float
+    c_mm: float | None
+    chip_x_mm: float | None
+    mechanics: str
+    tilt: str
+    mode: str
+    workspace_mm: list[list[float]]
+    poses: int
+    known_percent: float
+    figures: Figures = field(metadata={"prefix": ""})
+    noise_of_readings_T: list[float]
+    noise_source: str
+    hits: list[str]
+    warnings: list[str]
+
+    def row(self) -> FlatRow:
+        """The flat row of JSON and of the terminal."""
+        return records.flat(self)
+
+
+def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> LayoutRow:
+    """The row of a layout that has been surveyed.
+
+    Parameters
+    ----------
+    noise : where the elements' noise comes from.
+    mechanics : the name of what gives tilt and force.
+    """
     design, elements = coder.forward.design, coder.forward.elements
     three = design.hall_layout == "three"
-    found = {
-        "status": "ok",
-        "message": "",
-        "layout": design.hall_layout,
-        "elements": [element.name for element in elements],
-        "f_mm": design.f if three else None,
-        "l0_mm": design.l0,
-        "c_mm": design.c if three else None,
-        "chip_x_mm": None if three else design.chip_x,
-        "mechanics": mechanics,
-        "tilt": "followed" if coder.forward.tau.any() else "none",
-        "mode": coder.forward.mode,
-        "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
-        "poses": len(seen.weight),
-        "known_percent": 100 * float((seen.weight > 0).mean()),
-        **figures(seen),
-        "noise_of_readings_T": coder.sigma.tolist(),
-        "noise_source": noise,
-        "hits": _hits(coder, seen),
-        "warnings": design.warnings(),
-    }
-    return found | {"message": sentence(found)}
+    measured = figures(poses)
+    return LayoutRow(
+        status="ok",
+        message=sentence(measured),
+        layout=design.hall_layout,
+        elements=[element.name for element in elements],
+        f_mm=design.f if three else None,
+        l0_mm=design.l0,
+        c_mm=design.c if three else None,
+        chip_x_mm=None if three else design.chip_x,
+        mechanics=mechanics,
+        tilt="followed" if coder.forward.tau.any() else "none",
+        mode=coder.forward.mode,
+        workspace_mm=[coder.low.tolist(), coder.high.tolist()],
+        poses=len(poses.weight),
+        known_percent=100 * float((poses.weight > 0).mean()),
+        figures=measured,
+        noise_of_readings_T=coder.sigma.tolist(),
+        noise_source=noise,
+        hits=_hits(coder, poses),
+        warnings=design.warnings(),
+    )
 
 
-def figures(seen: Survey) -> Row:
-    """Shares, determinant, condition number and noise; infinite on a fold, None where no pose is left to judge."""
+def figures(poses: Survey) -> Figures:
+    """Shares, determinant, condition number and noise of the poses of a survey."""
+    many, usable = poses.multiplicity > 1, poses.usable
+    known = poses.weight > 0
+    condition, micrometres, newtons = (
+        _median_and_worst(poses, values) for values in (poses.condition, 1e3 * poses.noise_mm, 1.0 * poses.noise_N)
+    )
+    return Figures(
+        unique_percent=100 * poses.share(usable & ~many),
+        ambiguous_percent=100 * poses.share(usable & many),
+        saturated_percent=100 * poses.share(poses.saturated & ~poses.blocked),
+        blocked_percent=100 * poses.share(poses.blocked),
+        det_positive_percent=100 * poses.share(poses.sign > 0),
+        det_negative_percent=100 * poses.share(poses.sign < 0),
+        folded=poses.folded,
+        most_alike=int(poses.multiplicity[known].max()),
+        alike_apart_mm=float(poses.alike_mm[usable & many].max(initial=0.0)),
+        condition_median=condition[0],
+        condition_worst=condition[1],
+        noise_median_um=micrometres[0],
+        noise_worst_um=micrometres[1],
+        noise_median_N=newtons[0],
+        noise_worst_N=newtons[1],
+        worst_at_mm=_worst_place(poses),
+    )
+
+
+def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float | None]:
+    """Of the usable poses; on a fold the worst is infinite."""
     import numpy as np
 
-    many, usable = seen.multiplicity > 1, seen.usable
-    known = seen.weight > 0
-    found: Row = {
-        "unique_percent": 100 * seen.share(usable & ~many),
-        "ambiguous_percent": 100 * seen.share(usable & many),
-        "saturated_percent": 100 * seen.share(seen.saturated & ~seen.blocked),
-        "blocked_percent": 100 * seen.share(seen.blocked),
-        "det_positive_percent": 100 * seen.share(seen.sign > 0),
-        "det_negative_percent": 100 * seen.share(seen.sign < 0),
-        "folded": seen.folded,
-        "most_alike": int(seen.multiplicity[known].max()),
-        "alike_apart_mm": float(seen.alike_mm[usable & many].max(initial=0.0)),
-    }
-    for name, values, factor in (
-        ("condition", seen.condition, 1.0),
-        ("noise_um", seen.noise_mm, 1e3),
-        ("noise_N", seen.noise_N, 1.0),
-    ):
-        some = factor * values[usable]
-        stem, _, unit = name.partition("_")
-        end = f"_{unit}" if unit else ""
-        found[f"{stem}_median{end}"] = float(np.median(some)) if len(some) else None
-        worst = np.inf if seen.folded else some.max() if len(some) else np.nan
-        found[f"{stem}_worst{end}"] = float(worst) if len(some) else None
-    at = np.flatnonzero(usable)
-    found["worst_at_mm"] = seen.shift[:, at[seen.noise_mm[at].argmax()]].tolist() if len(at) else None
-    return found
+    usable = values[poses.usable]
+    if not len(usable):
+        return None, None
+    return float(np.median(usable)), float(np.inf if poses.folded else usable.max())
 
 
-def _hits(coder: Decoder, seen: Survey) -> list[str]:
-    """What gets into whose way, in sentences."""
-    found = []
-    for what, flags in (("the magnet", seen.magnet_hits), ("the beam's wall (estimate)", seen.wall_hits)):
+def _worst_place(poses: Survey) -> list[float] | None:
+    """Shift of the usable pose with the largest noise, mm."""
+    import numpy as np
+
+    at = np.flatnonzero(poses.usable)
+    place: list[float] = poses.shift[:, at[poses.noise_mm[at].argmax()]].tolist() if len(at) else []
+    return place or None
+
+
+def _hits(coder: Decoder, poses: Survey) -> list[str]:
+    """Which bodies meet, in sentences."""
+    sentences = []
+    for what, flags in (("the magnet", poses.magnet_hits), ("the beam's wall (estimate)", poses.wall_hits)):
         for element, hit in zip(coder.forward.elements, flags, strict=True):
-            share = seen.share(hit)
+            share = poses.share(hit)
             if share > 0:
-                found.append(f"{what} meets {element.name} in {_percent(100 * share)} of the workspace")
-    if seen.share(seen.grounded) > 0:
-        found.append(f"the magnet meets the base in {_percent(100 * seen.share(seen.grounded))} of the workspace")
-    return found
+                sentences.append(f"{what} meets {element.name} in {_percent(100 * share)} of the workspace")
+    if poses.share(poses.grounded) > 0:
+        sentences.append(
+            f"the magnet meets the base in {_percent(100 * poses.share(poses.grounded))} of the workspace"
+        )
+    return sentences
 
 
-def sentence(found: Row) -> str:
+def sentence(figures: Figures) -> str:
     """The verdict."""
-    clear = found["unique_percent"] + found["ambiguous_percent"]
+    clear = figures.unique_percent + figures.ambiguous_percent
     if not clear > 0:
         return "no pose in the workspace is usable: each is blocked by an element or saturated"
     parts = []
-    if not found["ambiguous_percent"] > 0:
+    if not figures.ambiguous_percent > 0:
         parts.append(
             "the readings are unique: no two poses in the workspace give the same readings"
             if clear > 100 - 1e-6
@@ -159,10 +242,10 @@ def sentence(found: Row) -> str:
         )
     else:
         parts.append(
-            f"{_percent(found['ambiguous_percent'])} of the workspace is ambiguous: poses up to "
-            f"{found['alike_apart_mm']:.2g} mm apart give the same readings"
+            f"{_percent(figures.ambiguous_percent)} of the workspace is ambiguous: poses up to "
+            f"{figures.alike_apart_mm:.2g} mm apart give the same readings"
         )
-    if found["folded"]:
+    if figures.folded:
         parts.append(
             "det J changes sign on a surface in the workspace: condition number and noise are infinite there"
         )
@@ -178,27 +261,3 @@ def _percent(value: float) -> str:
     if 0 < value < 0.01:
         return "below 0.01 %"
     return f"{value:.3g} %" if value < 99.5 else f"{value:.4g} %"
-
-
-def table(coder: Decoder, seen: Survey) -> Iterator[Row]:
-    """A row for each pose of the map."""
-    from analytic.parts import columns
-
-    names = columns(coder.forward.elements)
-    known, blocked = seen.weight > 0, seen.blocked
-    tilt, tilt_y = tilts_of(*seen.tilt)
-    for k in range(len(known)):
-        x, y, z = seen.shift[:, k].tolist()
-        row: Row = {"x_mm": x, "y_mm": y, "z_mm": z, "tilt_rad": tilt[k], "tilt_y_rad": tilt_y[k]}
-        row |= {f"{name}_mT": 1e3 * b for name, b in zip(names, seen.readings[:, k].tolist(), strict=True)}
-        yield row | {
-            "known": int(known[k]),
-            "blocked": int(blocked[k]),
-            "saturated": int(seen.saturated[k]),
-            "det_sign": int(seen.sign[k]),
-            "condition": seen.condition[k],
-            "multiplicity": int(seen.multiplicity[k]) or None,
-            "alike_apart_mm": seen.alike_mm[k],
-            "noise_um": 1e3 * seen.noise_mm[k],
-            "noise_N": seen.noise_N[k],
-        }

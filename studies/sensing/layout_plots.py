@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.survey import Survey
     from geometry.arrays import Array
+    from studies.sensing.claim_rows import HeightRow
 
 
 PLANE = (61, 31)
@@ -25,7 +26,7 @@ DECADES = 1e3
 """Of a scale, at most."""
 
 
-def maps(path: Path, coder: Decoder, seen: Survey, room: float = 0.0) -> None:
+def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
     """Condition number, sign of det J, multiplicity and noise over x and z: in the plane y = 0, and worst over y."""
     import matplotlib as mpl
     import numpy as np
@@ -43,9 +44,9 @@ def maps(path: Path, coder: Decoder, seen: Survey, room: float = 0.0) -> None:
         figure = Figure(figsize=(7.0, 8.2), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(4, 2, sharex=True, sharey=True)
-        scales = _scales([plane, seen])
+        scales = _scales([plane, whole])
         for row, (name, (label, look)) in enumerate(scales.items()):
-            drawn = [_draw(axes[row, k], found, name, look) for k, found in enumerate((plane, seen))]
+            drawn = [_draw(axes[row, k], poses, name, look) for k, poses in enumerate((plane, whole))]
             bar = figure.colorbar(drawn[0], ax=axes[row, :], label=label, aspect=12, pad=0.02)
             if name == "sign":
                 bar.set_ticks([-2 / 3, 0, 2 / 3], labels=["< 0", "both", "> 0"])
@@ -88,59 +89,59 @@ def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
     }
 
 
-def _values(found: Survey, name: str) -> Array:
+def _values(poses: Survey, name: str) -> Array:
     import numpy as np
 
     chosen = {
-        "condition": found.condition,
-        "sign": found.sign,
-        "multiplicity": np.minimum(found.multiplicity, MOST),
-        "noise": 1e3 * found.noise_mm,
+        "condition": poses.condition,
+        "sign": poses.sign,
+        "multiplicity": np.minimum(poses.multiplicity, MOST),
+        "noise": 1e3 * poses.noise_mm,
     }
     return np.asarray(chosen[name], dtype=np.float64)
 
 
-def _draw(axis: Any, found: Survey, name: str, look: dict[str, Any]) -> Any:
+def _draw(axis: Any, poses: Survey, name: str, look: dict[str, Any]) -> Any:
     """One map, and grey where no pose of that x and z is left."""
     import numpy as np
     from matplotlib.colors import ListedColormap
 
-    counts = found.counts
-    usable = found.usable.reshape(counts)
-    values = _values(found, name).reshape(counts)
+    counts = poses.counts
+    usable = poses.usable.reshape(counts)
+    values = _values(poses, name).reshape(counts)
     most = np.where(usable, values, -np.inf).max(axis=1)
     if name == "sign":
         least = np.where(usable, values, np.inf).min(axis=1)
         most = np.where(most == least, most, 0.0)
     some = usable.any(axis=1)
-    free = (found.weight > 0) & ~found.blocked
+    free = (poses.weight > 0) & ~poses.blocked
     state = np.where(
-        free.reshape(counts).any(axis=1), 1, np.where((found.weight > 0).reshape(counts).any(axis=1), 2, 0)
+        free.reshape(counts).any(axis=1), 1, np.where((poses.weight > 0).reshape(counts).any(axis=1), 2, 0)
     )
-    x, z = found.shift[0].reshape(counts)[:, 0, 0], found.shift[2].reshape(counts)[0, 0]
+    x, z = poses.shift[0].reshape(counts)[:, 0, 0], poses.shift[2].reshape(counts)[0, 0]
     greys = ListedColormap(list(STATES.values()))
     axis.pcolormesh(x, z, state.T, cmap=greys, vmin=0, vmax=2, shading="nearest", rasterized=True)
     shown = np.ma.masked_where(~some, most)
     return axis.pcolormesh(x, z, shown.T, shading="nearest", rasterized=True, **look)
 
 
-def claim(path: Path, rows: Sequence[Any], c: float) -> None:
+def claim(path: Path, rows: Sequence[HeightRow], c: float) -> None:
     """Share of the workspace whose readings another pose gives too, over c, for each magnet and form of readings."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    magnets = sorted({(row["magnet_height_mm"], row["l0_mm"]) for row in rows})
-    forms = list(dict.fromkeys(row["readings"] for row in rows))
+    magnets = sorted({(row.magnet_height_mm, row.l0_mm) for row in rows})
+    forms = list(dict.fromkeys(row.readings for row in rows))
     with mpl.rc_context(STYLE), atomic_files.atomic(path) as temporary:
         figure = Figure(figsize=(7.0, 2.1 * len(magnets) + 0.9), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(magnets), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for axis, (height, l0) in zip(axes, magnets, strict=True):
             for form, colour, mark in zip(forms, COLOURS, "os^", strict=False):
-                own = [r for r in rows if (r["magnet_height_mm"], r["l0_mm"], r["readings"]) == (height, l0, form)]
-                alike = [r["alike_percent"] for r in own]
-                axis.plot([r["c_mm"] for r in own], alike, color=colour, marker=mark, label=form)
+                own = [r for r in rows if (r.magnet_height_mm, r.l0_mm, r.readings) == (height, l0, form)]
+                alike = [r.figures.alike_percent for r in own]
+                axis.plot([r.c_mm for r in own], alike, color=colour, marker=mark, label=form)
             axis.axvline(c, color="#555555", linestyle=":", linewidth=1.2)
             axis.set_title(f"magnet {height:g} mm high, $l_0$ = {l0:g} mm", fontsize=11)
             axis.set_ylabel("ambiguous (%)")

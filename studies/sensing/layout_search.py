@@ -9,12 +9,15 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Basis
+from studies.output import records
+from studies.output.records import FlatRow
 from studies.sensing import layout_metrics
 
 if TYPE_CHECKING:
@@ -27,12 +30,11 @@ saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. 
 looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
 and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
 
-Unless told, S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
+By default S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
 side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
 and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
 """
 
-Row = dict[str, Any]
 MOST_FOUND, USUAL = 16, 10
 """Layouts that a search gives, at most and by default."""
 
@@ -50,8 +52,40 @@ HOPELESS: Score = (2.0, math.inf)
 """Of a layout that cannot be."""
 
 
+def _place_columns(place_mm: Mapping[str, float]) -> FlatRow:
+    return {f"{name}_mm": value for name, value in place_mm.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRow:
+    """A layout of a search.
+
+    Attributes
+    ----------
+    rank : from 1, the best first; 0 for the given layout.
+    place_mm : values of what is searched over.
+    settings : options that make this layout of the given design.
+    """
+
+    rank: int
+    place_mm: dict[str, float] = field(metadata={"columns": _place_columns})
+    unique_percent: float
+    ambiguous_percent: float
+    saturated_percent: float
+    blocked_percent: float
+    condition_worst: float | None
+    noise_worst_um: float | None
+    noise_median_um: float | None
+    noise_worst_N: float | None
+    settings: str
+
+    def row(self) -> FlatRow:
+        """The flat row of search.csv and JSON."""
+        return records.flat(self)
+
+
 def ranges(design: Design) -> dict[str, tuple[float, float]]:
-    """Where the search looks if it is not told, mm."""
+    """Default ranges of the search, mm."""
     D, H = design.D, design.H
     l0 = {"l0": (H + D / 16, H + D)}
     if design.hall_layout != "three":
@@ -65,11 +99,11 @@ def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float,
     >>> parse_ranges(Design(), ["f=5", "c=0,2"])
     {'f': (5.0, 5.0), 'l0': (5.5, 13.0), 'c': (0.0, 2.0)}
     """
-    found = ranges(design)
+    bounds = ranges(design)
     for name, values in user_input.pairs("--range", texts, "f=5,8").items():
-        if name not in found:
+        if name not in bounds:
             raise BadInput(
-                f"--range takes NAME=LOW,HIGH in mm with NAME one of {', '.join(found)}"
+                f"--range takes NAME=LOW,HIGH in mm with NAME one of {', '.join(bounds)}"
                 f" (the layout is {design.hall_layout}); got {name}={values}"
             )
         numbers = user_input.parse_numbers(f"--range {name}", values)
@@ -77,8 +111,8 @@ def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float,
             raise BadInput(f"--range {name} takes LOW,HIGH in ascending order, or one value; got {values!r}")
         for value in numbers:
             _with(design, {name: value})
-        found[name] = (numbers[0], numbers[-1])
-    return found
+        bounds[name] = (numbers[0], numbers[-1])
+    return bounds
 
 
 def run(
@@ -88,7 +122,7 @@ def run(
     bounds: Mapping[str, tuple[float, float]],
     count: int,
     progress: Progress,
-) -> list[Row]:
+) -> list[SearchRow]:
     """The given layout (rank 0), then the best ones found, as many as there are that differ, at most `count`.
 
     Raises
@@ -98,19 +132,21 @@ def run(
     """
     names = list(bounds)
 
-    def made(place: Place) -> Design:
+    def design_at(place: Place) -> Design:
         return _with(design, dict(zip(names, place, strict=True)))
 
     def score(place: Place) -> Score:
-        return _score(made, place, law, basis)
+        return _score(design_at, place, law, basis)
 
     given = tuple(getattr(design, name) for name in names)
-    found = _search(score, given, list(bounds.values()), progress)
-    best = sorted((place for place in found if place != given), key=lambda place: found[place])
+    scores = _search(score, given, list(bounds.values()), progress)
+    best = sorted((place for place in scores if place != given), key=lambda place: scores[place])
     widths = [high - low for low, high in bounds.values()]
     steps = [width / (GRID[len(names)] - 1) for width in widths]
-    finalists = _distinct([p for p in best if found[p] < HOPELESS], [APART_FOUND * step for step in steps], FINALISTS)
-    if min(found.values(), default=HOPELESS) >= HOPELESS:
+    finalists = _distinct(
+        [p for p in best if scores[p] < HOPELESS], [APART_FOUND * step for step in steps], FINALISTS
+    )
+    if min(scores.values(), default=HOPELESS) >= HOPELESS:
         raise BadInput(
             "no layout in these ranges has a usable pose: every pose is blocked or saturated; keep elements out of "
             "the beam (larger l0 or f, smaller c), or lower --clearance"
@@ -118,10 +154,11 @@ def run(
     rows = []
     for k, place in enumerate(finalists):
         progress(0.6 + 0.4 * k / len(finalists), "survey of the best")
-        rows.append(_row(made(place), names, law, basis))
-    rows.sort(key=_rank)
+        rows.append(_row(0, design_at(place), names, law, basis))
+    rows.sort(key=_order)
     progress(1.0, "survey of the best")
-    return [{"rank": k, **row} for k, row in enumerate([_row(design, names, law, basis), *rows[:count]])]
+    ranked = [dataclasses.replace(row, rank=rank) for rank, row in enumerate(rows[:count], 1)]
+    return [_row(0, design, names, law, basis), *ranked]
 
 
 def _with(design: Design, changes: dict[str, Any]) -> Design:
@@ -141,21 +178,21 @@ def _search(
         for low, high in bounds
     ]
     places = list(itertools.product(*axes))
-    found: dict[Place, Score] = {}
+    scores: dict[Place, Score] = {}
     for k, place in enumerate(places):
         if k % 50 == 0:
             progress(0.4 * k / len(places), "grid of layouts")
-        found[place] = score(place)
+        scores[place] = score(place)
     steps = [(high - low) / (many - 1) for low, high in bounds]
-    best = [p for p in sorted(found, key=lambda p: found[p]) if found[p] < HOPELESS]
+    best = [p for p in sorted(scores, key=lambda p: scores[p]) if scores[p] < HOPELESS]
     starts = _distinct(best, [APART_STARTS * step for step in steps], STARTS)
     if all(low <= value <= high for value, (low, high) in zip(given, bounds, strict=True)):
-        found[given] = score(given)
+        scores[given] = score(given)
         starts.append(given)
     for k, start in enumerate(starts):
         progress(0.4 + 0.2 * k / len(starts), "compass searches")
-        _compass(score, start, steps, bounds, found)
-    return found
+        _compass(score, start, steps, bounds, scores)
+    return scores
 
 
 def _compass(
@@ -163,9 +200,9 @@ def _compass(
     place: Place,
     steps: Sequence[float],
     bounds: Sequence[tuple[float, float]],
-    found: dict[Place, Score],
+    scores: dict[Place, Score],
 ) -> None:
-    """Walk to the better neighbour until there is none, with ever smaller steps."""
+    """Move to the better neighbour until there is none, with ever smaller steps."""
     for halving in range(1, HALVINGS + 1):
         while True:
             near = []
@@ -174,10 +211,10 @@ def _compass(
                     value = _rounded(min(max(place[k] + way / 2**halving, low), high))
                     near.append((*place[:k], value, *place[k + 1 :]))
             for other in near:
-                if other not in found:
-                    found[other] = score(other)
-            best = min(near, key=lambda p: found[p])
-            if not found[best] < found[place]:
+                if other not in scores:
+                    scores[other] = score(other)
+            best = min(near, key=lambda p: scores[p])
+            if not scores[best] < scores[place]:
                 break
             place = best
 
@@ -198,20 +235,20 @@ def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> lis
     return kept
 
 
-def _score(made: Callable[[Place], Design], place: Place, law: Mechanics, basis: Basis) -> Score:
+def _score(design_at: Callable[[Place], Design], place: Place, law: Mechanics, basis: Basis) -> Score:
     from analytic import survey
 
     try:
-        coder, _ = layout_metrics.prepare(made(place), law, basis, cells=(1, 1, 1))
-        seen = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
+        coder, _ = layout_metrics.prepare(design_at(place), law, basis, cells=(1, 1, 1))
+        poses = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
     except BadInput:
         return HOPELESS
-    usable = seen.usable
+    usable = poses.usable
     if not usable.any():
         return HOPELESS
-    rarer = min(seen.share(usable & (seen.sign > 0)), seen.share(usable & (seen.sign < 0)))
-    failing = 1 - seen.share(usable) + rarer
-    worst = math.inf if seen.folded else float(seen.noise_mm[usable].max())
+    rarer = min(poses.share(usable & (poses.sign > 0)), poses.share(usable & (poses.sign < 0)))
+    failing = 1 - poses.share(usable) + rarer
+    worst = math.inf if poses.folded else float(poses.noise_mm[usable].max())
     return round(failing, 3), worst
 
 
@@ -224,21 +261,27 @@ def settings(design: Design, names: Sequence[str]) -> str:
     return " ".join(f"--set {name}={getattr(design, name):g}" for name in names)
 
 
-def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> Row:
-    row: Row = {f"{name}_mm": getattr(design, name) for name in names}
-    return row | _figures(design, law, basis) | {"settings": settings(design, names)}
-
-
-def _figures(design: Design, law: Mechanics, basis: Basis) -> Row:
+def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> SearchRow:
     from analytic import survey
 
     coder, _ = layout_metrics.prepare(design, law, basis)
-    found = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
-    keys = ["unique_percent", "ambiguous_percent", "saturated_percent", "blocked_percent", "condition_worst"]
-    keys += ["noise_worst_um", "noise_median_um", "noise_worst_N"]
-    return {key: found[key] for key in keys}
+    figures = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
+    return SearchRow(
+        rank=rank,
+        place_mm={name: getattr(design, name) for name in names},
+        unique_percent=figures.unique_percent,
+        ambiguous_percent=figures.ambiguous_percent,
+        saturated_percent=figures.saturated_percent,
+        blocked_percent=figures.blocked_percent,
+        condition_worst=figures.condition_worst,
+        noise_worst_um=figures.noise_worst_um,
+        noise_median_um=figures.noise_median_um,
+        noise_worst_N=figures.noise_worst_N,
+        settings=settings(design, names),
+    )
 
 
-def _rank(row: Row) -> Score:
-    worst = row["noise_worst_um"]
-    return round(1 - row["unique_percent"] / 100, 3), math.inf if worst is None else worst
+def _order(row: SearchRow) -> Score:
+    """Sorts rows, the best first."""
+    worst = row.noise_worst_um
+    return round(1 - row.unique_percent / 100, 3), math.inf if worst is None else worst

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
@@ -13,9 +13,10 @@ from studies.inputs.option_groups import Basis
 from studies.sensing import decode_readings
 
 if TYPE_CHECKING:
-    pass
-
-Row = dict[str, Any]
+    from studies.output.records import FlatRow
+    from studies.sensing.claim_rows import Claim
+    from studies.sensing.layout_metrics import LayoutRow
+    from studies.sensing.layout_search import SearchRow
 
 MOST_CLEARANCE = 100.0
 """mm."""
@@ -33,8 +34,24 @@ class Job:
     claim: bool
 
 
-def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
-    """The record of the map, with "search" and "claim" where they are asked for; files if there is a folder.
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What there is to say of a layout; the search and the claim are None where they are not asked for."""
+
+    layout: LayoutRow
+    search: list[SearchRow] | None
+    claim: Claim | None
+
+    def row(self) -> FlatRow:
+        """The flat row of JSON, with the rows of search and claim in it."""
+        row = self.layout.row()
+        if self.search is not None:
+            row["search"] = [each.row() for each in self.search]
+        return row if self.claim is None else row | {"claim": self.claim.row()}
+
+
+def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answer:
+    """The map, with the search and the claim where they are asked for; files if there is a folder.
 
     Raises
     ------
@@ -57,13 +74,14 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Row:
     coder, noise = layout_metrics.prepare(design, law, basis)
     progress(0.0, "map of the workspace")
     magnet.compiled()
-    seen = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
-    found = layout_metrics.record(coder, seen, noise, decode_readings.level_name(basis.level, basis.responses))
-    if job.search:
-        found["search"] = layout_search.run(design, law, basis, bounds, job.count, progress)
-    if job.claim:
-        found["claim"] = layout_uniqueness.run(design, progress)
+    poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
+    name = decode_readings.level_name(basis.level, basis.responses)
+    row = layout_metrics.layout_row(coder, poses, noise, name)
+    search = layout_search.run(design, law, basis, bounds, job.count, progress) if job.search else None
+    answer = Answer(row, search, layout_uniqueness.run(design, progress) if job.claim else None)
     if folder is not None:
         progress(1.0, "layout.csv, pictures and LAYOUT.md")
-        layout_report.write(folder, coder, seen, found, command, basis.clearance)
-    return found
+        layout_report.write(
+            folder, coder, poses, answer.layout, answer.search, answer.claim, command, basis.clearance
+        )
+    return answer

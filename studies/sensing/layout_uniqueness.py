@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.sensing import layout_metrics
+from studies.sensing.claim_rows import AlikeFigures, Claim, Difference, FormRow, HeightRow, LimitRow
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -37,8 +38,6 @@ displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of 
 here.
 """
 
-Row = dict[str, Any]
-
 FORMS: dict[str, tuple[Mode, str, bool]] = {
     "|B|, no tilt (the paper's)": ("magnitude", "paper", True),
     "B.n, no tilt": ("component", "paper", True),
@@ -56,8 +55,8 @@ WIDE = 1e6
 """Rails that no field reaches, in units of an output."""
 
 
-def run(design: Design, progress: Progress) -> dict[str, list[Row]]:
-    """ "forms": the design's own layout, form by form; "limits": up to which c each form is unique; "heights": all c.
+def run(design: Design, progress: Progress) -> Claim:
+    """Ask the claim of the design's own layout, and of other heights of the magnet and of S2 and S3.
 
     Raises
     ------
@@ -70,16 +69,16 @@ def run(design: Design, progress: Progress) -> dict[str, list[Row]]:
     forms = []
     for k, form in enumerate(FORMS):
         progress(0.2 * k / len(FORMS), "the claim: the given layout")
-        forms.append({"readings": form} | _own(design, form))
-    heights, limits = [], []
+        forms.append(_own(design, form))
+    claim = Claim(forms, [], [])
     for k, (magnet, form) in enumerate(work):
         progress(0.2 + 0.8 * k / len(work), f"the claim: magnet {magnet.magnet_height:g} mm high")
         law = law_of(magnet, form)
         rows = _scan(magnet, form, law)
-        heights += rows
-        limits.append(_limit(magnet, form, law, rows))
+        claim.heights.extend(rows)
+        claim.limits.append(_limit(magnet, form, law, rows))
     progress(1.0, "the claim")
-    return {"forms": forms, "limits": limits, "heights": heights}
+    return claim
 
 
 def check(design: Design) -> None:
@@ -88,50 +87,53 @@ def check(design: Design) -> None:
         raise BadInput("the claim is about three elements: give hall_layout=three, or leave --claim out")
 
 
-def answer(claim: dict[str, list[Row]]) -> list[str]:
+def answer(claim: Claim) -> list[str]:
     """The claim, judged for the given layout and over c, in sentences."""
-    forms, own = claim["forms"], claim["limits"][0]["magnet_height_mm"]
-    failing = [row for row in forms if row["alike_percent"]]
+    lines = _answer_for_the_layout(claim.forms)
+    own = claim.limits[0].magnet_height_mm
+    for limit in (row for row in claim.limits if row.magnet_height_mm == own):
+        scan = [r for r in claim.heights if (r.magnet_height_mm, r.readings) == (own, limit.readings)]
+        worst = max(scan, key=lambda row: row.figures.alike_percent)
+        if worst.figures.alike_percent:
+            low, high = limit.unique_from_c_mm, limit.unique_to_c_mm
+            ends = " and".join(
+                f" {name} c = {end:.2g} mm" for name, end in (("below", low), ("above", high)) if end is not None
+            )
+            lines.append(
+                f"{limit.readings}, over c: fails{ends or ' at the given c'}; at c = {worst.c_mm:.2g} mm"
+                f" {worst.figures.alike_percent:.2g} % of the poses share their readings with others, up to"
+                f" {worst.figures.alike_apart_mm:.2g} mm away."
+            )
+    for limit in claim.limits:
+        if limit.magnet_height_mm != own and limit.below and not limit.unique:
+            lines.append(
+                f"{limit.readings}, with a magnet {limit.magnet_height_mm:g} mm high that gives S1 the same"
+                f" reading at rest (l0 = {limit.l0_mm:g} mm): fails at c = {limit.below.c_mm:g} mm, for"
+                f" {limit.below.figures.alike_percent:.2g} % of the poses."
+            )
+    return lines
+
+
+def _answer_for_the_layout(forms: Sequence[FormRow]) -> list[str]:
+    """Which forms of the readings fail, and how far apart those of the others are."""
+    failing = [row for row in forms if row.figures.alike_percent]
     lines = []
     if not failing:
         lines.append("For the given layout the claim holds in every form: no two poses give the same readings.")
     for row in failing:
         lines.append(
-            f"{row['readings']}: the claim fails for the given layout; {row['alike_percent']:.2g} % of the poses"
-            f" share their readings with others, up to {row['alike_apart_mm']:.2g} mm away."
+            f"{row.readings}: the claim fails for the given layout; {row.figures.alike_percent:.2g} % of the poses"
+            f" share their readings with others, up to {row.figures.alike_apart_mm:.2g} mm away."
         )
     for row in forms:
-        near, far = [key for key in row if key.startswith("difference_at_")][:2]
-        if not row["alike_percent"]:
+        near, far = row.differences[:2]
+        if not row.figures.alike_percent:
             lines.append(
-                f"{row['readings']}: two poses {_mm(near)} mm apart differ in their readings by {row[near]:.2g} times"
-                f" the noise at least, {_mm(far)} mm apart by {row[far]:.2g} times."
-            )
-    for limit in (row for row in claim["limits"] if row["magnet_height_mm"] == own):
-        scan = [r for r in claim["heights"] if (r["magnet_height_mm"], r["readings"]) == (own, limit["readings"])]
-        worst = max(scan, key=lambda row: row["alike_percent"])
-        if worst["alike_percent"]:
-            low, high = limit["unique_from_c_mm"], limit["unique_to_c_mm"]
-            ends = " and".join(
-                f" {name} c = {end:.2g} mm" for name, end in (("below", low), ("above", high)) if end is not None
-            )
-            lines.append(
-                f"{limit['readings']}, over c: fails{ends or ' at the given c'}; at c = {worst['c_mm']:.2g} mm"
-                f" {worst['alike_percent']:.2g} % of the poses share their readings with others, up to"
-                f" {worst['alike_apart_mm']:.2g} mm away."
-            )
-    for limit in claim["limits"]:
-        if limit["magnet_height_mm"] != own and limit["below"] and not limit["unique"]:
-            lines.append(
-                f"{limit['readings']}, with a magnet {limit['magnet_height_mm']:g} mm high that gives S1 the same "
-                f"reading at rest (l0 = {limit['l0_mm']:g} mm): fails at c = {limit['below']['c_mm']:g} mm, for"
-                f" {limit['below']['alike_percent']:.2g} % of the poses."
+                f"{row.readings}: two poses {near.apart:.2g} mm apart differ in their readings by"
+                f" {near.over_noise:.2g} times the noise at least, {far.apart:.2g} mm apart by {far.over_noise:.2g}"
+                " times."
             )
     return lines
-
-
-def _mm(key: str) -> str:
-    return key.removeprefix("difference_at_").removesuffix("_mm_over_noise")
 
 
 def law_of(design: Design, form: str) -> Mechanics:
@@ -172,88 +174,82 @@ def _magnets(design: Design) -> Iterator[Design]:
             continue
 
 
-def _own(design: Design, form: str) -> Row:
+def _own(design: Design, form: str) -> FormRow:
     """Figures of the given layout, with the least differences of readings."""
     from analytic import survey
     from analytic.inverse import nearest_readings
 
     coder = coder_of(design, form, law_of(design, form))
-    seen = survey.survey(coder, POSES)
-    row = _figures(seen)
-    row["workspace_mm"] = [coder.low.tolist(), coder.high.tolist()]
+    poses = survey.survey(coder, POSES)
+    figures = _figures(poses)
+    differences = []
     for share in APART:
         apart = share * design.D
-        row[f"difference_at_{apart:.2g}_mm_over_noise"] = (
-            nearest_readings.least_difference(coder, seen, apart) if not row["alike_percent"] else 0.0
-        )
-    return row
+        least = nearest_readings.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
+        differences.append(Difference(apart, least))
+    return FormRow(form, figures, [coder.low.tolist(), coder.high.tolist()], tuple(differences))
 
 
-def _figures(seen: Survey) -> Row:
+def _figures(poses: Survey) -> AlikeFigures:
     """What reads alike, and where that is."""
     import numpy as np
 
-    many = (seen.multiplicity > 1) & (seen.weight > 0)
-    known = seen.weight > 0
-    box = [[float(v[many].min()), float(v[many].max())] for v in seen.shift] if many.any() else None
-    folds = min(seen.share(seen.sign > 0), seen.share(seen.sign < 0))
-    return {
-        "unique_percent": 100 * seen.share(seen.multiplicity == 1),
-        "alike_percent": 100 * seen.share(many),
-        "rarer_det_percent": 100 * folds,
-        "alike_apart_mm": float(seen.alike_mm[many].max(initial=0.0)),
-        "alike_x_mm": box and box[0],
-        "alike_y_mm": box and box[1],
-        "alike_z_mm": box and box[2],
-        "blocked_percent": 100 * seen.share(seen.blocked),
-        "condition_worst": float(np.max(seen.condition[known])) if not folds else np.inf,
-    }
+    many = (poses.multiplicity > 1) & (poses.weight > 0)
+    known = poses.weight > 0
+    box = [[float(v[many].min()), float(v[many].max())] for v in poses.shift] if many.any() else [None] * 3
+    folds = min(poses.share(poses.sign > 0), poses.share(poses.sign < 0))
+    return AlikeFigures(
+        unique_percent=100 * poses.share(poses.multiplicity == 1),
+        alike_percent=100 * poses.share(many),
+        rarer_det_percent=100 * folds,
+        alike_apart_mm=float(poses.alike_mm[many].max(initial=0.0)),
+        alike_x_mm=box[0],
+        alike_y_mm=box[1],
+        alike_z_mm=box[2],
+        blocked_percent=100 * poses.share(poses.blocked),
+        condition_worst=float(np.max(poses.condition[known])) if not folds else np.inf,
+    )
 
 
-def _scan(design: Design, form: str, law: Mechanics) -> list[Row]:
+def _scan(design: Design, form: str, law: Mechanics) -> list[HeightRow]:
     """A row for each c, from 0 to the height of the magnet's centre at rest."""
     step = STEP * design.D
-    rows = []
-    for k in range(round(design.l0 / step)):
-        found = _at(design, form, law, k * step)
-        if found is not None:
-            rows.append(found)
-    return rows
+    rows = (_at(design, form, law, k * step) for k in range(round(design.l0 / step)))
+    return [row for row in rows if row is not None]
 
 
-def _at(design: Design, form: str, law: Mechanics, c: float) -> Row | None:
+def _at(design: Design, form: str, law: Mechanics, c: float) -> HeightRow | None:
     from analytic import survey
 
     changed = dataclasses.replace(design, c=c)
-    row = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "c_mm": c, "readings": form}
     try:
-        return row | _figures(survey.survey(coder_of(changed, form, law), POSES))
+        figures = _figures(survey.survey(coder_of(changed, form, law), POSES))
     except BadInput:
         return None
+    return HeightRow(design.magnet_height, design.l0, c, form, figures)
 
 
-def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[Row]) -> Row:
-    """The range of c, about the design's own, in which readings are unique, and what happens just outside.
-
-    An end is None where the scan ends before. If the readings are not unique at the c nearest the design's, what
-    happens there is under "below".
-    """
-    found = {"magnet_height_mm": design.magnet_height, "l0_mm": design.l0, "readings": form}
-    own = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
-    if own is None or rows[own]["alike_percent"]:
-        here = None if own is None else rows[own]
-        nothing = dict.fromkeys(("unique_from_c_mm", "unique_to_c_mm", "above"))
-        return found | {"unique": False, "below": here} | nothing
-    ends: dict[str, Any] = {}
-    for name, side, way in (("from", "below", -1), ("to", "above", 1)):
+def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[HeightRow]) -> LimitRow:
+    """The range of c of a form's scan."""
+    about = design.magnet_height, design.l0, form
+    own = min(range(len(rows)), key=lambda k: abs(rows[k].c_mm - design.c), default=None)
+    if own is None or rows[own].figures.alike_percent:
+        return LimitRow(*about, False, None, None if own is None else rows[own], None, None)
+    ends: list[tuple[float | None, HeightRow | None]] = []
+    for step in (-1, 1):
         k = own
-        while 0 <= k < len(rows) and not rows[k]["alike_percent"]:
-            k += way
-        good, bad = (rows[k - way], rows[k]) if 0 <= k < len(rows) else (None, None)
-        for _ in range(BISECTIONS if good and bad else 0):
-            middle = _at(design, form, law, (good["c_mm"] + bad["c_mm"]) / 2)  # type: ignore[index]
-            if middle is None:
-                break
-            good, bad = (good, middle) if middle["alike_percent"] else (middle, bad)
-        ends |= {f"unique_{name}_c_mm": good and good["c_mm"], side: bad}
-    return found | {"unique": True} | ends
+        while 0 <= k < len(rows) and not rows[k].figures.alike_percent:
+            k += step
+        ends.append(_bisected(design, form, law, rows[k - step], rows[k]) if 0 <= k < len(rows) else (None, None))
+    (low, below), (high, above) = ends
+    return LimitRow(*about, True, low, below, high, above)
+
+
+def _bisected(design: Design, form: str, law: Mechanics, good: HeightRow, bad: HeightRow) -> tuple[float, HeightRow]:
+    """The last c with unique readings between one with and one without, and the row next to it without."""
+    for _ in range(BISECTIONS):
+        middle = _at(design, form, law, (good.c_mm + bad.c_mm) / 2)
+        if middle is None:
+            break
+        good, bad = (good, middle) if middle.figures.alike_percent else (middle, bad)
+    return good.c_mm, bad
