@@ -16,14 +16,10 @@ from studies.output.records import FlatRow
 from studies.sensing import decode_readings
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from analytic.decode import Decoder
     from analytic.inverse.response_surface import Mechanics
     from analytic.survey import Survey
-
-    Array = NDArray[np.float64]
+    from geometry.arrays import Array
 
 ABOUT = """\
 Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
