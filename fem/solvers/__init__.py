@@ -1,1 +1,1 @@
-"""Newton's method, contact within a step, sparse direct solution, and steps along a path of loads."""
+"""Newton's method, contact within a step, sparse direct solution, and paths of loads followed in increments."""
