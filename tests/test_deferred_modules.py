@@ -5,7 +5,7 @@ import sys
 
 USES = """
 import sys
-from studies.cli import deferred_modules
+from studies import deferred_modules
 deferred_modules.defer()
 deferred_modules.defer()
 import numpy, scipy.spatial

@@ -100,6 +100,9 @@ def first(spec: Answer) -> Answer:
     begin = time.perf_counter()
     import cyclopts  # noqa: F401
 
+    from studies import deferred_modules
+
+    deferred_modules.defer()  # as the command does before it imports anything of finite elements
     import fem.equilibrium  # noqa: F401
     from studies.inputs.exit_status import GOOD
     from studies.simulation import load_cases  # noqa: F401

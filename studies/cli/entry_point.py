@@ -13,7 +13,8 @@ from types import FrameType
 def main(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
     with _ending_at_once():
-        from studies.cli import commands, deferred_modules
+        from studies import deferred_modules
+        from studies.cli import commands
 
         deferred_modules.defer()
     return commands.run(tokens)
