@@ -12,6 +12,7 @@ from fem.solution import Solution
 from geometry.design import Design, paper
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
+from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import atomic_files, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
@@ -85,7 +86,7 @@ def run(
         _write_last(folder, name, design, states)
     atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
-    outcomes = [(record["status"], record["message"]) for record in (cad, mesh)]
+    outcomes = [(cad.status, cad.message), (mesh["status"], mesh["message"])]
     outcomes += [(row.status, row.message) for row in comparison.press]
     outcomes += [(row.status, row.message) for row in comparison.shear]
     status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), ("ok", ""))
@@ -93,8 +94,8 @@ def run(
         "status": status,
         "message": message,
         "summary": comparison.summary,
-        "parts": cad["parts"],
-        "checks": cad["checks"],
+        "parts": cad.row()["parts"],
+        "checks": cad.row()["checks"],
         "mesh": mesh,
     }
 
@@ -121,7 +122,7 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 
 
 def document(
-    design: Design, comparison: Comparison, cad: Mapping[str, Any], mesh: Mapping[str, Any], origin: str
+    design: Design, comparison: Comparison, cad: FabricationRow, mesh: Mapping[str, Any], origin: str
 ) -> str:
     """The text of REPORT.md: findings in sentences, small tables, what is assumed, what was made and with what."""
     summary = comparison.summary
@@ -212,15 +213,15 @@ def _assumed(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _made(cad: Mapping[str, Any], mesh: Mapping[str, Any]) -> list[str]:
+def _made(cad: FabricationRow, mesh: Mapping[str, Any]) -> list[str]:
     """What became of parts, mould and mesh."""
-    parts, checks = cad["parts"], cad["checks"]
-    passed = sum(check["passed"] for check in checks)
+    parts, checks = cad.parts, cad.checks
+    passed = sum(check.passed for check in checks)
     lines = [f"Mould and base: {passed} of {len(checks)} checks passed."]
-    if cad["status"] != "ok":
-        lines.append(f"CAD: {cad['message']}")
+    if cad.status != "ok":
+        lines.append(f"CAD: {cad.message}")
     if parts:
-        worst = max(abs(record["relative_error"]) for record in parts)
+        worst = max(abs(part.relative_error) for part in parts)
         lines.append(
             f"{len(parts)} parts, all watertight; their triangles miss the exact volumes by {worst:.1g} at most."
         )

@@ -21,6 +21,7 @@ from geometry.fabrication.printability import Check
 from geometry.mold import Mold
 from studies.exploration.sweep import varied
 from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts, sensor_solids
+from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import console
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -65,15 +66,15 @@ def test_the_recipe_names_files_volumes_and_checks(made):
 
 @pytest.mark.parametrize("process", ["fdm", "sla"])
 def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
-    facts = casting_recipe.facts(paper(), sensor_solids.Making(Mold(process=process)))
-    assert facts["magnet_limit_C"] == 80
-    for row in facts["cures"]:
-        assert 20 < row["first_cure_C"] < row["mold_limit_C"]
-        assert 20 < row["second_cure_C"] < min(row["mold_limit_C"], facts["magnet_limit_C"])
+    recipe = casting_recipe.recipe_of(paper(), sensor_solids.Making(Mold(process=process)))
+    assert recipe.magnet_limit_C == 80
+    for cure in recipe.cures:
+        assert 20 < cure.first_cure_C < cure.mold_limit_C
+        assert 20 < cure.second_cure_C < min(cure.mold_limit_C, recipe.magnet_limit_C)
     bare = dataclasses.replace(paper(), magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
-    facts = casting_recipe.facts(bare, sensor_solids.Making(Mold(process=process)))
-    assert facts["magnet_limit_C"] is None
-    assert all(row["second_cure_C"] is None for row in facts["cures"])
+    recipe = casting_recipe.recipe_of(bare, sensor_solids.Making(Mold(process=process)))
+    assert recipe.magnet_limit_C is None
+    assert all(cure.second_cure_C is None for cure in recipe.cures)
 
 
 def test_the_recipe_says_what_magnet_and_mould_need(made):
@@ -88,13 +89,13 @@ def test_the_recipe_says_what_magnet_and_mould_need(made):
 def test_dowels_fill_their_holes_in_the_foot():
     making = sensor_solids.Making(Mold(split=1, floor=4.5))
     made = sensor_solids.things(paper(), making)
-    dowels = casting_recipe.facts(paper(), making)["dowels"]
+    dowels = casting_recipe.recipe_of(paper(), making).dowels
     whole = sensor_solids.Making(Mold(floor=4.5))
     drilled = sensor_solids.things(paper(), whole).B.volume - sum(
         made.mold[name].volume for name in ("mold_b1", "mold_b2")
     )
-    assert drilled == pytest.approx(2 * math.pi / 4 * dowels["diameter_mm"] ** 2 * dowels["length_mm"], rel=1e-9)
-    assert dowels["length_mm"] == 4.5
+    assert drilled == pytest.approx(2 * math.pi / 4 * dowels.diameter_mm**2 * dowels.length_mm, rel=1e-9)
+    assert dowels.length_mm == 4.5
 
 
 def test_assembly_and_mould_are_named_and_coloured(made):
@@ -227,10 +228,9 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
 
 
 def test_sentences_of_a_batch_name_the_variants():
-    good = {"status": "ok", "message": "", "warnings": ["a small vent"]}
-    bad = {"status": "bad_input", "message": "no wall", "warnings": []}
-    records = [{**record, "folder": Path("out", name)} for name, record in (("D7", good), ("D8", good), ("D3", bad))]
-    assert design_variants.said(records) == [
+    rows = [FabricationRow("ok", "", Path("out", name), warnings=("a small vent",)) for name in ("D7", "D8")]
+    rows.append(FabricationRow("bad_input", "no wall", Path("out", "D3")))
+    assert design_variants.sentences_of(rows) == [
         "warning: variant D7, D8: a small vent",
         "variant D3: no wall",
         "1 of 3 variants failed",
@@ -310,8 +310,8 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
     monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
     records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
-    assert [record["status"] for record in records] == ["failed", "ok", "ok", "ok"]
-    assert "exit code 7" in records[0]["message"]
+    assert [row.status for row in records] == ["failed", "ok", "ok", "ok"]
+    assert "exit code 7" in records[0].message
 
 
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):

@@ -135,14 +135,14 @@ def volumes(folder: Path) -> list[PartVolume]:
     shape = paper().shape
     whole, magnet = beam_volume(shape), magnet_volume(shape)
     exact = {"beam": whole, "magnet": magnet, "silicone": whole - magnet}
-    record = sensor_parts.build(paper(), folder, _silent)
+    fabricated = sensor_parts.build(paper(), folder, _silent)
     parts = []
-    for part in record["parts"]:
-        name, volume = part["name"], part["volume_mm3"]
+    for part in fabricated.parts:
+        name, volume = part.name, part.volume_mm3
         read = float(bd.import_step(folder / f"{name}.step").volume)
         form = f"{abs(volume / exact[name] - 1):.1e}" if name in exact else ""
-        errors = form, abs(read / volume - 1), part["relative_error"]
-        parts.append(PartVolume(name, volume, *errors, part["triangles"]))
+        errors = form, abs(read / volume - 1), part.relative_error
+        parts.append(PartVolume(name, volume, *errors, part.triangles))
     return parts
 
 
@@ -176,32 +176,33 @@ def extremes(folder: Path) -> list[ExtremeResult]:
     """Everything for designs at the edge of what is allowed."""
     from geometry.mold import Mold
     from studies.fabrication import sensor_parts, sensor_solids
+    from studies.fabrication.fabrication_rows import FabricationRow
 
     results = []
     for k, (name, (fields, choices)) in enumerate(EXTREMES.items()):
         start = time.process_time()
         making = sensor_solids.Making(mold=Mold(**choices))
         try:
-            record = sensor_parts.build(Design(**fields), folder / str(k), _silent, making)
+            fabricated = sensor_parts.build(Design(**fields), folder / str(k), _silent, making)
         except BadInput as error:
-            record = {"status": "bad_input", "message": str(error), "checks": [], "parts": [], "warnings": []}
-        checks = {check["name"]: check for check in record["checks"]}
-        passed = sum(check["passed"] for check in checks.values())
-        cavity = checks["cavity volume against beam minus pin"]["value"] if checks else math.nan
-        worst = max((abs(part["relative_error"]) for part in record["parts"]), default=math.nan)
+            fabricated = FabricationRow("bad_input", str(error), folder / str(k))
+        checks = {check.name: check for check in fabricated.checks}
+        passed = sum(check.passed for check in checks.values())
+        cavity = checks["cavity volume against beam minus pin"].value if checks else math.nan
+        worst = max((abs(part.relative_error) for part in fabricated.parts), default=math.nan)
         results.append(
             ExtremeResult(
                 case=name,
-                status=record["status"],
-                parts=len(record["parts"]),
+                status=fabricated.status,
+                parts=len(fabricated.parts),
                 checks=f"{passed} of {len(checks)}",
                 cavity_error=abs(cavity),
                 stl_error=worst,
                 cpu_s=time.process_time() - start,
-                notes="; ".join([record["message"], *record["warnings"]]).strip("; "),
+                notes="; ".join([fabricated.message, *fabricated.warnings]).strip("; "),
             )
         )
-        console.say(f"{name}: {record['status']}")
+        console.say(f"{name}: {fabricated.status}")
     return results
 
 

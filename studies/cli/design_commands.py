@@ -66,17 +66,17 @@ def cad(
         say_no_effect(f"axis {name}", reason)
     with console.progress(as_json=as_json) as progress:
         if axes:
-            records = list(design_variants.batch(given, axes, out, progress, making, command=asked))
+            fabricated = list(design_variants.batch(given, axes, out, progress, making, command=asked))
         else:
-            records = [sensor_parts.build(given, out, progress, making, command=asked)]
-    sensor_parts.show(records, as_json=as_json, wide=wide)
+            fabricated = [sensor_parts.build(given, out, progress, making, command=asked)]
+    sensor_parts.show(fabricated, as_json=as_json, wide=wide)
     if axes:
-        for sentence in design_variants.said(records):
+        for sentence in design_variants.sentences_of(fabricated):
             console.say(f"magtip: {sentence}")
-        return FAILED if any(record["status"] != "ok" for record in records) else GOOD
-    for warning in records[0]["warnings"]:
+        return FAILED if any(each.status != "ok" for each in fabricated) else GOOD
+    for warning in fabricated[0].warnings:
         console.warn(warning)
-    return judged(records)
+    return judged([each.row() for each in fabricated])
 
 
 def mesh(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry.base import Plan
 from geometry.design import Design
 from geometry.mold import pours, sizes
+from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, Recipe
 
 if TYPE_CHECKING:
+    from geometry.fabrication.solid_files import Exported
     from studies.fabrication.sensor_solids import Making
+    from studies.simulation.design_summary import OuterSize
 
 MARK = "# Magnetic force sensor, D = "
 """How the file begins; a README.md that begins otherwise is not ours."""
@@ -60,37 +63,34 @@ def cure(limit: float) -> float:
     return min(PAPER_CURE, limit - MARGIN)
 
 
-def facts(design: Design, making: Making) -> dict[str, Any]:
-    """What the recipe says of temperatures and dowels, under the names of the command line."""
-    found = [material for material in MATERIALS if material.process == making.mold.process]
+def recipe_of(design: Design, making: Making) -> Recipe:
+    """Temperatures and dowels of a casting."""
     magnet = MAGNET_LIMIT if design.shape.has_magnet else None
-    cures = [
-        {
-            "mold_material": material.name,
-            "mold_limit_C": material.limit,
-            "first_cure_C": cure(material.limit),
-            "second_cure_C": None if magnet is None else cure(min(material.limit, magnet)),
-        }
-        for material in found
-    ]
-    dowels = None
-    if making.mold.split:
-        s = sizes(design, making.mold)
-        dowels = {"count": 2, "diameter_mm": s.dowel, "length_mm": s.floor}
-    return {"magnet_limit_C": magnet, "cures": cures, "dowels": dowels}
-
-
-def size(record: Mapping[str, Any]) -> str:
-    """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
-    if record["assembled_size_mm"] is None:
-        return (
-            f"There is no base and so no assembled size; the beam is {_sides(record['beam_size_mm'])} mm (x, y, z)."
+    cures = tuple(
+        Cure(
+            material.name,
+            material.limit,
+            cure(material.limit),
+            None if magnet is None else cure(min(material.limit, magnet)),
         )
-    leads = record["leads_below_base_mm"]
+        for material in MATERIALS
+        if material.process == making.mold.process
+    )
+    if not making.mold.split:
+        return Recipe(magnet, cures, None)
+    s = sizes(design, making.mold)
+    return Recipe(magnet, cures, Dowels(2, s.dowel, s.floor))
+
+
+def size_sentence(size: OuterSize) -> str:
+    """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
+    if size.assembled_size_mm is None:
+        return f"There is no base and so no assembled size; the beam is {_sides(size.beam_size_mm)} mm (x, y, z)."
+    leads = size.leads_below_base_mm
     out = f"; the leads, as drawn, extend {leads:.4g} mm below it" if leads else ""
     return (
-        f"Assembled, with base and Hall elements: {_sides(record['assembled_size_mm'])} mm (x, y, z); z is the total "
-        f"height from the base's underside{out}."
+        f"Assembled, with base and Hall elements: {_sides(size.assembled_size_mm)} mm (x, y, z); z is the "
+        f"total height from the base's underside{out}."
     )
 
 
@@ -99,28 +99,35 @@ def _sides(size: Sequence[float]) -> str:
 
 
 def text(
-    design: Design, making: Making, record: Mapping[str, Any], plan: Plan | None, picture: str, command: str
+    design: Design,
+    making: Making,
+    fabricated: FabricationRow,
+    recipe: Recipe,
+    size: OuterSize,
+    plan: Plan | None,
+    picture: str,
+    command: str,
 ) -> str:
-    """The recipe for one design, which such a command makes."""
+    """The README.md of one design, which such a command makes."""
     d = design
     lines = [
         f"{MARK}{d.D:g} mm, L = {d.L:g} mm",
         "",
         f"Written by `{command}`. Lengths are mm.",
         "",
-        size(record),
+        size_sentence(size),
         "",
         *([f"![the sensor, cut open]({picture})", ""] if picture else []),
-        *_files(record, plan),
+        *_files(fabricated.parts, plan),
         *_printing(design, making, plan),
-        *_casting(design, making, record["recipe"]),
+        *_casting(design, making, recipe),
         *_assembly(design, plan),
-        *_checks(record),
+        *_checks(fabricated),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _files(record: Mapping[str, Any], plan: Plan | None) -> list[str]:
+def _files(parts: Sequence[Exported], plan: Plan | None) -> list[str]:
     frames = {"beam": "outer form", "silicone": "beam less magnet", "magnet": "", "base": "print", "mold_a": "print"}
     lines = [
         "## Files",
@@ -128,9 +135,9 @@ def _files(record: Mapping[str, Any], plan: Plan | None) -> list[str]:
         "| part (.step, .stl, .3mf) | for | volume (mm³) | error of the triangles' volume |",
         "|---|---|---:|---:|",
     ]
-    for part in record["parts"]:
-        use = frames.get(part["name"], "print") or "buy"
-        lines.append(f"| {part['name']} | {use} | {part['volume_mm3']:.6g} | {part['relative_error']:.1e} |")
+    for part in parts:
+        use = frames.get(part.name, "print") or "buy"
+        lines.append(f"| {part.name} | {use} | {part.volume_mm3:.6g} | {part.relative_error:.1e} |")
     lines += ["", "Parts to print lie as they are printed, on z = 0; the others are in the sensor's frame."]
     lines.append("`mold.step` shows the closed mould, `mold.svg` its drawing.")
     if plan:
@@ -164,7 +171,7 @@ def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
     return [*lines, ""]
 
 
-def _casting(design: Design, making: Making, facts: Mapping[str, Any]) -> list[str]:
+def _casting(design: Design, making: Making, recipe: Recipe) -> list[str]:
     m = making.mold
     count = m.columns * m.rows
     volumes = [count * volume for volume in pours(design, m)]
@@ -225,7 +232,7 @@ def _casting(design: Design, making: Making, facts: Mapping[str, Any]) -> list[s
             "sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
         )
     lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
-    lines += _temperatures(facts)
+    lines += _temperatures(recipe)
     shrink = (
         f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
     )
@@ -233,17 +240,17 @@ def _casting(design: Design, making: Making, facts: Mapping[str, Any]) -> list[s
     return lines
 
 
-def _temperatures(facts: Mapping[str, Any]) -> list[str]:
+def _temperatures(recipe: Recipe) -> list[str]:
     """How hot each cure may be."""
-    limit = facts["magnet_limit_C"]
+    limit = recipe.magnet_limit_C
     second = "" if limit is None else " second cure, at most |"
     lines = [
         f"| mould of | softens from about | first cure, at most |{second}",
         f"|---|---:|---:|{second and '---:|'}",
     ]
-    for row in facts["cures"]:
-        last = "" if limit is None else f" {row['second_cure_C']:g} °C |"
-        lines.append(f"| {row['mold_material']} | {row['mold_limit_C']:g} °C | {row['first_cure_C']:g} °C |{last}")
+    for each in recipe.cures:
+        last = "" if each.second_cure_C is None else f" {each.second_cure_C:g} °C |"
+        lines.append(f"| {each.mold_material} | {each.mold_limit_C:g} °C | {each.first_cure_C:g} °C |{last}")
     bounds = (
         f"Each is {MARGIN:g} K below what mould and magnet stand, and at most the paper's {PAPER_CURE:g} °C (1 h); "
         "how long a cooler cure takes, the silicone's data sheet says. The mould's figures are common ones: your "
@@ -279,12 +286,10 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
     return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]
 
 
-def _checks(record: Mapping[str, Any]) -> list[str]:
+def _checks(fabricated: FabricationRow) -> list[str]:
     lines = ["## Checks", "", "| check | value | bound | unit |", "|---|---:|---:|---|"]
-    for check in record["checks"]:
-        unit = {"1": "-", "mm2": "mm²", "mm3": "mm³"}.get(check["unit"], check["unit"])
-        lines.append(
-            f"| {check['name']} | {check['value']:.3g} | {check['bound'].replace('|', chr(92) + '|')} | {unit} |"
-        )
-    lines += ["", *(f"Warning: {warning}." for warning in record["warnings"])]
+    for check in fabricated.checks:
+        unit = {"1": "-", "mm2": "mm²", "mm3": "mm³"}.get(check.unit, check.unit)
+        lines.append(f"| {check.name} | {check.value:.3g} | {check.bound.replace('|', chr(92) + '|')} | {unit} |")
+    lines += ["", *(f"Warning: {warning}." for warning in fabricated.warnings)]
     return lines

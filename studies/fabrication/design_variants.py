@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import os
 import pickle
@@ -14,10 +15,10 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
+from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import Making
 from studies.inputs import user_input
@@ -52,7 +53,7 @@ def batch(
     making: Making = Making(),
     workers: int | None = None,
     command: str = "magtip cad",
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[FabricationRow]:
     """`build` for every combination of values, each in a folder of its own named after them; records in order.
 
     As in a sweep the Hall elements stay where they are in the base. A combination that is impossible gives a record
@@ -70,36 +71,35 @@ def batch(
     ]
     count = min(workers or os.cpu_count() or 1, len(jobs))
     with atomic_files.filled(out), _swept([out / name for name in names]), contextlib.ExitStack() as stack:
-        work: Iterator[dict[str, Any]] = map(made, jobs)
+        work: Iterator[FabricationRow] = map(fabricated, jobs)
         if count > 1:
             work = stack.enter_context(_makers(count))(jobs)
-        for k, (point, record) in enumerate(zip(points, work, strict=True)):
-            progress((k + 1) / len(jobs), record["folder"].name)
-            yield {**point, **record}
+        for k, (point, row) in enumerate(zip(points, work, strict=True)):
+            progress((k + 1) / len(jobs), row.folder.name)
+            yield dataclasses.replace(row, variant=point)
 
 
-def said(records: Sequence[Mapping[str, Any]]) -> list[str]:
+def sentences_of(rows: Sequence[FabricationRow]) -> list[str]:
     """Warnings, and why variants failed, each once with the variants that it is of, by their folders' names."""
-    warned = [(record, text) for record in records for text in dict.fromkeys(record["warnings"])]
-    failed = [(record, record["message"]) for record in records if record["status"] != "ok"]
+    warned = [(row, text) for row in rows for text in dict.fromkeys(row.warnings)]
+    failed = [(row, row.message) for row in rows if row.status != "ok"]
     sentences = [f"warning: {text}" for text in _named(warned)] + _named(failed)
-    return [*sentences, f"{len(failed)} of {len(records)} variants failed"] if failed else sentences
+    return [*sentences, f"{len(failed)} of {len(rows)} variants failed"] if failed else sentences
 
 
-def _named(texts: Sequence[tuple[Mapping[str, Any], str]]) -> list[str]:
+def _named(texts: Sequence[tuple[FabricationRow, str]]) -> list[str]:
     """Texts with the variants that they are of."""
-    rows = [{"variant": record["folder"].name, "message": text} for record, text in texts]
-    return console.remarks(rows, ("variant",))
+    return console.remarks([{"variant": row.folder.name, "message": text} for row, text in texts], ("variant",))
 
 
 @contextlib.contextmanager
-def _makers(count: int) -> Iterator[Callable[[Sequence[Job]], Iterator[dict[str, Any]]]]:
+def _makers(count: int) -> Iterator[Callable[[Sequence[Job]], Iterator[FabricationRow]]]:
     """So many processes, and a function that has them do jobs; whatever ends this block ends them at once."""
     processes: list[subprocess.Popen[bytes]] = []
     idle: queue.SimpleQueue[subprocess.Popen[bytes]] = queue.SimpleQueue()
     threads = ThreadPoolExecutor(count)
 
-    def done(job: Job) -> dict[str, Any]:
+    def done(job: Job) -> FabricationRow:
         process = idle.get()
         try:
             if process.poll() is not None:
@@ -137,21 +137,21 @@ def _started() -> subprocess.Popen[bytes]:
     )
 
 
-def _sent(process: subprocess.Popen[bytes], job: Job) -> dict[str, Any]:
-    """The record that a process gives of a job; an error there is one here."""
+def _sent(process: subprocess.Popen[bytes], job: Job) -> FabricationRow:
+    """The row that a process gives of a job; an error there is one here."""
     assert process.stdin is not None
     assert process.stdout is not None
     try:
         pickle.dump(job, process.stdin)
         process.stdin.flush()
-        record: dict[str, Any] | Exception = pickle.load(process.stdout)
+        answer: FabricationRow | Exception = pickle.load(process.stdout)
     except (EOFError, BrokenPipeError):
         # what is at work in it can take a process down, as the system does where memory is short
         message = f"its process ended with exit code {process.wait()}: make this variant by itself"
-        return _not_made("failed", message, job[2])
-    if isinstance(record, Exception):
-        raise record
-    return record
+        return FabricationRow("failed", message, job[2])
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
 
 
 @contextlib.contextmanager
@@ -170,7 +170,7 @@ def _swept(folders: Sequence[Path]) -> Iterator[None]:
         raise
 
 
-def made(job: Job) -> dict[str, Any]:
+def fabricated(job: Job) -> FabricationRow:
     """One design of a batch."""
     from studies.exploration.sweep import varied
 
@@ -178,13 +178,7 @@ def made(job: Job) -> dict[str, Any]:
     try:
         return build(varied(design, fields), folder, silent, making, picture=False, command=command)
     except BadInput as error:
-        return _not_made("bad_input", str(error), folder)
-
-
-def _not_made(status: str, message: str, folder: Path) -> dict[str, Any]:
-    """The record of a variant of which there is nothing."""
-    empty: dict[str, Any] = {"parts": [], "checks": [], "assembled_size_mm": None, "warnings": []}
-    return {"status": status, "message": message, "folder": folder, **empty}
+        return FabricationRow("bad_input", str(error), folder)
 
 
 def silent(fraction: float, text: str) -> None:
@@ -211,10 +205,10 @@ def main() -> None:
     threading.Thread(target=read, daemon=True).start()
     while True:
         try:
-            record: dict[str, Any] | Exception = made(jobs.get())
+            answer: FabricationRow | Exception = fabricated(jobs.get())
         except Exception as error:
-            record = error
-        pickle.dump(record, answers)
+            answer = error
+        pickle.dump(answer, answers)
         answers.flush()
 
 

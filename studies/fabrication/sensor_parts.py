@@ -6,20 +6,22 @@ import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe
+from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_solids import COLOURS, Making, Things, coloured, fineness, shaped, things
 from studies.output import atomic_files, console
+from studies.output.records import FlatRow
 from studies.simulation import design_summary
 
 if TYPE_CHECKING:
     from build123d import Solid
 
     from geometry.fabrication.printability import Check
-    from geometry.fabrication.solid_files import Facets
+    from geometry.fabrication.solid_files import Exported, Facets
 
 PICTURE = "assembly.png"
 
@@ -35,7 +37,7 @@ def build(
     *,
     picture: bool = True,
     command: str = "magtip cad",
-) -> dict[str, Any]:
+) -> FabricationRow:
     """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
 
     Parameters
@@ -60,36 +62,41 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         made = things(design, making)
-        record: dict[str, Any] = {"status": "ok", "message": "", "folder": folder, "parts": [], "checks": []}
-        record |= design_summary.outer_record(design, made.plan)
-        record["recipe"] = casting_recipe.facts(design, making)
-        record["warnings"] = [*design.warnings(), *warnings(design, making, made)]
+        size, recipe = design_summary.outer_size(design, made.plan), casting_recipe.recipe_of(design, making)
+        begun = FabricationRow(
+            "ok", "", folder, (), (), size, recipe, (*design.warnings(), *warnings(design, making, made))
+        )
         try:
             progress(0.2, "triangles")
             shapes = shaped(design, making, made)
             progress(0.4, "checks")
-            checks = examined(design, making, made, shapes)
-            record["checks"] = [dataclasses.asdict(check) for check in checks]
-            bad = [check for check in checks if not check.passed]
-            if bad:
-                raise RuntimeError(
-                    f"check '{bad[0].name}' fails: {bad[0].value:.3g} {bad[0].unit}, must be {bad[0].bound}; "
-                    "no file is written: change the design or the mould"
-                )
-            record["parts"] = _write(design, making, made, shapes, stage, progress)
+            begun = dataclasses.replace(begun, checks=tuple(examined(design, making, made, shapes)))
+            _refuse_failed(begun.checks)
+            parts = tuple(_write(design, making, made, shapes, stage, progress))
         except RuntimeError as error:
-            record["status"], record["message"] = "failed", str(error)
-            return record
+            return dataclasses.replace(begun, status="failed", message=str(error))
+        missing: list[str] = []
         if draw and made.plan:
             progress(0.8, "picture")
             try:
                 (stage / PICTURE).write_bytes(draw(coloured(made), hall_bodies.places(design)))
             except RuntimeError as error:
-                record["warnings"].append(f"no picture: {error}")
-        record["warnings"] += left_over(folder, stage)
+                missing.append(f"no picture: {error}")
+        row = dataclasses.replace(begun, parts=parts, warnings=(*begun.warnings, *missing, *left_over(folder, stage)))
         drawn = PICTURE if (stage / PICTURE).exists() else ""
-        atomic_files.write_text(stage / ALONE, casting_recipe.text(design, making, record, made.plan, drawn, command))
-    return record
+        page = casting_recipe.text(design, making, row, recipe, size, made.plan, drawn, command)
+        atomic_files.write_text(stage / ALONE, page)
+    return row
+
+
+def _refuse_failed(checks: Sequence[Check]) -> None:
+    """Nothing is written of a sensor that fails a check."""
+    for check in checks:
+        if not check.passed:
+            raise RuntimeError(
+                f"check '{check.name}' fails: {check.value:.3g} {check.unit}, must be {check.bound}; "
+                "no file is written: change the design or the mould"
+            )
 
 
 def names() -> list[str]:
@@ -118,13 +125,13 @@ def examined(design: Design, making: Making, made: Things, shapes: Mapping[str, 
     from geometry.fabrication import mold_checks
 
     halves = [part for name, part in made.mold.items() if name not in ("mold_a", "mold_b")]
-    found = mold_checks.checks(design, making.mold, made.A, made.B, halves)
+    checks = mold_checks.checks(design, making.mold, made.A, made.B, halves)
     if made.plan:
-        found += base.checks(design, made.sensor["base"], made.bodies)
+        checks += base.checks(design, made.sensor["base"], made.bodies)
     for name in ("base", *made.mold):
         if name in shapes:
-            found += mold_checks.printable(name, shapes[name][1].mesh, making.mold.printing)
-    return found
+            checks += mold_checks.printable(name, shapes[name][1].mesh, making.mold.printing)
+    return checks
 
 
 def _write(
@@ -134,7 +141,7 @@ def _write(
     shapes: Mapping[str, tuple[Solid, Facets]],
     stage: Path,
     progress: Progress,
-) -> list[dict[str, Any]]:
+) -> list[Exported]:
     """All files but the recipe, into the stage; what was exported."""
     from geometry import mold
     from geometry.fabrication import solid_files
@@ -151,7 +158,7 @@ def _write(
         (stage / "assembly.step").write_bytes(solid_files.step(solid_files.assembly("sensor", coloured(made))))
         for name, text in part_drawings.sheets(design, made.plan, made.sensor, made.bodies).items():
             atomic_files.write_text(stage / f"{name}.svg", text)
-    return [dataclasses.asdict(part) for part in exported]
+    return exported
 
 
 def warnings(design: Design, making: Making, made: Things) -> list[str]:
@@ -168,33 +175,33 @@ def warnings(design: Design, making: Making, made: Things) -> list[str]:
     return [*(base.warnings(design) if made.plan else [made.missing]), *fine]
 
 
-def show(records: Sequence[Mapping[str, Any]], *, as_json: bool, wide: bool = False) -> None:
+def show(fabricated: Sequence[FabricationRow], *, as_json: bool, wide: bool = False) -> None:
     """Print what was made: the parts and checks of one sensor, or a line for each of several; no warnings."""
     if as_json:
-        console.report(records, as_json=True)
-    elif len(records) == 1:
-        _show_one(records[0], wide=wide)
+        console.report([each.row() for each in fabricated], as_json=True)
+    elif len(fabricated) == 1:
+        _show_one(fabricated[0], wide=wide)
     else:
-        rows = [{**_brief(record), **{name: len(record[name]) for name in ("parts", "checks")}} for record in records]
-        console.report(rows, as_json=False, title="Folders", wide=wide)
+        console.report([_brief(each) for each in fabricated], as_json=False, title="Folders", wide=wide)
 
 
-def _brief(record: Mapping[str, Any]) -> dict[str, Any]:
+def _brief(fabricated: FabricationRow) -> FlatRow:
     """What a row of a table has room for."""
-    return {
-        key: value for key, value in record.items() if key not in ("recipe", "beam_size_mm", "leads_below_base_mm")
-    }
+    left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
+    row = {name: value for name, value in fabricated.row().items() if name not in left_out}
+    return row | {"parts": len(fabricated.parts), "checks": len(fabricated.checks)}
 
 
-def _show_one(record: Mapping[str, Any], *, wide: bool) -> None:
-    if record["parts"]:
-        title = f"Parts in {record['folder']}, each .step .stl .3mf"
-        console.report(record["parts"], as_json=False, title=title, wide=wide)
+def _show_one(fabricated: FabricationRow, *, wide: bool) -> None:
+    if fabricated.parts:
+        title = f"Parts in {fabricated.folder}, each .step .stl .3mf"
+        console.report(fabricated.row()["parts"], as_json=False, title=title, wide=wide)
     rows = [
-        [check["name"], f"{check['value']:.3g}", check["bound"], check["unit"], "yes" if check["passed"] else "NO"]
-        for check in record["checks"]
+        [check.name, f"{check.value:.3g}", check.bound, check.unit, "yes" if check.passed else "NO"]
+        for check in fabricated.checks
     ]
     console.table("Checks", ["check", "value", "bound", "unit", "passed"], rows)
-    console.note(casting_recipe.size(record))
-    if record["parts"]:
-        console.note(f"Start with {Path(record['folder'], ALONE)}.")
+    if fabricated.size is not None:
+        console.note(casting_recipe.size_sentence(fabricated.size))
+    if fabricated.parts:
+        console.note(f"Start with {fabricated.folder / ALONE}.")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
-from studies.output import atomic_files, console, vtk_files
+from studies.output import atomic_files, console, records, vtk_files
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -73,22 +74,27 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
         "beam_volume_mm3": body,
         "magnet_volume_mm3": magnet,
         "silicone_volume_mm3": body - magnet,
-        **outer_record(design, built),
+        **records.flat(outer_size(design, built)),
         **places,
         **at_rest,
     }, failed
 
 
-def outer_record(design: Design, plan: Plan | None) -> dict[str, Any]:
-    """Outer size of the beam, and with base and Hall elements, under the names of the command line.
+@dataclass(frozen=True, slots=True)
+class OuterSize:
+    """Outer size of the beam, and with base and Hall elements, (x, y, z) in mm; None without a plan of the base."""
 
-    Without a plan of the base the size of the whole is None.
-    """
-    from geometry.base import outer_size
+    beam_size_mm: tuple[float, float, float]
+    assembled_size_mm: tuple[float, float, float] | None
+    leads_below_base_mm: float | None
 
-    size, leads = outer_size(design, plan) if plan else (None, None)
-    beam = (design.D, design.D, design.L)
-    return {"beam_size_mm": beam, "assembled_size_mm": size, "leads_below_base_mm": leads}
+
+def outer_size(design: Design, plan: Plan | None) -> OuterSize:
+    """Outer size of a sensor on a base."""
+    from geometry import base
+
+    size, leads = base.outer_size(design, plan) if plan else (None, None)
+    return OuterSize((design.D, design.D, design.L), size, leads)
 
 
 def show(design: Design, *, as_json: bool) -> None:
