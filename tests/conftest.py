@@ -16,6 +16,12 @@ def own_cache(tmp_path_factory):
         yield
 
 
+@pytest.fixture(autouse=True)
+def own_store(tmp_path_factory, monkeypatch):
+    """Each test has a store of solved states of its own, empty at first."""
+    monkeypatch.setenv("MAGTIP_STORE", str(tmp_path_factory.mktemp("store") / "solved.sqlite"))
+
+
 @pytest.fixture
 def run(capsys, tmp_path, monkeypatch):
     """Run a command line in an empty folder; returns its exit status, standard output and standard error."""

@@ -10,10 +10,11 @@ import pytest
 from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
+from fem.physics_version import PHYSICS
+from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
-from studies.exploration import sweep, sweep_axes, sweep_rows
-from studies.output import result_store
+from studies.exploration import solved_paths, store, sweep, sweep_axes, sweep_rows
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -53,7 +54,7 @@ def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(tr
     assert len(table) == len(rows)
     assert float(table[5]["fem_force_N"]) == pytest.approx(rows[5]["fem_force_N"], rel=1e-5)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["solves.jsonl", "sweep.csv", "sweep.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.csv", "sweep.png"]
 
 
 def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(traced):
@@ -63,7 +64,7 @@ def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(tra
     del traced[:]
     case = sweep_rows.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
     small = sweep_rows.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
-    solved = list(sweep._solve([small, case], "rigid", QUICK, None, result_store.opened(None, "")))
+    solved = list(sweep._solve([small, case], "rigid", QUICK, None, None))
     assert len(traced) == 1
     for got, want in ((solved[1].response, own[1].response),):
         assert got.force == pytest.approx(want.force, rel=1e-9)
@@ -129,7 +130,6 @@ def test_a_solve_that_stops_keeps_what_it_reached(monkeypatch):
     real = equilibrium.trace
 
     def stops(design, loads, *args, **kwargs):
-        import dataclasses
 
         found = real(design, loads[:2], *args, **kwargs)
         return [found[0], dataclasses.replace(found[1], status="not_converged", message="stopped at depth 0.7 mm")]
@@ -158,7 +158,7 @@ def test_progress_never_falls_and_stays_within_its_range():
 
 def test_designs_of_different_laws_do_not_share_a_solve():
     keys = {
-        sweep._key(design, "rigid")
+        store.key(solved_paths.content(Scene(design, (Load(depth=0.5),), QUICK)))
         for design in (
             paper(),
             Design(E=2.0),
@@ -181,80 +181,88 @@ AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
 GIVEN = {"depth": 0.0, "magnet": "ignored", "accuracy": QUICK}
 
 
-def test_a_sweep_that_was_interrupted_goes_on(traced, tmp_path, monkeypatch):
-    def interrupted(*args, **kwargs):
-        raise KeyboardInterrupt
+@pytest.fixture
+def kept(tmp_path):
+    with store.opened(tmp_path / "store" / "solved.sqlite") as states:
+        yield states
 
-    going = sweep.run(BARE, AXES, tmp_path, **GIVEN)
+
+def interrupted(*args, **kwargs):
+    raise KeyboardInterrupt
+
+
+def test_a_sweep_that_was_interrupted_continues(traced, kept, monkeypatch):
+    going = sweep.run(BARE, AXES, None, **GIVEN, kept=kept)
     reached = [next(going), next(going)]
     with monkeypatch.context() as patch:
         patch.setattr(equilibrium, "trace", interrupted)
-        with pytest.raises(KeyboardInterrupt, match=r"2 of 4 cases are kept in .*solves.jsonl; the same command"):
+        with pytest.raises(KeyboardInterrupt, match=r"2 of 4 cases are kept in .*solved.sqlite; the same command"):
             next(going)
-    assert [path.name for path in tmp_path.iterdir()] == ["solves.jsonl"]
-    again = run(BARE, AXES, tmp_path, **GIVEN)
+    again = run(BARE, AXES, None, **GIVEN, kept=kept)
     assert len(traced) == 2
     assert str(again[:2]) == str([row.row() for row in reached])
-    # a sweep that overlaps, in another order, takes what it needs
-    other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.0]}, tmp_path, **GIVEN)
-    assert len(traced) == 3
-    assert other[1]["fem_force_N"] == again[3]["fem_force_N"]
 
 
-def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_no_file(tmp_path, monkeypatch):
-    def interrupted(*args, **kwargs):
-        raise KeyboardInterrupt
+def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(traced, kept):
+    first = run(BARE, AXES, None, **GIVEN, kept=kept)
+    # another order, another length, another depth: of the beam of 10 mm only the depth of 1.5 mm is missing
+    other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.5, 1.0]}, None, **GIVEN, kept=kept)
+    assert [len(args[1]) for args in traced] == [2, 2, 1, 3]
+    figures = [name for name in first[0] if name not in ("solve", "seconds")]
+    assert [str(other[2][name]) for name in figures] == [str(first[3][name]) for name in figures]
 
+
+def test_a_state_of_a_path_does_not_depend_on_the_other_depths_of_its_solve(kept):
+    alone = run(BARE, {"depth": [1.5]}, None, **GIVEN, kept=kept)
+    among = run(BARE, {"depth": [0.5, 1.0, 1.5]}, None, **GIVEN)
+    assert alone[0]["fem_force_N"] == pytest.approx(among[2]["fem_force_N"], rel=1e-8)
+
+
+def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_nothing(kept, monkeypatch):
     monkeypatch.setattr(equilibrium, "trace", interrupted)
     with pytest.raises(KeyboardInterrupt, match=r"^no case is solved yet: the same command starts"):
-        run(BARE, AXES, tmp_path, **GIVEN)
-    assert not list(tmp_path.iterdir())
+        run(BARE, AXES, None, **GIVEN, kept=kept)
+    assert kept.counts() == (0, 0)
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda text: text[: len(text) // 2],
-        lambda text: text.replace('"status": "ok"', '"status": "OK"', 1),
-        lambda text: text.replace(sweep.code(), "0123456789abcdef"),
-        lambda text: "\x00" + text,
-    ],
-)
-def test_kept_solves_that_are_damaged_or_of_other_code_are_done_again(traced, tmp_path, damage):
-    axes = {"depth": [0.5]}
-    want = run(BARE, axes, tmp_path, **GIVEN)
-    file = tmp_path / "solves.jsonl"
-    good = file.read_text("utf-8")
-    file.write_text(damage(good), "utf-8")
-    got = run(BARE, axes, tmp_path, **GIVEN)
-    assert len(traced) == 2
-    assert got[0]["fem_force_N"] == want[0]["fem_force_N"]
-    assert file.read_text("utf-8").startswith(damage(good))
-    run(BARE, axes, tmp_path, **GIVEN)
+def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
+    """This law loses its stability under a small press."""
+    deep, softening = {"depth": [0.1, 2.0]}, replace(BARE, law="yeoh", yeoh_2=-5.0)
+    first = run(softening, deep, None, **GIVEN, kept=kept)
+    assert [row["status"] for row in first] == ["ok", "not_converged"]
+    again = run(softening, deep, None, **GIVEN, kept=kept)
+    assert len(traced) == 1
+    assert str(again) == str(first)
+
+
+def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
+    run(BARE, {"depth": [0.5]}, None, **GIVEN, kept=kept)
+    monkeypatch.setitem(PHYSICS, "axisymmetric", PHYSICS["axisymmetric"] + 1)
+    run(BARE, {"depth": [0.5]}, None, **GIVEN, kept=kept)
     assert len(traced) == 2
 
 
-def test_another_accuracy_or_magnet_is_another_solve(traced, tmp_path):
+def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):
+    command = ("sweep", "paper", "--magnet", "ignored", "--accuracy", "quick", "--axis", "depth=0.5", "--json")
+    first = run(*command, "--out", "one")
+    assert run(*command, "--out", "two")[1] == first[1]
+    assert run(*command, "--store", "own.sqlite", "--out", "three")[1] != first[1]
+    assert (tmp_path / "own.sqlite").exists()
+    assert run(*command, "--store", "one/sweep.csv")[0] == 2
+
+
+def test_another_accuracy_or_magnet_is_another_solve(traced, kept):
     axes = {"depth": [0.5]}
     for change in ({}, {"accuracy": replace(QUICK, section_size=0.2)}, {"magnet": "rigid"}):
-        run(paper(), axes, tmp_path, **GIVEN | change)
+        run(paper(), axes, None, **GIVEN | change, kept=kept)
     assert len(traced) == 3
 
 
-def test_a_scaled_state_keeps_both_tilts():
+def test_a_scaled_answer_keeps_both_tilts():
     """A state solved at D = 8 mm and E = 1 MPa, at twice the size and half the modulus."""
     pose = Response((0.2, 0.4, 3.0), (0.1, 0.3, -0.5), 0.02, 1.0, 0.06)
-    state = {
-        "status": "ok",
-        "message": "",
-        "response": dataclasses.asdict(pose),
-        "error_estimate": 0.01,
-        "seconds": 1.0,
-    }
-    case = sweep_rows.Case({"D": 16.0, "L": 18.0, "f": 5.0, "E": 0.5, "depth": 2.0}, None, "")
-    problem = sweep.Problem(1, paper(), [case], {0.125: 1.0}, "")
-    found = sweep._scaled({"D": 8.0, "E": 1.0, "states": [state]}, problem, case).response
-    assert found == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)
+    answer = solved_paths.Answer(8.0, 1.0, pose, "ok", "", 0.01, 1.0).of(16.0, 0.5)
+    assert answer.response == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)
 
 
 def cases(axes, **figures):

@@ -31,6 +31,7 @@ def sweep(
     magnet: Magnet | None = None,
     accuracy: AccuracyName | None = None,
     out: Path | None = None,
+    store: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -53,19 +54,22 @@ def sweep(
     accuracy
         Accuracy of the finite elements; default: standard.
     out
-        Folder for the table, the plot and all solves; a sweep that was stopped continues from there.
+        Folder for the table and the plot.
+    store
+        File that keeps all solved states; a sweep continues from there, and never solves one twice; default: one of
+        the user, which the environment variable MAGTIP_STORE can name.
     """
     from studies.exploration import sweep_axes
 
     case = sweep_axes.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
     say_what_is_idle(case.design)
-    atomic_files.check_apart(atomic_files.inside(out, sweep_axes.FILES), [source, design])
+    atomic_files.check_apart([*atomic_files.inside(out, sweep_axes.FILES), store], [source, design])
     if case.magnet == "rigid":
         say_what_is_ignored(case.design)
     rows: list[SweepRow] = []
     try:
         with console.progress(as_json=as_json) as progress:
-            for row in sweep_axes.sweep(case, out, progress):
+            for row in sweep_axes.sweep(case, out, progress, store):
                 rows.append(row)
                 if as_json:
                     console.report([row.row()], as_json=True)

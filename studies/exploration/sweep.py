@@ -10,9 +10,7 @@ becomes l0 + H' - H. The magnet keeps its size, so a case that it does not fit i
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
-import json
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,21 +19,18 @@ from pathlib import Path
 from typing import Any
 
 from fem.accuracy import STANDARD, Accuracy
+from fem.scene import Scene
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, Response, check_load
+from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
+from studies.exploration import store
+from studies.exploration.solved_paths import Answer, answers, content
+from studies.exploration.store import Position, Store
 from studies.exploration.sweep_rows import FIELDS, Case, Solved, SweepRow, sweep_row
-from studies.output import result_store
+from studies.output import console
 from studies.output.csv_tables import write_table
-from studies.output.result_store import Kept
-from studies.simulation import compare
-from studies.simulation.compare import follow, part
+from studies.simulation.compare import part
 from studies.simulation.comparison_rows import NAN
-
-DIGITS = 12
-"""Decimal digits of lengths over D that must agree for two cases to be one problem."""
-
-Key = tuple[float | str, ...]
 
 MOST_CASES = 20_000
 SILENCE = 2.0
@@ -49,16 +44,12 @@ class Problem:
     Attributes
     ----------
     number : of the solve, from 1.
-    first : the design that is solved for all of them.
-    path : depths over D, rising, and the same in mm of `first`.
-    key : all that the path's states depend on, as text.
+    scene : presses of the first of them to the depths of all, rising.
     """
 
     number: int
-    first: Design
     members: list[Case]
-    path: dict[float, float]
-    key: str
+    scene: Scene
 
 
 def run(
@@ -70,14 +61,15 @@ def run(
     magnet: Magnet = "rigid",
     accuracy: Accuracy = STANDARD,
     progress: Progress | None = None,
+    kept: Store | None = None,
 ) -> Iterator[SweepRow]:
     """All combinations of the axes, each as soon as it is solved; at the end sweep.csv and sweep.png are written.
 
     Parameters
     ----------
     axes : values of any of D, L, f, E and depth; the first axis is that of the plot.
-    folder : where to, an existing one; None writes nothing. Solves are kept there as they are done, and those that
-        the same code has kept there, in this sweep or another, are not done again.
+    folder : where to, an existing one; None writes nothing.
+    kept : the store of solved states, which is asked first and takes what is solved; None keeps nothing.
     depth : of the press where it is not an axis, mm.
     magnet : a design without one is solved as all silicone, whatever is asked for.
 
@@ -102,7 +94,7 @@ def run(
         raise BadInput(f"a sweep may have at most {MOST_CASES} cases; these axes give {count}: take fewer values")
     magnet = magnet if design.shape.has_magnet else "ignored"
     cases = list(_cases(design, axes, depth, magnet))
-    return _rows(design, cases, axes, folder, magnet, accuracy, progress)
+    return _rows(design, cases, axes, folder, magnet, accuracy, progress, kept)
 
 
 def _rows(
@@ -113,8 +105,8 @@ def _rows(
     magnet: Magnet,
     accuracy: Accuracy,
     progress: Progress | None,
+    kept: Store | None,
 ) -> Iterator[SweepRow]:
-    store = result_store.opened(None if folder is None else folder / "solves.jsonl", code())
     rows: list[SweepRow] = []
     said = time.monotonic()
 
@@ -124,7 +116,7 @@ def _rows(
         if progress is not None:
             progress(fraction, text)
 
-    for case, solved in zip(cases, _solve(cases, magnet, accuracy, say, store), strict=True):
+    for case, solved in zip(cases, _solve(cases, magnet, accuracy, say, kept), strict=True):
         rows.append(sweep_row(base, case, solved))
         yield rows[-1]
         # rows of one solve come without another word
@@ -136,12 +128,6 @@ def _rows(
 
         write_table(folder / "sweep.csv", [row.row() for row in rows])
         sweep_plot.draw(folder / "sweep.png", rows, axes)
-
-
-@functools.cache
-def code() -> str:
-    """A digest of the modules that a solve and what is kept of it come from."""
-    return result_store.digest([*result_store.modules("geometry", "fem"), Path(compare.__file__), Path(__file__)])
 
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:
@@ -172,96 +158,61 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
     return dataclasses.replace(base, **changed)
 
 
-def _key(design: Design, magnet: Magnet) -> Key:
-    """What a dimensionless press depends on; accuracy and kind of magnet are the same for a whole sweep."""
-    shape = design.shape if magnet == "rigid" else design.shape.without_magnet()
-    scaled = dataclasses.astuple(shape.scaled(1 / design.D))
-    return (*(round(length, DIGITS) for length in scaled), design.nu, design.law, *design.law_numbers)
-
-
 def _solve(
-    cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None, store: Kept
+    cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None, kept: Store | None
 ) -> Iterator[Solved]:
-    """What became of each case, in order: one path for each group of cases that are the same problem."""
+    """The state of each case, in order: one path for each group of cases that are the same problem."""
     problems = _problems(cases, magnet, accuracy)
     of = {id(case): problem for problem in problems for case in problem.members}
+    known: dict[int, dict[Position, Answer]] = {}
     for case in cases:
         if case.design is None:
             yield Solved(None, "bad_input", case.message, NAN, 0, 0.0)
             continue
         problem = of[id(case)]
-        if problem.key not in store.known:
-            low, high = (problem.number - 1) / len(problems), problem.number / len(problems)
-            share = part(progress, low, high, f"solve {problem.number} of {len(problems)}")
+        number = problem.number
+        if number not in known:
+            low, high = (number - 1) / len(problems), number / len(problems)
+            share = part(progress, low, high, f"solve {number} of {len(problems)}")
             try:
-                store.keep(problem.key, _states(problem, accuracy, magnet, share))
+                known[number], trouble = answers(problem.scene, kept, share)
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(_left(cases, problems, store)) from None
-        yield _scaled(store.known[problem.key], problem, case)
+                done = sum(len(problem.members) for problem in problems if problem.number in known)
+                raise KeyboardInterrupt(_left(done, len(cases), kept)) from None
+            if trouble:
+                console.warn(f"{trouble}; the next sweep takes it in")
+        answer = known[number][_position(case)].of(case.values["D"], case.values["E"])
+        yield Solved(answer.response, answer.status, answer.message, answer.error_estimate, number, answer.seconds)
 
 
 def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list[Problem]:
-    groups: dict[Key, list[Case]] = {}
+    groups: dict[str, list[Case]] = {}
     for case in cases:
         if case.design is not None:
-            groups.setdefault(_key(case.design, magnet), []).append(case)
-    problems = []
-    for number, (key, members) in enumerate(groups.items(), start=1):
-        first = members[0].design
-        assert first is not None
-        depths: dict[float, float] = {}
-        for case in members:
-            depths.setdefault(_relative_depth(case), case.depth * (first.D / case.values["D"]))
-        path = dict(sorted(depths.items()))
-        text = json.dumps([magnet, *key, list(path), dataclasses.astuple(accuracy)])
-        problems.append(Problem(number, first, members, path, text))
-    return problems
+            alone = Scene(case.design, (Load(depth=case.depth),), accuracy, magnet)
+            groups.setdefault(store.key(content(alone)), []).append(case)
+    return [
+        Problem(number, members, _scene(members, magnet, accuracy))
+        for number, members in enumerate(groups.values(), start=1)
+    ]
 
 
-def _states(problem: Problem, accuracy: Accuracy, magnet: Magnet, progress: Progress | None) -> dict[str, Any]:
-    """D and E of the design that is solved, mm and MPa, and what became of each depth of the path."""
-    first = problem.first
-    outcomes = follow(first, [Load(depth=depth) for depth in problem.path.values()], accuracy, magnet, progress)
-    return {
-        "D": first.D,
-        "E": first.E,
-        "states": [
-            {
-                "status": outcome.status,
-                "message": outcome.message,
-                "response": None if outcome.response is None else dataclasses.asdict(outcome.response),
-                "error_estimate": None if math.isnan(outcome.error_estimate) else outcome.error_estimate,
-                "seconds": outcome.solution.seconds if outcome.solution else 0.0,
-            }
-            for outcome in outcomes
-        ],
-    }
+def _scene(members: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> Scene:
+    """Presses of the first of similar cases to the depths of all."""
+    first = members[0].design
+    assert first is not None
+    depths: dict[Position, float] = {}
+    for case in members:
+        depths.setdefault(_position(case), case.depth * (first.D / case.values["D"]))
+    return Scene(first, tuple(Load(depth=depths[at]) for at in sorted(depths)), accuracy, magnet)
 
 
-def _left(cases: Sequence[Case], problems: Sequence[Problem], store: Kept) -> str:
+def _position(case: Case) -> Position:
+    return store.position(case.depth / case.values["D"], 0.0)
+
+
+def _left(done: int, count: int, kept: Store | None) -> str:
     """What an interruption leaves."""
-    if store.file is None:
-        return "nothing is kept: add --out DIR to keep solved cases"
-    done = sum(len(problem.members) for problem in problems if problem.key in store.known)
-    if not done:
+    if not done or kept is None:
         return "no case is solved yet: the same command starts from the beginning"
-    return f"{done} of {len(cases)} cases are kept in {store.file}; the same command continues from there"
-
-
-def _relative_depth(case: Case) -> float:
-    return round(case.depth / case.values["D"], DIGITS)
-
-
-def _scaled(kept: dict[str, Any], problem: Problem, case: Case) -> Solved:
-    """A state of a path in the units of a case of the same problem."""
-    state = kept["states"][list(problem.path).index(_relative_depth(case))]
-    estimate = NAN if state["error_estimate"] is None else state["error_estimate"]
-    about = state["status"], state["message"]
-    if state["message"] and case.values["D"] != kept["D"]:
-        about = state["status"], f"solved at D = {kept['D']:g} mm: {state['message']}"
-    if state["response"] is None:
-        return Solved(None, *about, NAN, problem.number, state["seconds"])
-    length = case.values["D"] / kept["D"]
-    force = case.values["E"] / kept["E"] * length**2
-    response = Response(**state["response"]).scaled(length, force)
-    return Solved(response, *about, estimate, problem.number, state["seconds"])
+    return f"{done} of {count} cases are kept in {kept.file}; the same command continues from there"

@@ -17,7 +17,7 @@ from studies.output.records import FlatRow
 if TYPE_CHECKING:
     from studies.exploration.sweep_rows import SweepRow
 
-FILES = ("solves.jsonl", "sweep.csv", "sweep.png")
+FILES = ("sweep.csv", "sweep.png")
 """What a sweep writes into a folder."""
 
 
@@ -70,13 +70,14 @@ def grid_of(
     return Grid(varied, values, depth or 0.0, magnet, accuracy or "standard")
 
 
-def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[SweepRow]:
-    """The rows of a sweep, each as soon as it is solved."""
+def sweep(grid: Grid, out: Path | None, progress: Progress, kept: Path | None = None) -> Iterator[SweepRow]:
+    """The rows of a sweep, each as soon as it is solved; `kept` is the store of solved states, or the user's."""
     from fem.accuracy import LEVELS
+    from studies.exploration import store
     from studies.exploration import sweep as work
 
     level = LEVELS[grid.accuracy]
-    with atomic_files.results(out) as folder:
+    with store.opened(kept or store.default()) as states, atomic_files.results(out) as folder:
         yield from work.run(
             grid.design,
             grid.axes,
@@ -85,6 +86,7 @@ def sweep(grid: Grid, out: Path | None, progress: Progress) -> Iterator[SweepRow
             magnet=grid.magnet,
             accuracy=level,
             progress=progress,
+            kept=states,
         )
 
 

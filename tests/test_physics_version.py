@@ -1,0 +1,74 @@
+"""Answers of the models' physics: a change of them raises the version, so that old answers are not taken for new.
+
+The scenes are rough and quick; the answers are those of version 1. Sections agree between machines and versions of
+the packages to rounding, far below the 1e-6 asked for here. Tetrahedra differ by some percent in number between
+processors, and their answers by half a percent.
+"""
+
+import math
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from fem.accuracy import QUICK
+from fem.equilibrium import trace
+from fem.physics_version import PHYSICS
+from fem.scene import Model
+from geometry.design import paper
+from geometry.loads import Load
+
+ROUGH = replace(
+    QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
+)
+CASES = {
+    "press": (paper(), [Load(depth=0.1), Load(depth=1.0)], "rigid"),
+    "all silicone": (replace(paper(), nu=0.45), [Load(depth=0.5)], "ignored"),
+    "yeoh": (replace(paper(), law="yeoh", yeoh_2=0.1), [Load(depth=0.5)], "rigid"),
+    "mooney": (replace(paper(), law="mooney-rivlin", mooney_share=0.3), [Load(depth=0.5)], "rigid"),
+    "ogden": (replace(paper(), law="ogden"), [Load(depth=0.5)], "rigid"),
+    "stick": (paper(), [Load(depth=0.5, shear_x=0.5, friction="stick")], "rigid"),
+    "grip": (paper(), [Load(shear_x=0.5, grip=2.0)], "rigid"),
+    "coulomb": (paper(), [Load(depth=0.3, shear_x=0.3, friction=0.3)], "rigid"),
+    "tilted": (paper(), [Load(depth=0.3, plate_tilt=0.1)], "ignored"),
+}
+ANSWERS = {
+    "press": ("axisymmetric", 1, 1e-6, (0.0, 4.22735933346326, 0.0, -0.3091196100140188)),
+    "all silicone": ("axisymmetric", 1, 1e-6, (0.0, 1.0229699639638283, 0.0, -0.11736911640201159)),
+    "yeoh": ("axisymmetric", 1, 1e-6, (0.0, 1.39895963901401, 0.0, -0.10647917689587579)),
+    "mooney": ("axisymmetric", 1, 1e-6, (0.0, 1.4222605835770197, 0.0, -0.10766145462267399)),
+    "ogden": ("axisymmetric", 1, 1e-6, (0.0, 1.391609347984881, 0.0, -0.10590067927064223)),
+    "stick": ("harmonic", 1, 1e-6, (0.274217915335262, 1.366270532843662, 0.18587889234257338, -0.10504729003167547)),
+    "grip": ("harmonic", 1, 1e-6, (0.5762081791345463, 0.0, 0.3003304091970071, -0.003065532300531148)),
+    "coulomb": (
+        "harmonic",
+        1,
+        1e-6,
+        (0.14253024554943355, 0.623969230809307, 0.09483507362440799, -0.04826342298427718),
+    ),
+    "tilted": (
+        "half",
+        1,
+        1e-2,
+        (-0.050175994095035134, 0.5000862917287704, -0.026324395375589338, -0.05571403487038154),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_answers_change_only_with_the_version(name):
+    design, loads, magnet = CASES[name]
+    model, version, tolerance, answer = ANSWERS[name]
+    state = trace(design, loads, ROUGH, magnet=magnet, estimate=False)[-1]
+    force, shift = state.response.force, state.response.shift
+    assert (state.status, state.model) == ("ok", model)
+    assert PHYSICS[state.model] == version, "write the answers of the new version into ANSWERS"
+    size = math.hypot(*force), math.hypot(*shift)
+    found = (force[0] / size[0], force[2] / size[0], shift[0] / size[1], shift[2] / size[1], *size)
+    f, s = math.hypot(*answer[:2]), math.hypot(*answer[2:])
+    wanted = (answer[0] / f, answer[1] / f, answer[2] / s, answer[3] / s, f, s)
+    assert found == pytest.approx(wanted, rel=tolerance, abs=tolerance), "raise the version in fem.physics_version"
+
+
+def test_every_model_has_a_version():
+    assert set(PHYSICS) == {model for model in get_args(Model) if model != "auto"}

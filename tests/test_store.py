@@ -1,0 +1,119 @@
+"""The store of solved states: what is added stays, whatever ends the process; what cannot be used is refused."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from geometry.design import BadInput
+from studies.exploration import store
+from studies.exploration.store import State
+
+PATH = {"model": "axisymmetric", "physics": 1, "nu": 0.4998, "lengths": [1.125, 0.5, 0.25]}
+PRESSED = State(0.125, 0.0, "ok", "ok", {"force": 0.1 + 0.2, "tilt": None}, 0.02, "on Python 3")
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "deep" / "solved.sqlite"
+
+
+def test_a_state_comes_back_to_the_last_bit(file):
+    with store.opened(file) as kept:
+        assert kept.add(PATH, [PRESSED]) == ""
+    with store.opened(file) as kept:
+        assert kept.states(PATH) == {(0.125, 0.0): PRESSED}
+        assert kept.states(PATH | {"physics": 2}) == {}
+        assert kept.counts() == (1, 1)
+
+
+def test_a_state_replaces_that_at_the_same_position(file):
+    with store.opened(file) as kept:
+        kept.add(PATH, [replace(PRESSED, outcome="transient", status="worker_died")])
+        kept.add(PATH, [PRESSED, replace(PRESSED, depth=0.25)])
+        assert kept.states(PATH)[0.125, 0.0] == PRESSED
+        assert kept.counts() == (1, 2)
+
+
+def test_whole_numbers_and_floats_are_one_case():
+    assert store.key({"L": 1}) == store.key({"L": 1.0})
+    assert store.key({"has_magnet": True}) != store.key({"has_magnet": 1.0})
+
+
+def test_a_process_that_is_killed_loses_nothing_that_was_added(file):
+    code = (
+        "import sys; from pathlib import Path; from studies.exploration import store\n"
+        "with store.opened(Path(sys.argv[1])) as kept:\n"
+        "    for k in range(100000):\n"
+        "        kept.add({'k': k}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
+        "        print(k, flush=True)\n"
+    )
+    root = Path(__file__).parent.parent
+    with subprocess.Popen([sys.executable, "-c", code, str(file)], cwd=root, stdout=subprocess.PIPE) as process:
+        while process.stdout.readline() != b"20\n":
+            pass
+        time.sleep(0.01)
+        os.kill(process.pid, signal.SIGKILL)
+        told = [int(line) for line in process.stdout.read().splitlines() if line]
+    with store.opened(file) as kept:
+        last = max([20, *told])
+        assert all(kept.states({"k": k}) for k in range(last + 1))
+        assert kept.counts()[0] <= last + 2
+
+
+def test_what_cannot_be_stored_goes_to_the_journal_and_is_taken_in_later(file, monkeypatch):
+    monkeypatch.setattr(store, "PATIENCE", 0.05)
+    with store.opened(file) as kept:
+        other = sqlite3.connect(file, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        assert "database is locked" in kept.add(PATH, [PRESSED])
+        other.rollback()
+        other.close()
+        assert kept.states(PATH) == {}
+    with store.opened(file) as kept:
+        assert (kept.states(PATH), kept.taken_in) == ({(0.125, 0.0): PRESSED}, 1)
+        assert not kept.journal.exists()
+
+
+def refused(file):
+    with pytest.raises(BadInput) as error, store.opened(file):
+        pass
+    return str(error.value)
+
+
+def test_files_that_are_no_stores_are_refused(file):
+    file.parent.mkdir()
+    file.write_text("a table\n" * 20)
+    assert "is not a store of magtip" in refused(file)
+    file.unlink()
+    other = sqlite3.connect(file)
+    other.execute("CREATE TABLE mine (a INTEGER)")
+    other.close()
+    assert "is not a store of magtip" in refused(file)
+    assert "cannot be opened" in refused(file.parent)
+
+
+def test_a_newer_store_is_refused(file):
+    with store.opened(file):
+        pass
+    with sqlite3.connect(file) as other:
+        other.execute("UPDATE about SET value = '99'")
+    other.close()
+    assert "has format 99" in refused(file)
+
+
+def test_a_damaged_store_is_refused_and_left_alone(file):
+    with store.opened(file) as kept:
+        for k in range(200):
+            kept.add({"k": k}, [PRESSED])
+    whole = bytearray(file.read_bytes())
+    whole[4096:12288] = bytes(8192)
+    file.write_bytes(whole)
+    assert "is damaged" in refused(file)
+    assert file.read_bytes()[4096:12288] == bytes(8192)
