@@ -183,7 +183,7 @@ def test_readings_beyond_the_states_say_what_to_solve(run, strict, tmp_path, shi
     status, _, err = run(*decode, "--file", "r.csv", "--json")
     assert status == 3
     nowhere = "no pose of the magnet in the workspace gives these readings: check their order and units"
-    assert err == f"magtip: 3 of 3 rows out_of_workspace: 2: {sentence}; 1: {nowhere}\n"
+    assert err == f"magtip: 3 of 3 rows out_of_workspace: {sentence} (2 of 3); {nowhere} (1 of 3)\n"
 
 
 def test_formulas_that_end_ask_for_states(run, strict):

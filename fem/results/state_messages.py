@@ -87,7 +87,8 @@ def _remark_text(remark: Remark, solution: Solution) -> str:
         "leaning": f"the beam leans sideways ({aside}): {leads}",
         "given_way": f"the beam has buckled sideways under the frictionless plate ({aside}; the mesh determines the "
         "direction): the symmetric press is unstable",
-        "slides_over": "the frictionless plate slides over the tip: the shear has no effect",
+        "slides_over": "the frictionless plate slides over the tip, so the shear has no effect: "
+        "choose friction stick or a coefficient",
         "guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'before this depth'}: "
         "this solution holds the tip on the axis (magtip stability computes the critical depth)",
         "nearly_guided_only": f"a beam whose tip slides freely on the plate buckles sideways {at or 'soon'}: "

@@ -158,10 +158,9 @@ def decode(
             why = [decode_readings.WHY[status]]
             if status == "out_of_workspace":
                 solved = responses is not None
-                why = [
-                    f"{decode_readings.beyond_sentence(coder, end, solved=solved)} ({n} of them)"
-                    for end, n in found.ends.items()
-                ]
+                texts = {end: decode_readings.beyond_sentence(coder, end, solved=solved) for end in found.ends}
+                several = len(texts) > 1
+                why = [f"{texts[end]} ({n} of {count})" if several else texts[end] for end, n in found.ends.items()]
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
     return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
 

@@ -198,7 +198,7 @@ def modes(
     sets: Sets = None,
     as_json: AsJson = False,
 ) -> int:
-    """Compute natural frequencies and mode shapes of the free sensor, or pressed to --depth and stuck to the plate.
+    """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
     Parameters
     ----------

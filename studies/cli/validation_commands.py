@@ -72,7 +72,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
 
 
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
-    """Solve cases at the limits of the input ranges; exit status 3 if a result is wrong or a status unclear.
+    """Solve cases at the limits of the input ranges; exit status 3 if one ends in a wrong result or status.
 
     A case that yields no measurement is listed separately and does not count as a failure.
 

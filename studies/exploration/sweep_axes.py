@@ -62,7 +62,9 @@ def grid_of(
         if name.strip() in values:
             raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
     if "depth" in values and depth is not None:
-        raise BadInput("depth is given both as an axis and as --depth or in the study: leave one of them out")
+        raise BadInput(
+            "depth is given twice, as an axis and as a single value (--depth or the study's): leave one of them out"
+        )
     if "depth" not in values and depth is None:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
     if depth is not None:

@@ -33,7 +33,7 @@ SHEAR = Parameter(help="Displacement of the plate or the grip along x, mm.")
 SHEAR_Y = Parameter(help="Displacement of the plate or the grip along y, mm.")
 MAGNET = Parameter(help="Rigid body, or ignored (the whole beam is silicone).")
 LEVEL = Parameter(
-    help="Model of the magnet's field: exact; paper, its quadrature (3); paper-printed, with its misprint; or dipole."
+    help="Model of the field: exact; paper, its equation (3); paper-printed, the same with its misprint; dipole."
 )
 ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
 

@@ -258,7 +258,7 @@ def _table(path: str, what: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except FileNotFoundError:
         close = difflib.get_close_matches(path.casefold(), PRESETS, n=1)
-        hint = f": did you mean {close[0]}?" if close and remedy else remedy or ": check its path"
+        hint = f": did you mean {close[0]}?" if close and remedy else f": check its path{remedy}"
         raise BadInput(f"there is no {what} {path!r}{hint}") from None
     except IsADirectoryError:
         raise BadInput(f"{path!r} is a folder: give a TOML file{remedy}") from None

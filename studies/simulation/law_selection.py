@@ -142,8 +142,8 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
     if fit.exact:
         constants = f"{fit.constants} constant{'s' if fit.constants > 1 else ''}"
         remarks.append(
-            f"{fit.law} has {constants} and the test as many points, so its error of zero is no evidence: "
-            "measure more points"
+            f"{fit.law} has {constants} and the test as many points, so its error is zero by construction: measure "
+            "more points"
         )
     if data.least_strain > SMALL_STRAIN:
         remarks.append(
@@ -152,7 +152,7 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
         )
     if data.stretch.min() > PRESSED and judged.spread > SPREAD:
         remarks.append(
-            f"the test has no compression: at a stretch of {PRESSED:g} other laws that fit the test differ from "
+            f"the test contains no compression: at a stretch of {PRESSED:g} other laws that fit the test differ from "
             f"{fit.law} by {100 * judged.spread:.3g} %, and press forces may be off by as much; test in "
             "compression too"
         )
@@ -213,9 +213,7 @@ def reasons(judged: Judged) -> str:
     texts: dict[Reason, str] = {
         "E_not_possible": "its E is outside the range of a design",
         "unstable_in_test": "it is unstable at some of the test's stretches",
-        "misses_test": (
-            f"its rms error is {100 * fit.share:.2g} %, and {abs(100 * fit.small):.2g} % at small strain"
-        ),
+        "misses_test": (f"its rms error is {100 * fit.share:.3g} % ({abs(100 * fit.small):.3g} % at small strain)"),
         "unstable_in_solve": (f"it is stable {_ends(fit.stable)}, but a press to 3/8 D reaches {_ends(SOLVE)}"),
         "number_at_bound": f"{', '.join(fit.bounded)} lies at a bound of the search",
         "ranks_lower": "it ranks lower",
