@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.hall import Mode
-from analytic.inverse import damped_newton, observability, response_surface, start_table, start_table_cells
+from analytic.inverse import damped_newton, observability, response_surface, start_table, start_table_construction
 from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
 from analytic.inverse.response_surface import Mechanics
 from analytic.parts import Element
@@ -62,7 +62,7 @@ class Decoder:
     mechanics: Mechanics | None
     low: Array
     high: Array
-    table: start_table.Sheets
+    table: start_table.StartTable
     sigma: Array
     tolerance: Array
 
@@ -131,7 +131,7 @@ def decoder(
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     pad = PAD * (high - low)
-    table = start_table_cells.build(forward, low - pad, high + pad, cells)
+    table = start_table_construction.build(forward, low - pad, high + pad, cells)
     gain = np.array([e.gain for e in forward.elements])
     sigma = np.array([np.hypot(e.noise, e.step / np.sqrt(12)) for e in forward.elements]) / gain
     tolerance = np.where(sigma > 0, DOUBT * sigma, SHARE * table.span)
@@ -199,7 +199,7 @@ def _solve(
         curve[:] = start_table.STEEP
     noisy = coder.sigma.all()
     weights = coder.sigma.min() / coder.sigma if noisy else np.ones(len(target))
-    pad = 3 * coder.table.edge
+    pad = 3 * coder.table.cell_size
     s, f, A, done = damped_newton.refine(
         coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curve
     )
@@ -280,7 +280,7 @@ def _result(
     noisy = observability.spread(coder.sigma, A)
     force, load, noise = blank, blank, blank
     if coder.mechanics is not None:
-        force, load, slope = response_surface.carried(coder.mechanics, s)
+        force, load, slope = response_surface.force_and_load(coder.mechanics, s)
         for k in np.flatnonzero(some)[np.isnan(force[2])].tolist():
             status[k] = "tension" if status[k] == "ok" else status[k]
         noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.inverse.forward_model import Forward, values_at
+from analytic.inverse.forward_model import Forward, readings_at
 from analytic.magnet import cylinder_field
 from geometry.arrays import Array
 from geometry.design import BadInput
@@ -72,12 +72,12 @@ def slab(forward: Forward, grid: Grid, i: int, block: int = 8192) -> Array:
     found = np.empty((shift.shape[1], len(forward.elements)))
     for start in range(0, len(found), block):
         part = slice(start, start + block)
-        found[part] = values_at(forward, np.ascontiguousarray(shift[:, part])).T
+        found[part] = readings_at(forward, np.ascontiguousarray(shift[:, part])).T
     return found.reshape(len(y), len(z), -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
+class BlockIndex:
     """Bounds of the readings in the blocks of a table.
 
     Attributes
@@ -93,7 +93,7 @@ class Blocks:
     corner: NDArray[np.int64]
 
 
-def blocks(table: Array) -> Blocks:
+def block_index(table: Array) -> BlockIndex:
     """The index of a table; reads all of it once, a row of blocks at a time."""
     starts = [np.arange(0, n, SIDE) for n in table.shape[:3]]
     low: list[Array] = []
@@ -104,10 +104,10 @@ def blocks(table: Array) -> Blocks:
             row = reduce.reduceat(reduce.reduceat(reduce.reduce(part, axis=0), starts[1], axis=0), starts[2], axis=1)
             found.append(row.reshape(-1, table.shape[3]))
     corner = np.stack(np.meshgrid(*starts, indexing="ij"), axis=-1).reshape(-1, 3)
-    return Blocks(table, np.concatenate(low), np.concatenate(high), corner)
+    return BlockIndex(table, np.concatenate(low), np.concatenate(high), corner)
 
 
-def nearest(index: Blocks, field: Array) -> tuple[tuple[int, int, int], int]:
+def nearest(index: BlockIndex, field: Array) -> tuple[tuple[int, int, int], int]:
     """Where in the table the entry nearest to the readings (3,), T, is, and how many blocks were looked into."""
     apart = np.maximum(np.maximum(index.low - field, field - index.high), 0.0)
     bound = (apart * apart).sum(axis=1)
@@ -128,7 +128,7 @@ def nearest(index: Blocks, field: Array) -> tuple[tuple[int, int, int], int]:
     return place, count
 
 
-def plane(forward: Forward, grid: Grid) -> tuple[Array, float]:
+def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
     """B_rho and B_z in the magnet's frame for all readings of the grid without tilt, and the first Z.
 
     Returns

@@ -4,11 +4,11 @@ Lengths in mm (any one unit would do: the field knows only their ratios), J and 
 polarisation; the sharp-edged cylinder is taken, an edge radius is ignored. Points and fields are in the magnet's
 frame: origin at its centre, z along the magnetisation.
 
-The exact field runs in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MANY` points in a call. For more, and
-in `meridian_field` for a loop over single points, the same formulas are compiled (`analytic.field.cylinder_compiled`)
-if numba is installed (the extra `fast`); else these loops are in NumPy and in plain Python
-(`analytic.field.cylinder_pointwise`). Both agree to 1e-13 of |B|. The call alone decides, never those before it: the
-same call has the same digits wherever it stands.
+The exact field is computed in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MIN_COMPILED_POINTS` points in
+a call. Larger calls, and `meridian_field` for loops over single points, use the same formulas compiled by numba
+(`analytic.field.cylinder_compiled`) if numba is installed (the extra `fast`). Without numba, larger calls use NumPy
+and `meridian_field` uses plain Python (`analytic.field.cylinder_pointwise`). All of them agree to 1e-13 of |B|. The
+number of points in a call alone selects the implementation, so that a repeated call returns identical digits.
 
 Sources: Derby & Olbert, Am. J. Phys. 78 (2010) 229; Bulirsch, Numer. Math. 13 (1969) 305; Chathuranga et al.,
 IEEE Sensors Journal 2016, equations (1) to (3).
@@ -33,7 +33,7 @@ from geometry.design import BadInput
 
 Pair = tuple[Array, Array]
 
-MANY = 2000
+MIN_COMPILED_POINTS = 2000
 """Points of a call from which on it is compiled, in a third of NumPy's time: more than one decoding asks for, less
 than a batch or a map. Loading the kernel takes about a second, once in a process."""
 
@@ -230,10 +230,10 @@ def check_magnet(radius: float, height: float, J: float) -> None:
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:
     check_magnet(radius, height, J)
     x = _points(points)
-    kernel = compiled() if len(x) >= MANY else None
+    kernel = compiled() if len(x) >= MIN_COMPILED_POINTS else None
     if kernel is None:
-        return in_numpy(x, float(radius), height / 2, float(J), slope=slope)
-    return in_kernel(kernel, x, float(radius), height / 2, float(J), slope=slope)
+        return numpy_field(x, float(radius), height / 2, float(J), slope=slope)
+    return compiled_field(kernel, x, float(radius), height / 2, float(J), slope=slope)
 
 
 def _points(points: ArrayLike) -> Array:
@@ -253,7 +253,7 @@ def _refuse(point: Array) -> BadInput:
     return BadInput("points must be finite; got a NaN or an infinity")
 
 
-def in_kernel(kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
+def compiled_field(kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
     """B and, with `slope`, its Jacobian (else shape (0, 3, 3)), compiled; x as `cylinder_field`, half the height."""
     B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
     bad = kernel.fill(x, radius, half, J, cylinder_moments(half / radius), face_moments(), B, jacobian)
@@ -262,7 +262,7 @@ def in_kernel(kernel: ModuleType, x: Array, radius: float, half: float, J: float
     return B, jacobian
 
 
-def in_numpy(x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
+def numpy_field(x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
     """The same in NumPy."""
     if not np.isfinite(x).all():
         raise _refuse(x[~np.isfinite(x).all(axis=1)][0])

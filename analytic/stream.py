@@ -15,8 +15,8 @@ import numpy as np
 
 from analytic.decode import EDGE, Decoder, Status, decode
 from analytic.inverse.damped_newton import GOAL
-from analytic.inverse.response_surface import NO_DEPTH, NOTHING
-from analytic.inverse.start_table import APART, BENDS, BINS, MARGIN, monomials
+from analytic.inverse.response_surface import ZERO_DEPTH, ZERO_FORCE
+from analytic.inverse.start_table import APART, BINS, CORRECTIONS, MARGIN, monomials
 from analytic.magnet import meridian_field
 from geometry.loads import rotation_of
 
@@ -58,9 +58,9 @@ class Stream:
         self.tau = forward.tau.tolist() if forward.tau.any() else []
         self.rails = [((e.low - e.null) / e.gain, (e.high - e.null) / e.gain) for e in forward.elements]
         table = coder.table
-        self.edges, self.edge = table.edges.tolist(), table.edge.tolist()
+        self.edges, self.edge = table.bin_edges.tolist(), table.cell_size.tolist()
         self.maps, self.centres = table.maps.transpose(1, 0, 2).tolist(), table.centre.tolist()
-        self.turns = table.turn.tolist()
+        self.turns = table.cell_sign.tolist()
         self.low, self.high = (coder.low - EDGE).tolist(), (coder.high + EDGE).tolist()
         self.apart = APART * math.hypot(*self.edge)
 
@@ -119,11 +119,11 @@ class Stream:
         best = self._place(cell, u)
         if any(math.dist(self._place(other, v), best) > self.apart for _, other, v in found):
             return None
-        bends, v = table.bends[:, :, cell], u
-        for _ in range(BENDS):
+        bends, v = table.correction[:, :, cell], u
+        for _ in range(CORRECTIONS):
             q = bends.dot(monomials(*v)).tolist()
             v = [u[0] - q[0], u[1] - q[1], u[2] - q[2]]
-        return self._place(cell, v), float(table.curve[cell])
+        return self._place(cell, v), float(table.curvature[cell])
 
     def _place(self, cell: int, u: list[float]) -> list[float]:
         """Shift, mm, of a place in a cell."""
@@ -213,11 +213,11 @@ class Stream:
         x, y, w = shift
         u = x * x + y * y
         k, n = _polynomial(law.lateral.tolist(), u, w)[0], _polynomial(law.normal.tolist(), u, w)[0]
-        # as `analytic.inverse.response_surface.carried`
-        least = law.errors[2] + NOTHING
+        # as `analytic.inverse.response_surface.force_and_load`
+        least = law.errors[2] + ZERO_FORCE
         if w < 0 and n < -least:
             return NAN3
-        if (w >= 0 or n <= least) and _polynomial(law.depth.tolist(), u, math.cbrt(max(-w, 0.0)))[0] <= NO_DEPTH:
+        if (w >= 0 or n <= least) and _polynomial(law.depth.tolist(), u, math.cbrt(max(-w, 0.0)))[0] <= ZERO_DEPTH:
             return 0.0, 0.0, 0.0
         return x * k, y * k, max(n, 0.0)
 

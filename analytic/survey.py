@@ -118,7 +118,7 @@ def at_poses(
         None of the poses is known.
     """
     ahead = coder.forward
-    values, slopes = forward_model.seen(ahead, shift)
+    values, slopes = forward_model.readings_with_slopes(ahead, shift)
     tilt = forward_model.rotation(ahead.tau, shift)
     weight = np.where(known(coder, shift), weight, 0.0)
     if not weight.sum() > 0:

@@ -34,15 +34,15 @@ def places(a, h, count=400):
 def test_kernel_and_numpy_agree(flatness):
     a, h, J = 1.7, 1.7 * flatness, 1.2
     x = places(a, h)
-    (B, jacobian), kernel = magnet.in_numpy(x, a, h / 2, J, slope=True), magnet.compiled()
-    B_too, jacobian_too = magnet.in_kernel(kernel, x, a, h / 2, J, slope=True)
+    (B, jacobian), kernel = magnet.numpy_field(x, a, h / 2, J, slope=True), magnet.compiled()
+    B_too, jacobian_too = magnet.compiled_field(kernel, x, a, h / 2, J, slope=True)
     size = np.linalg.norm(B, axis=1)
     assert (np.linalg.norm(B_too - B, axis=1) / size).max() < 1e-13
     steepness = np.linalg.norm(jacobian, axis=(1, 2)) + size / np.linalg.norm(x, axis=1)
     assert (np.linalg.norm(jacobian_too - jacobian, axis=(1, 2)) / steepness).max() < 1e-12
     for alone in (
-        magnet.in_kernel(kernel, x, a, h / 2, J, slope=False)[0],
-        magnet.in_numpy(x, a, h / 2, J, slope=False)[0],
+        magnet.compiled_field(kernel, x, a, h / 2, J, slope=False)[0],
+        magnet.numpy_field(x, a, h / 2, J, slope=False)[0],
     ):
         assert (np.linalg.norm(alone - B, axis=1) / size).max() < 1e-13
 
@@ -53,7 +53,7 @@ def test_one_point_in_a_loop_is_the_same(flatness, how):
     a, h, J = 1.7, 1.7 * flatness, -1.2
     rho, z = np.abs(RNG.normal(size=(2, 40))) * a * 10.0 ** RNG.uniform(-1, 2, 40)
     rho[0] = 0
-    B, jacobian = magnet.in_numpy(np.column_stack([rho, 0 * rho, z]), a, h / 2, J, slope=True)
+    B, jacobian = magnet.numpy_field(np.column_stack([rho, 0 * rho, z]), a, h / 2, J, slope=True)
     with how():
         field = magnet.meridian_field(a, h, J)
     found = np.array([field(*point) for point in zip(rho.tolist(), z.tolist(), strict=True)])
@@ -67,15 +67,15 @@ def test_one_point_in_a_loop_is_the_same(flatness, how):
 def test_kernel_refuses_the_same():
     for point, text in (((2, 0, 1), "infinite on the magnet's rim"), ((0, np.nan, 1), "points must be finite")):
         with pytest.raises(BadInput, match=text):
-            magnet.cylinder_field([(1, 1, 1)] * magnet.MANY + [point], 2, 2, 1.2)
+            magnet.cylinder_field([(1, 1, 1)] * magnet.MIN_COMPILED_POINTS + [point], 2, 2, 1.2)
 
 
 def test_the_size_of_a_call_alone_decides():
-    """Below MANY points it is NumPy's to the last digit, from there on the kernel's."""
-    x = places(2.0, 2.0, magnet.MANY)[: magnet.MANY]
+    """Below MIN_COMPILED_POINTS points it is NumPy's to the last digit, from there on the kernel's."""
+    x = places(2.0, 2.0, magnet.MIN_COMPILED_POINTS)[: magnet.MIN_COMPILED_POINTS]
     few, many = magnet.cylinder_field(x[1:], 2, 2, 1.2), magnet.cylinder_field(x, 2, 2, 1.2)
-    np.testing.assert_array_equal(few, magnet.in_numpy(x[1:], 2.0, 1.0, 1.2, slope=False)[0])
-    np.testing.assert_array_equal(many, magnet.in_kernel(magnet.compiled(), x, 2.0, 1.0, 1.2, slope=False)[0])
+    np.testing.assert_array_equal(few, magnet.numpy_field(x[1:], 2.0, 1.0, 1.2, slope=False)[0])
+    np.testing.assert_array_equal(many, magnet.compiled_field(magnet.compiled(), x, 2.0, 1.0, 1.2, slope=False)[0])
     assert not np.array_equal(few, many[1:])
 
 
@@ -107,7 +107,10 @@ def test_without_numba_the_field_is_numpys(monkeypatch):
     monkeypatch.delattr("analytic.field.cylinder_compiled", raising=False)
     magnet._loaded.cache_clear()
     assert magnet.compiled() is None
-    assert magnet.cylinder_field(np.ones((magnet.MANY, 3)), 2, 2, 1.2).shape == (magnet.MANY, 3)
+    assert magnet.cylinder_field(np.ones((magnet.MIN_COMPILED_POINTS, 3)), 2, 2, 1.2).shape == (
+        magnet.MIN_COMPILED_POINTS,
+        3,
+    )
     monkeypatch.undo()
     magnet._loaded.cache_clear()
     assert magnet.compiled() is not None

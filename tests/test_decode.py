@@ -36,7 +36,7 @@ def tilting(design, per_mm=0.1):
 def poses(coder, count, seed=1):
     rng = np.random.default_rng(seed)
     shift = rng.uniform(coder.low, coder.high, (count, 3)).T.copy()
-    return shift, forward_model.seen(coder.forward, shift)[0]
+    return shift, forward_model.readings_with_slopes(coder.forward, shift)[0]
 
 
 @pytest.fixture(scope="module")
@@ -53,14 +53,17 @@ def test_forward_model_reads_as_the_elements_do(tau, mode, design):
     model = forward_model.model(design, tau, mode=mode)
     shift = np.random.default_rng(0).uniform([-3, -3, -3], [3, 3, 0], (6, 3)).T.copy()
     shift[:2, 0] = 0
-    values, slopes = forward_model.seen(model, shift)
+    values, slopes = forward_model.readings_with_slopes(model, shift)
     turns = forward_model.rotation(tau, shift)
     for k in range(6):
         expected = hall.readings(design, shift=shift[:, k], tilt=turns[:, k], mode=mode).B_T
         assert_allclose(values[:, k], expected, rtol=1e-12)
     step = 1e-5
     for j, e in enumerate(step * np.eye(3)[:, :, None]):
-        numeric = (forward_model.seen(model, shift + e)[0] - forward_model.seen(model, shift - e)[0]) / (2 * step)
+        numeric = (
+            forward_model.readings_with_slopes(model, shift + e)[0]
+            - forward_model.readings_with_slopes(model, shift - e)[0]
+        ) / (2 * step)
         assert_allclose(slopes[j], numeric, atol=1e-8 * np.abs(slopes).max())
 
 
@@ -95,7 +98,7 @@ def test_first_step_leaves_no_more_than_the_curvature_says(design):
     coder = decode.decoder(design, tilting(design))
     shift, field = poses(coder, 600)
     owner, start, curve = start_table.starts(coder.table, field)
-    values, slopes = forward_model.seen(coder.forward, start)
+    values, slopes = forward_model.readings_with_slopes(coder.forward, start)
     step = np.linalg.solve(np.moveaxis(slopes, 2, 0).swapaxes(1, 2), (field[:, owner] - values).T[:, :, None])[
         :, :, 0
     ]
@@ -122,7 +125,7 @@ def test_load_and_force_come_back(coder):
 
 def test_ignored_tilt_is_an_error_in_position(coder):
     flat = decode.decoder(paper(), coder.mechanics, ignore_tilt=True)
-    field = forward_model.seen(coder.forward, np.array([[1.5], [0.0], [-1.0]]))[0]
+    field = forward_model.readings_with_slopes(coder.forward, np.array([[1.5], [0.0], [-1.0]]))[0]
     error = np.linalg.norm(decode.decode(flat, field.T).shift[0] - [1.5, 0, -1])
     assert 0.05 < error < 1
 
@@ -167,7 +170,9 @@ def test_ambiguous_streams_follow_one_branch():
     assert np.linalg.norm(shift[:, k] - found.shift[k]) > 0.1
     path = shift[:, k : k + 1] * np.linspace(0.97, 1, 5)
     # the first reading has no warm start
-    later = decode.decode(coder, forward_model.seen(coder.forward, path)[0].T, near=path[:, 0], follow=True)
+    later = decode.decode(
+        coder, forward_model.readings_with_slopes(coder.forward, path)[0].T, near=path[:, 0], follow=True
+    )
     assert_allclose(later.shift, path.T, atol=1e-5)
     near = decode.decode(coder, field[:, k : k + 1].T, near=shift[:, k])
     assert_allclose(near.shift[0], shift[:, k], atol=1e-5)
@@ -177,7 +182,7 @@ def test_noise_is_that_of_a_sample():
     design = Design(hall_noise=2e-3)
     coder = decode.decoder(design, tilting(design))
     at = np.array([[0.8], [-0.4], [-1.0]])
-    field = forward_model.seen(coder.forward, at)[0].T
+    field = forward_model.readings_with_slopes(coder.forward, at)[0].T
     rng = np.random.default_rng(5)
     many = decode.decode(coder, field + 2e-3 / 31.25 * rng.standard_normal((4000, 3)))
     one = decode.decode(coder, field)
@@ -190,11 +195,14 @@ def test_condition_is_that_of_differences(coder):
     at = np.array([[0.8], [-0.4], [-1.0]])
     step = 1e-6
     slopes = [
-        (forward_model.seen(coder.forward, at + e)[0] - forward_model.seen(coder.forward, at - e)[0])[:, 0]
+        (
+            forward_model.readings_with_slopes(coder.forward, at + e)[0]
+            - forward_model.readings_with_slopes(coder.forward, at - e)[0]
+        )[:, 0]
         / (2 * step)
         for e in step * np.eye(3)[:, :, None]
     ]
-    found = decode.decode(coder, forward_model.seen(coder.forward, at)[0].T)
+    found = decode.decode(coder, forward_model.readings_with_slopes(coder.forward, at)[0].T)
     assert found.condition[0] == pytest.approx(np.linalg.cond(np.array(slopes).T), rel=1e-6)
 
 
@@ -223,8 +231,8 @@ def test_more_elements_than_three():
 
 
 def test_readings_that_no_pose_gives(coder):
-    rest = forward_model.seen(coder.forward, np.zeros((3, 1)))[0][:, 0]
-    high = forward_model.seen(coder.forward, np.array([[0.0], [0.0], [0.4]]))[0][:, 0]
+    rest = forward_model.readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0]
+    high = forward_model.readings_with_slopes(coder.forward, np.array([[0.0], [0.0], [0.4]]))[0][:, 0]
     rows = [rest, np.zeros(3), -rest, rest[[1, 0, 2]] * [1, 3, 1], high, [np.nan, 0, 0], [np.inf, 0, 0], [0.08, 0, 0]]
     found = decode.decode(coder, rows)
     assert found.status == ["ok", *["out_of_workspace"] * 4, "not_finite", "not_finite", "saturated"]
@@ -324,7 +332,7 @@ def test_a_plate_does_not_pull():
     law = dataclasses.replace(law, tau=forward_model.NO_TILT, normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
     coder = decode.decoder(paper(), law)
     shift = np.array([[0.0, 0.0, -0.5], [0.6, 0.6, -0.05], [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]).T
-    field = forward_model.seen(coder.forward, shift)[0].T
+    field = forward_model.readings_with_slopes(coder.forward, shift)[0].T
     found = decode.decode(coder, field)
     assert found.status == ["ok", "tension", "ok", "ok", "ok"]
     assert_allclose(found.shift, shift.T, atol=1e-7)
@@ -342,17 +350,17 @@ def test_poses_outside_the_workspace_are_found_with_what_ends_it(coder):
     law = dataclasses.replace(coder.mechanics, reach=1.5, sink=1.2)
     near = decode.decoder(paper(), law)
     outside = np.array([[0, 0, -1.25], [1.2, 0.3, -2.8], [0, -2.0, -0.5], [0, 0, -3.4], [3.4, 0, -1], [0, 0, 0.12]])
-    field = forward_model.seen(near.forward, outside.T.copy())[0].T
+    field = forward_model.readings_with_slopes(near.forward, outside.T.copy())[0].T
     assert set(decode.decode(near, field).status) == {"out_of_workspace"}
-    found = workspace_limits.poses(near, field)
+    found = workspace_limits.poses_outside(near, field)
     assert_allclose(found, outside, atol=1e-6)
     ends = ["depth", "depth", "shear", "workspace", "workspace", "workspace"]
-    assert [workspace_limits.end(near, pose) for pose in found] == ends
+    assert [workspace_limits.exceeded_limit(near, pose) for pose in found] == ends
     # the box of the design alone is ended by nothing else
-    assert workspace_limits.end(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
-    (nowhere,) = workspace_limits.poses(near, np.array([[-0.02, 0.03, 0.01]]))
+    assert workspace_limits.exceeded_limit(decode.decoder(paper()), np.array([0, 0, -3.2])) == "workspace"
+    (nowhere,) = workspace_limits.poses_outside(near, np.array([[-0.02, 0.03, 0.01]]))
     assert np.isnan(nowhere).all()
-    assert workspace_limits.end(near, nowhere) is None
+    assert workspace_limits.exceeded_limit(near, nowhere) is None
 
 
 def test_mechanics_of_a_contact_and_of_few_states():

@@ -124,6 +124,6 @@ def test_a_stream_carries_what_the_decoder_does(level):
 def test_a_press_is_never_taken_for_no_contact():
     law = decode_readings.of_level(paper(), "finite")
     sunk = np.array([[0.4, 0.1, 0.0], [0.0, 0.0, 0.0], [-0.02, -0.3, -1.0]])
-    force, load, _ = response_surface.carried(law, sunk)
+    force, load, _ = response_surface.force_and_load(law, sunk)
     assert_allclose(force, response_surface.forces(law, sunk)[0])
     assert (load[0] > 0).all()

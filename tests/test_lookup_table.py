@@ -144,9 +144,9 @@ def test_nearest_entry_by_blocks_is_that_of_all():
     model = forward_model.model(paper())
     grid = lookup.Grid(3.0, 3.0, 0.15)
     table = np.stack([lookup.slab(model, grid, i) for i in range(grid.shape[0])])
-    index = lookup.blocks(table)
+    index = lookup.block_index(table)
     shift = rng.uniform([-3, -3, -3], [3, 3, 0], (40, 3)).T.copy()
-    for field in [*forward_model.values_at(model, shift).T, np.array([1.0, -1.0, 0.5])]:
+    for field in [*forward_model.readings_at(model, shift).T, np.array([1.0, -1.0, 0.5])]:
         place, looked = lookup.nearest(index, field)
         distance = ((table - field) ** 2).sum(axis=3)
         assert distance[place] == distance.min()

@@ -34,7 +34,7 @@ def test_stream_is_the_decoder(design, tau):
     t = np.linspace(0, 3, 60)
     path = np.stack([2.5 * np.cos(t), 2.5 * np.sin(1.3 * t), -1 - 0.8 * np.sin(2 * t)])
     path[:, 0] = [0, 0, 0]
-    field = forward_model.seen(coder.forward, path)[0].T
+    field = forward_model.readings_with_slopes(coder.forward, path)[0].T
     field[7], field[11], field[13] = 1.0, np.nan, 0.0
     expected = decode.decode(coder, field, follow=True)
     follower = stream.Stream(coder)

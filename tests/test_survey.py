@@ -27,8 +27,8 @@ def test_condition_sign_and_noise_are_those_of_differences(level, layout):
     numeric = np.array(
         [
             (
-                forward_model.values_at(coder.forward, seen.shift + e)
-                - forward_model.values_at(coder.forward, seen.shift - e)
+                forward_model.readings_at(coder.forward, seen.shift + e)
+                - forward_model.readings_at(coder.forward, seen.shift - e)
             )
             / (2 * step)
             for e in step * np.eye(3)[:, :, None]
@@ -95,5 +95,5 @@ def test_only_what_the_mechanics_know_counts():
     assert z.max() < 0
     flat = prepared(paper(), "finite", ignore_tilt=True)
     assert survey.known(flat, seen.shift).all()
-    with pytest.raises(BadInput, match="no pose"):
+    with pytest.raises(BadInput, match="the tilt is not known at any pose"):
         survey.at_poses(coder, np.array([[0.0], [0.0], [0.1]]), np.ones(1), (1, 1, 1))

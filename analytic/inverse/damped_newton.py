@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.inverse.forward_model import Forward, seen
+from analytic.inverse.forward_model import Forward, readings_with_slopes
 from analytic.inverse.start_table import STEEP
 from geometry.arrays import Array
 
@@ -48,7 +48,7 @@ def refine(
     -------
     shift : shape (3, n), mm.
     residual : B - B_read, shape (k, n), T.
-    slopes : dB/ds as `seen`, shape (3, k, n), T/mm, at a distance of the last step.
+    slopes : dB/ds as `readings_with_slopes`, shape (3, k, n), T/mm, at a distance of the last step.
     done : whether the iteration came to its goal, shape (n,).
     """
     n = starts.shape[1]
@@ -58,7 +58,7 @@ def refine(
     floor, roof, w = low[:, None], high[:, None], weights[:, None]
     s, goal = np.clip(starts, floor, roof), target
     mu, last, bend = np.zeros(n), np.full(n, np.inf), np.broadcast_to(np.asarray(curve, dtype=np.float64), (n,))
-    values, A = seen(forward, s)
+    values, A = readings_with_slopes(forward, s)
     f = values - goal
     size = ((w * f) ** 2).sum(axis=0)
     for _ in range(STEPS):
@@ -82,7 +82,7 @@ def refine(
             active, mu, last, bend, size, length = active[go], mu[go], last[go], bend[go], size[go], length[go]
             s, goal, f, p, A = s[:, go], goal[:, go], f[:, go], p[:, go], A[:, :, go]
         trial = np.clip(s + p * np.minimum(1.0, LONGEST / np.maximum(length, 1e-300)), floor, roof)
-        values, A_new = seen(forward, trial)
+        values, A_new = readings_with_slopes(forward, trial)
         f_new = values - goal
         size_new = ((w * f_new) ** 2).sum(axis=0)
         good = size_new < size

@@ -88,7 +88,7 @@ def model(
     return Forward(design, chosen, np.asarray(tau, dtype=np.float64), mode, points, normals, owners)
 
 
-def seen(forward: Forward, shift: Array) -> tuple[Array, Array]:
+def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     """What the elements see, and how it grows with the shift.
 
     Parameters
@@ -119,8 +119,8 @@ def seen(forward: Forward, shift: Array) -> tuple[Array, Array]:
     return values.reshape(len(forward.elements), n), slopes
 
 
-def values_at(forward: Forward, shift: Array) -> Array:
-    """The values of `seen` alone."""
+def readings_at(forward: Forward, shift: Array) -> Array:
+    """Return the readings of `readings_with_slopes` without the slopes."""
     m, _, _, radial, local = _places(forward, shift)
     b = cylinder_field(local, *_magnet(forward.design))
     B = b[:, 0].reshape(radial.shape[1:]) * radial + b[:, 2].reshape(radial.shape[1:]) * m

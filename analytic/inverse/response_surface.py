@@ -40,9 +40,9 @@ SHARES = (0.25, 0.5, 0.75)
 MOST_ENDS = 60
 """Samples between which lines are drawn; there are some thousand of these."""
 
-NOTHING = 1e-9
+ZERO_FORCE = 1e-9
 """Force that counts as rounding, N."""
-NO_DEPTH = 1e-9
+ZERO_DEPTH = 1e-9
 """Depth that counts as rounding, mm: the plate does not touch."""
 
 
@@ -146,13 +146,13 @@ def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
     return np.stack([x * k, y * k, n]), slopes
 
 
-def pressing(mechanics: Mechanics, w: Array, normal: Array) -> Array:
+def normal_force(mechanics: Mechanics, w: Array, normal: Array) -> Array:
     """The normal force, shape (n,), N, at vertical shifts (n,), mm, of a plate that presses or does not touch.
 
     0 above rest and where it is negative by no more than the fit's own error; NaN where the plate would have to pull:
     there the polynomials are far from all samples.
     """
-    pulls = (w < 0) & (normal < -(mechanics.errors[2] + NOTHING))
+    pulls = (w < 0) & (normal < -(mechanics.errors[2] + ZERO_FORCE))
     return np.asarray(np.where(pulls, np.nan, np.maximum(normal, 0.0)))
 
 
@@ -167,7 +167,7 @@ def load(mechanics: Mechanics, shift: Array) -> Array:
     return np.stack([np.maximum(polynomial(mechanics.depth, U, r)[0], 0.0), x * ratio, y * ratio])
 
 
-def carried(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
+def force_and_load(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
     """Force on the tip, N, and load (depth, shear_x, shear_y), mm, at shifts (3, n), mm; and the force's slopes.
 
     A plate that does not touch carries nothing: where the depth is 0 and no press sinks the magnet, force and load
@@ -180,10 +180,10 @@ def carried(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
     """
     force, slopes = forces(mechanics, shift)
     moved = load(mechanics, shift)
-    pressed = (shift[2] < 0) & (force[2] > mechanics.errors[2] + NOTHING)
-    force[2] = pressing(mechanics, shift[2], force[2])
+    pressed = (shift[2] < 0) & (force[2] > mechanics.errors[2] + ZERO_FORCE)
+    force[2] = normal_force(mechanics, shift[2], force[2])
     pulled = np.isnan(force[2])
-    free = ~pulled & ~pressed & (moved[0] <= NO_DEPTH)
+    free = ~pulled & ~pressed & (moved[0] <= ZERO_DEPTH)
     for values in (force, moved):
         values[:, pulled] = np.nan
         values[:, free] = 0.0

@@ -32,14 +32,14 @@ BINS = 32
 """Along each direction of the space of readings, as many readings of the grid in each."""
 APART = 1.2
 """Starts on the same side of the folds and closer than this many cells lead to the same pose."""
-BENDS = 3
+CORRECTIONS = 3
 """Iterations for the true place in a cell."""
 STEEP = 1e9
 """Curvature where it is not known, 1/mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sheets:
+class StartTable:
     """The table.
 
     Attributes
@@ -51,8 +51,8 @@ class Sheets:
     maps : a point r is at maps[i, :, :3] @ r + maps[i, :, 3] along i in the cells, in edges of the cell (of the box)
         from its centre, shape (3, n, 4).
     bends : coefficients of q by `monomials`, shape (3, 20, n); 0 where iterating would not converge.
-    curve : bound of |J^-1 d2B/ds2| / 2 in a cell, 1/mm: a step p of Newton's leaves an error of curve p^2; `STEEP`
-        where it is not known.
+    curvature : upper bound of |J^-1 d2B/ds2| / 2 in a cell, 1/mm: a Newton step of length p leaves an error of at
+        most curvature p^2; `STEEP` where it is not known.
     centre : of the cells, shape (n, 3), mm.
     turn : sign of the determinant, 0 where the corners do not agree.
     corners : of the cells with turn 0, numbers of the grid's points, by number of the cell, shape (n, 8).
@@ -64,25 +64,25 @@ class Sheets:
     """
 
     basis: Array
-    edges: Array
+    bin_edges: Array
     first: Ints
     members: NDArray[np.int32]
     low: Array
     high: Array
     maps: Array
-    bends: Array
-    curve: Array
+    correction: Array
+    curvature: Array
     centre: Array
-    turn: NDArray[np.int8]
+    cell_sign: NDArray[np.int8]
     corners: Ints
     grid: Array
-    side: Array
+    grid_sign: Array
     readings: Array
-    edge: Array
+    cell_size: Array
     span: Array
 
 
-def starts(table: Sheets, readings: Array) -> tuple[Ints, Array, Array]:
+def starts(table: StartTable, readings: Array) -> tuple[Ints, Array, Array]:
     """Where to begin.
 
     Parameters
@@ -93,31 +93,31 @@ def starts(table: Sheets, readings: Array) -> tuple[Ints, Array, Array]:
     -------
     owner : number of the reading of each start, in order.
     shift : shape (3, m), mm.
-    curve : as `Sheets.curve`, of each start.
+    curvature : as `StartTable.curvature`, of each start.
     """
     r = table.basis @ readings
-    owner, cell, u = located(table, r, *_candidates(table, r))
+    owner, cell, u = cells_containing(table, r, *_candidates(table, r))
     outside = np.abs(u).max(axis=0)
-    turn = table.turn[cell]
+    turn = table.cell_sign[cell]
     folded = turn == 0
     hit = np.flatnonzero(~folded)
-    at = table.centre[cell[hit]] + u[:, hit].T * table.edge
+    at = table.centre[cell[hit]] + u[:, hit].T * table.cell_size
     kept = _distinct(
-        owner[hit], turn[hit].astype(np.int64), outside[hit], at, APART * float(np.linalg.norm(table.edge))
+        owner[hit], turn[hit].astype(np.int64), outside[hit], at, APART * float(np.linalg.norm(table.cell_size))
     )
     hit = hit[kept]
-    owners, curve = owner[hit], table.curve[cell[hit]]
-    ats = bent(table, cell[hit], u[:, hit])
+    owners, curvature = owner[hit], table.curvature[cell[hit]]
+    ats = corrected_shifts(table, cell[hit], u[:, hit])
     if folded.any():
         more, beside = _both_sides(table, owner[folded], cell[folded], r.T[owner[folded]])
         owners, ats = np.concatenate([owners, more]), np.concatenate([ats, beside.T], axis=1)
-        curve = np.concatenate([curve, np.full(len(more), STEEP)])
+        curvature = np.concatenate([curvature, np.full(len(more), STEEP)])
         order = np.argsort(owners, kind="stable")
-        owners, ats, curve = owners[order], ats[:, order], curve[order]
-    return owners, np.ascontiguousarray(ats), curve
+        owners, ats, curvature = owners[order], ats[:, order], curvature[order]
+    return owners, np.ascontiguousarray(ats), curvature
 
 
-def located(table: Sheets, r: Array, owner: Ints, cell: Ints) -> tuple[Ints, Ints, Array]:
+def cells_containing(table: StartTable, r: Array, owner: Ints, cell: Ints) -> tuple[Ints, Ints, Array]:
     """Those of the candidates in which the points r (3, n) lie, and the places by the linear maps, shape (3, m)."""
     places: list[Array] = []
     point = r[:, owner]
@@ -132,30 +132,30 @@ def located(table: Sheets, r: Array, owner: Ints, cell: Ints) -> tuple[Ints, Int
     return owner[inside], cell[inside], np.stack(places)[:, inside]
 
 
-def bent(table: Sheets, cell: Ints, u: Array) -> Array:
+def corrected_shifts(table: StartTable, cell: Ints, u: Array) -> Array:
     """Shifts (3, n), mm, from places u (3, n) in cells by their linear maps."""
-    q, v = table.bends[:, :, cell], u
-    for _ in range(BENDS):
+    q, v = table.correction[:, :, cell], u
+    for _ in range(CORRECTIONS):
         v = u - np.einsum("ipn,pn->in", q, np.array(monomials(*v)))
-    return np.asarray(table.centre[cell].T + v * table.edge[:, None])
+    return np.asarray(table.centre[cell].T + v * table.cell_size[:, None])
 
 
 def monomials(x: Any, y: Any, z: Any) -> list[Any]:
-    """Of degree 0 to 3, of numbers or arrays, in the order of `analytic.inverse.start_table_cells.NORMS`."""
+    """Of degree 0 to 3, of numbers or arrays, in the order of `analytic.inverse.start_table_construction.NORMS`."""
     xx, yy, zz = x * x, y * y, z * z
     squares = [xx, x * y, x * z, yy, y * z, zz]
     cubes = [xx * x, xx * y, xx * z, x * yy, squares[1] * z, x * zz, yy * y, yy * z, y * zz, zz * z]
     return [1.0 + 0.0 * x, x, y, z, *squares, *cubes]
 
 
-def _both_sides(table: Sheets, owner: Ints, cell: Ints, point: Array) -> tuple[Ints, Array]:
+def _both_sides(table: StartTable, owner: Ints, cell: Ints, point: Array) -> tuple[Ints, Array]:
     """The corners of folded cells on either side of the fold that read most like the point."""
     corners = table.corners[cell]
     size = (table.high - table.low)[:, cell].T
     far = (np.abs(table.readings[corners] - point[:, None]) / size[:, None]).max(axis=2)
     owners, ats = [], []
     for sign in (-1, 1):
-        there = np.where(table.side[corners] == sign, far, np.inf)
+        there = np.where(table.grid_sign[corners] == sign, far, np.inf)
         best = there.argmin(axis=1)
         some = np.isfinite(there[np.arange(len(best)), best])
         owners.append(owner[some])
@@ -163,10 +163,10 @@ def _both_sides(table: Sheets, owner: Ints, cell: Ints, point: Array) -> tuple[I
     return np.concatenate(owners), np.concatenate(ats)
 
 
-def _candidates(table: Sheets, r: Array) -> tuple[Ints, Ints]:
+def _candidates(table: StartTable, r: Array) -> tuple[Ints, Ints]:
     """Number of the reading and cell, for each cell in the bins of the readings (3, n)."""
     index = np.zeros(r.shape[1], dtype=np.int64)
-    for edges, values in zip(table.edges, r, strict=True):
+    for edges, values in zip(table.bin_edges, r, strict=True):
         index = index * BINS + np.searchsorted(edges, values)
     begin = table.first[index]
     many = table.first[index + 1] - begin

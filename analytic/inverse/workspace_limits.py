@@ -18,7 +18,7 @@ from analytic.inverse import damped_newton, forward_model, response_surface
 from geometry.arrays import Array
 from geometry.design import BadInput
 
-End = Literal["depth", "shear", "workspace"]
+Limit = Literal["depth", "shear", "workspace"]
 """What ends the workspace on the way to a pose: the depth or the shear of the mechanics' samples, or its own size."""
 
 WIDER = 1.25
@@ -29,7 +29,7 @@ BLOCK = 512
 """Rows worked on at a time."""
 
 
-def poses(coder: Decoder, readings: Array) -> Array:
+def poses_outside(coder: Decoder, readings: Array) -> Array:
     """The pose outside the workspace, nearest to it, that gives each row of readings (n, k), T; NaN for none.
 
     Returns
@@ -42,7 +42,7 @@ def poses(coder: Decoder, readings: Array) -> Array:
     grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
     # the magnet may run into an element out there, where its field is not defined
     with contextlib.suppress(BadInput):
-        seen = forward_model.values_at(coder.forward, grid)
+        seen = forward_model.readings_at(coder.forward, grid)
         for start in range(0, len(readings), BLOCK):
             part = slice(start, start + BLOCK)
             found[part] = _nearest(coder, readings[part], grid, seen, low, high)
@@ -65,7 +65,7 @@ def _nearest(coder: Decoder, readings: Array, grid: Array, seen: Array, low: Arr
     return np.where(np.isfinite(far[best]), s[:, best], np.nan).T
 
 
-def end(coder: Decoder, pose: Array) -> End | None:
+def exceeded_limit(coder: Decoder, pose: Array) -> Limit | None:
     """What keeps a pose (3,), mm, out of the workspace; None for a pose that is not known (NaN)."""
     if not np.isfinite(pose).all():
         return None

@@ -65,7 +65,7 @@ def coder_of(design: Design, tau: float) -> Decoder:
 def poses(coder: Decoder, count: int, seed: int = 1) -> tuple[Array, Array]:
     """Shifts (3, n), mm, and what is read there, shape (k, n), T."""
     shift = np.random.default_rng(seed).uniform(coder.low, coder.high, (count, 3)).T.copy()
-    return shift, forward_model.values_at(coder.forward, shift)
+    return shift, forward_model.readings_at(coder.forward, shift)
 
 
 def round_trips(count: int = 4000) -> list[RoundTrips]:
@@ -79,8 +79,8 @@ def round_trips(count: int = 4000) -> list[RoundTrips]:
             nearest = np.full(count, np.inf)
             np.minimum.at(nearest, found.owner, np.abs(found.poses - shift.T[found.owner]).max(axis=1))
             unique = found.multiplicity == 1
-            det = np.linalg.det(np.moveaxis(forward_model.seen(coder.forward, shift)[1], 2, 0))
-            rest = np.linalg.det(forward_model.seen(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
+            det = np.linalg.det(np.moveaxis(forward_model.readings_with_slopes(coder.forward, shift)[1], 2, 0))
+            rest = np.linalg.det(forward_model.readings_with_slopes(coder.forward, np.zeros((3, 1)))[1][:, :, 0])
             trips.append(
                 RoundTrips(
                     layout=name,
@@ -172,7 +172,7 @@ def _timed(name: str, count: int, runs: int) -> tuple[float, float, int]:
     follower = stream.Stream(coder)
     t = np.linspace(0, 10, SAMPLES)
     path = np.stack([1.5 * np.sin(1.1 * t), 1.5 * np.cos(1.7 * t), -1.1 + 0.9 * np.sin(0.6 * t)])
-    samples = [(a, b, c) for a, b, c in forward_model.values_at(coder.forward, path).T.tolist()]
+    samples = [(a, b, c) for a, b, c in forward_model.readings_at(coder.forward, path).T.tolist()]
     return many, statistics.median(_clock(follower, samples) for _ in range(runs)), some
 
 

@@ -52,7 +52,7 @@ from analytic import magnet
 imported = time.perf_counter()
 magnet.cylinder_field([[1.0, 2.0, 3.0]], 2, 2, 1.2)
 first = time.perf_counter()
-magnet.cylinder_field([[1.0, 2.0, 3.0]] * magnet.MANY, 2, 2, 1.2)
+magnet.cylinder_field([[1.0, 2.0, 3.0]] * magnet.MIN_COMPILED_POINTS, 2, 2, 1.2)
 print(json.dumps([imported - begin, first - imported, time.perf_counter() - first]))
 """
 
@@ -107,11 +107,13 @@ def errors(count: int = 24, jacobians: int = 6) -> list[RegionErrors]:
                 RegionErrors(
                     region=name,
                     height_per_radius=flatness,
-                    numpy=_worst(magnet.in_numpy(points, a, h / 2, 1.0, slope=False)[0], true),
-                    compiled=_worst(magnet.in_kernel(kernel, points, a, h / 2, 1.0, slope=False)[0], true),
+                    numpy=_worst(magnet.numpy_field(points, a, h / 2, 1.0, slope=False)[0], true),
+                    compiled=_worst(magnet.compiled_field(kernel, points, a, h / 2, 1.0, slope=False)[0], true),
                     magpylib=_worst(by_magpylib, true),
-                    numpy_jacobian=_worst(magnet.in_numpy(some, a, h / 2, 1.0, slope=True)[1], slopes),
-                    compiled_jacobian=_worst(magnet.in_kernel(kernel, some, a, h / 2, 1.0, slope=True)[1], slopes),
+                    numpy_jacobian=_worst(magnet.numpy_field(some, a, h / 2, 1.0, slope=True)[1], slopes),
+                    compiled_jacobian=_worst(
+                        magnet.compiled_field(kernel, some, a, h / 2, 1.0, slope=True)[1], slopes
+                    ),
                 )
             )
     return table
@@ -138,10 +140,10 @@ def speed(count: int = 1_000_000, runs: int = 5) -> list[ProgramTimes]:
     other = magpylib.magnet.Cylinder(polarization=(0, 0, design.remanence), dimension=(2e-3 * radius, 1e-3 * height))
     half = (radius, height / 2, design.remanence)
     programs: dict[str, Callable[[Array], object]] = {
-        "compiled": lambda x: magnet.in_kernel(kernel, x, *half, slope=False),
-        "compiled, with Jacobian": lambda x: magnet.in_kernel(kernel, x, *half, slope=True),
-        "NumPy": lambda x: magnet.in_numpy(x, *half, slope=False),
-        "NumPy, with Jacobian": lambda x: magnet.in_numpy(x, *half, slope=True),
+        "compiled": lambda x: magnet.compiled_field(kernel, x, *half, slope=False),
+        "compiled, with Jacobian": lambda x: magnet.compiled_field(kernel, x, *half, slope=True),
+        "NumPy": lambda x: magnet.numpy_field(x, *half, slope=False),
+        "NumPy, with Jacobian": lambda x: magnet.numpy_field(x, *half, slope=True),
         f"magpylib {metadata.version('magpylib')}, getB": lambda x: other.getB(1e-3 * x),
     }
     many = np.random.default_rng(1).normal(size=(count, 3)) * 6

@@ -86,7 +86,7 @@ def report(
     lines += _table(heads, cells)
     lines += [
         "",
-        f"The kernel is loaded by a call with {magnet.MANY} points or more, or by `analytic.magnet.compiled()`.",
+        f"Calls with {magnet.MIN_COMPILED_POINTS} points or more, and `analytic.magnet.compiled()`, load the kernel.",
         "",
     ]
     lines += ["## How it was measured", "", *text.splitlines(), ""]

@@ -114,7 +114,7 @@ def whole(path: Path, count: int = 2000, again: int = 12) -> WholeTable:
     same = [np.array_equal(lookup.slab(model, grid, i), table[i]) for i in slabs]
     built = (time.process_time() - begin) / again * len(table)
     begin = time.perf_counter()
-    index = lookup.blocks(table)
+    index = lookup.block_index(table)
     indexed = time.perf_counter() - begin
     begin = time.perf_counter()
     answers = [lookup.nearest(index, b) for b in field.T]
@@ -146,4 +146,4 @@ def _asked(count: int) -> tuple[Forward, Array, Array]:
     """The paper's sensor without tilt, shifts (3, n), mm, drawn from the table's range, and what is read there, T."""
     model = forward_model.model(paper())
     shift = np.random.default_rng(3).uniform([-3.0, -3.0, -3.0], [3.0, 3.0, 0.0], (count, 3)).T.copy()
-    return model, shift, forward_model.values_at(model, shift)
+    return model, shift, forward_model.readings_at(model, shift)

@@ -21,7 +21,7 @@ from studies.sensing.field_readings import read_rows
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder
     from analytic.inverse.response_surface import Mechanics
-    from analytic.inverse.workspace_limits import End
+    from analytic.inverse.workspace_limits import Limit
     from analytic.parts import Element
     from geometry.arrays import Array
     from studies.sensing.force_level_check import Gap
@@ -54,7 +54,7 @@ NO_CONTACT = (
 )
 
 
-def beyond_sentence(coder: Decoder, end: End | None, *, solved: bool) -> str:
+def beyond_sentence(coder: Decoder, end: Limit | None, *, solved: bool) -> str:
     """Why readings are out of the workspace, and what to do.
 
     Parameters
@@ -169,8 +169,8 @@ def one(coder: Decoder, text: str, units: str | None, level: str) -> dict[str, A
     (status,) = found.status
     tilt, tilt_y = tilts_of(*found.tilt[0].tolist())
     out = status == "out_of_workspace"
-    outside = workspace_limits.poses(coder, field)[0] if out else None
-    end = None if outside is None else workspace_limits.end(coder, outside)
+    outside = workspace_limits.poses_outside(coder, field)[0] if out else None
+    end = None if outside is None else workspace_limits.exceeded_limit(coder, outside)
     message = beyond_sentence(coder, end, solved=level == RESPONSES) if out else WHY[status]
     depth = float(found.load[0, 0])
     contact = None if math.isnan(depth) else depth > 0
@@ -218,7 +218,7 @@ class Summary:
     """
 
     counts: dict[str, int]
-    ends: dict[End | None, int]
+    ends: dict[Limit | None, int]
     warnings: list[str]
 
 
@@ -294,12 +294,16 @@ def _summary(coder: Decoder, found: Decoded, field: Array, level: str) -> Summar
     return Summary(counts, _ends(coder, found, field), [] if gap is None else force_level_check.warnings(level, gap))
 
 
-def _ends(coder: Decoder, found: Decoded, field: Array) -> dict[End | None, int]:
+def _ends(coder: Decoder, found: Decoded, field: Array) -> dict[Limit | None, int]:
     """What keeps rows out of the workspace, and how many of them."""
     from analytic.inverse import workspace_limits
 
     rows = [k for k, status in enumerate(found.status) if status == "out_of_workspace"][:MOST_LOOKED_AT]
-    ends = [workspace_limits.end(coder, pose) for pose in workspace_limits.poses(coder, field[rows])] if rows else []
+    ends = (
+        [workspace_limits.exceeded_limit(coder, pose) for pose in workspace_limits.poses_outside(coder, field[rows])]
+        if rows
+        else []
+    )
     return dict(Counter(ends))
 
 

@@ -72,7 +72,7 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
     """
     if law is None:
         return np.full(shift.shape, np.nan)
-    force, load, _ = response_surface.carried(law, np.ascontiguousarray(shift.T))
+    force, load, _ = response_surface.force_and_load(law, np.ascontiguousarray(shift.T))
     low, high = response_surface.workspace(design, law)
     inside = ((shift >= low) & (shift <= high)).all(axis=1) & (load[0] <= beam.DEEPEST * design.D)
     inside &= np.hypot(load[1], load[2]) <= beam.FARTHEST * design.D

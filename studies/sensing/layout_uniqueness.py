@@ -177,7 +177,7 @@ def _magnets(design: Design) -> Iterator[Design]:
 def _own(design: Design, form: str) -> FormRow:
     """Figures of the given layout, with the least differences of readings."""
     from analytic import survey
-    from analytic.inverse import nearest_readings
+    from analytic.inverse import uniqueness_margin
 
     coder = coder_of(design, form, law_of(design, form))
     poses = survey.survey(coder, POSES)
@@ -185,7 +185,7 @@ def _own(design: Design, form: str) -> FormRow:
     differences = []
     for share in APART:
         apart = share * design.D
-        least = nearest_readings.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
+        least = uniqueness_margin.least_difference(coder, poses, apart) if not figures.alike_percent else 0.0
         differences.append(Difference(apart, least))
     return FormRow(form, figures, [coder.low.tolist(), coder.high.tolist()], tuple(differences))
 

@@ -167,7 +167,7 @@ def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
 
     if model.tau.any():
         raise BadInput("--plane needs a magnet without tilt: leave out --level and --responses")
-    table, first = lookup.plane(model, grid)
+    table, first = lookup.meridian_table(model, grid)
     about = _about(model, grid, table.shape)
     about["axes"] = [
         {"name": "rho_mm", "first": 0.0, "step": grid.step, "count": table.shape[0]},

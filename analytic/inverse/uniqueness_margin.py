@@ -35,7 +35,7 @@ def _nearer(coder: Decoder, a: Array, b: Array, apart: float) -> float:
 
     def distance(pair: Array) -> tuple[float, Array]:
         """Square of the distance of the readings, and its slope."""
-        values, slopes = forward_model.seen(coder.forward, np.ascontiguousarray(pair.reshape(2, 3).T))
+        values, slopes = forward_model.readings_with_slopes(coder.forward, np.ascontiguousarray(pair.reshape(2, 3).T))
         lack = (values[:, 0] - values[:, 1]) / coder.sigma
         rows = 2 * np.einsum("jkn,k->nj", slopes / coder.sigma[:, None], lack)
         return float((lack**2).sum()), np.concatenate([rows[0], -rows[1]])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.inverse.forward_model import Forward, seen
-from analytic.inverse.start_table import BINS, MARGIN, STEEP, Sheets, monomials
+from analytic.inverse.forward_model import Forward, readings_with_slopes
+from analytic.inverse.start_table import BINS, MARGIN, STEEP, StartTable, monomials
 from geometry.arrays import Array, Ints
 
 BOX = 1.5
@@ -21,7 +21,7 @@ yzz and zzz."""
 CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
-def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> Sheets:
+def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> StartTable:
     """The table over a box of shifts, with so many cells along each axis.
 
     Raises
@@ -35,45 +35,45 @@ def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int
     slopes = np.empty((3, *readings.shape))
     for start in range(0, grid.shape[1], 4096):
         part = slice(start, start + 4096)
-        readings[:, part], slopes[:, :, part] = seen(forward, np.ascontiguousarray(grid[:, part]))
+        readings[:, part], slopes[:, :, part] = readings_with_slopes(forward, np.ascontiguousarray(grid[:, part]))
     basis = np.eye(3)
     if len(readings) > 3:
         spread = readings - readings.mean(axis=1, keepdims=True)
         basis = np.linalg.svd(spread @ spread.T)[0].T[:3]
     r = (basis @ readings).T
     slopes = np.einsum("ik,jkn->nij", basis, slopes)
-    side = np.sign(np.linalg.det(slopes))
+    grid_sign = np.sign(np.linalg.det(slopes))
     corners = _corners(counts)
-    ends, sides = r[corners], side[corners]
+    ends, sides = r[corners], grid_sign[corners]
     # the linear map that fits the corners best: its slope along an edge is the mean difference
     linear = np.einsum("ncr,cj->nrj", ends, (2 * CORNERS - 1) / 4)
-    turn = np.where((sides == sides[:, :1]).all(axis=1), sides[:, 0], 0).astype(np.int8)
-    middle, inverse = _maps(linear, ends, turn == 0)
-    edge = (high - low) / counts
-    bends, curve = _bends(inverse, middle, ends, slopes[corners], turn == 0, edge)
+    cell_sign = np.where((sides == sides[:, :1]).all(axis=1), sides[:, 0], 0).astype(np.int8)
+    middle, inverse = _maps(linear, ends, cell_sign == 0)
+    cell_size = (high - low) / counts
+    correction, curvature = _corrections(inverse, middle, ends, slopes[corners], cell_sign == 0, cell_size)
     least, most = ends.min(axis=1), ends.max(axis=1)
     reach = MARGIN * (most - least)
     least, most = least - reach, most + reach
     edges = np.quantile(r, np.arange(1, BINS) / BINS, axis=0).T
     maps = _rows(inverse, middle)
     first, members = _binned(edges, least, most, maps)
-    return Sheets(
+    return StartTable(
         basis=basis,
-        edges=np.ascontiguousarray(edges),
+        bin_edges=np.ascontiguousarray(edges),
         first=first,
         members=members,
         low=np.ascontiguousarray(least.T),
         high=np.ascontiguousarray(most.T),
         maps=maps,
-        bends=bends,
-        curve=curve,
+        correction=correction,
+        curvature=curvature,
         centre=grid.T[corners].mean(axis=1),
-        turn=turn,
+        cell_sign=cell_sign,
         corners=corners,
         grid=np.ascontiguousarray(grid.T),
-        side=side,
+        grid_sign=grid_sign,
         readings=r,
-        edge=edge,
+        cell_size=cell_size,
         span=np.ptp(readings, axis=1),
     )
 
@@ -87,7 +87,7 @@ def _corners(counts: tuple[int, int, int]) -> Ints:
 
 
 def _maps(linear: Array, ends: Array, folded: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """`Sheets.middle` and `Sheets.inverse` of the cells."""
+    """`StartTable.middle` and `StartTable.inverse` of the cells."""
     middle = ends.mean(axis=1)
     matrices = linear.copy()
     matrices[folded] = np.eye(3)
@@ -102,20 +102,20 @@ def _maps(linear: Array, ends: Array, folded: NDArray[np.bool_]) -> tuple[Array,
 
 
 def _rows(inverse: Array, middle: Array) -> Array:
-    """`Sheets.maps`."""
+    """`StartTable.maps`."""
     return np.moveaxis(np.concatenate([inverse, -np.matmul(inverse, middle[:, :, None])], axis=2), 1, 0).copy()
 
 
-def _bends(
-    inverse: Array, middle: Array, ends: Array, slopes: Array, folded: NDArray[np.bool_], edge: Array
+def _corrections(
+    inverse: Array, middle: Array, ends: Array, slopes: Array, folded: NDArray[np.bool_], cell_size: Array
 ) -> tuple[Array, Array]:
-    """`Sheets.bends` and `Sheets.curve` from readings (n, 8, 3) and slopes (n, 8, i, j) at the cells' corners."""
+    """Return `StartTable.correction` and `StartTable.curvature` from readings (n, 8, 3) and slopes (n, 8, i, j)."""
     v = (CORNERS - 0.5).T
     # slopes of polynomials by a complex step, exact to rounding
     columns = [np.array(monomials(*v))]
     columns += [np.array(monomials(*(v + 1e-30j * e[:, None]))).imag / 1e-30 for e in np.eye(3)]
     fit = np.linalg.pinv(np.concatenate(columns, axis=1).T)
-    data = np.concatenate([ends - middle[:, None], *np.moveaxis(slopes * edge, 3, 0)], axis=1)
+    data = np.concatenate([ends - middle[:, None], *np.moveaxis(slopes * cell_size, 3, 0)], axis=1)
     q = np.einsum("pd,ndk,nik->ipn", fit, data, inverse, optimize=True)
     for i in range(3):
         q[i, 1 + i] -= 1
@@ -127,12 +127,12 @@ def _bends(
     rate = first + 2 * far * second + 3 * far**2 * third
     mild = ~folded & (rate < MILD)
     q[:, :, ~mild] = 0.0
-    bound = edge.max() / edge.min() ** 2 * (second + 3 * far * third)
+    bound = cell_size.max() / cell_size.min() ** 2 * (second + 3 * far * third)
     return q, np.where(mild, bound / np.where(mild, 1 - rate, 1.0), STEEP)
 
 
 def _binned(edges: Array, low: Array, high: Array, maps: Array) -> tuple[Ints, NDArray[np.int32]]:
-    """For each bin the cells that may meet it, as `Sheets.first` and `members`: their box meets it, and each slab."""
+    """Return `StartTable.first` and `members`: for each bin the cells that may intersect it."""
     # no cell is beyond the outermost ends
     ends = np.column_stack([low.min(axis=0), edges, high.max(axis=0)])
     found = [
