@@ -188,7 +188,7 @@ def _check_path(loads: Sequence[Load]) -> None:
     for load in loads:
         if glued is not None and load.depth != glued:
             raise BadInput(
-                f"the plate sticks to the tip since depth {glued:g} mm and cannot move to {load.depth:g} mm: "
+                f"the plate has stuck to the tip since depth {glued:g} mm and cannot move to {load.depth:g} mm: "
                 "press to the full depth before the shear"
             )
         if load.glues:

@@ -180,8 +180,8 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     fit = process.fit if mold.fit is None else mold.fit
     if pin_radius > 0 and not fit <= left:
         raise BadInput(
-            f"fit must not exceed the {left:.3g} mm of silicone between pin and cavity, or they touch "
-            f"when A is pushed aside; got {fit:g} mm: set a smaller fit, if the printer can hold it, or take a "
+            f"fit must not exceed the {left:.3g} mm of silicone between pin and cavity, or they touch when A shifts "
+            f"sideways; got {fit:g} mm: set a smaller fit, if the printer can hold it, or take a "
             "smaller magnet"
         )
     free = max(L, LEAST_FREE)

@@ -209,7 +209,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     )
     assert entry_point.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
-    assert "promises are not kept" in said.err
+    assert "goals are missed" in said.err
     assert all(json.loads(line)["quantity"] for line in said.out.splitlines())
     report = (tmp_path / "ACCURACY.md").read_text("utf-8")
     assert "1 of 2 states compared" in report

@@ -228,7 +228,7 @@ def test_the_command_prints_a_row_per_scene_and_writes_the_table(run, strict, mo
     assert rows[0]["measured"] <= rows[0]["bound"]
     assert (tmp_path / "extremes.csv").read_text("utf-8").count("\n") == 3
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
-    assert "2 of 2 scenes pass, 0 fail, 0 are not judged" in report
+    assert "2 of 2 cases pass, 0 fail, 0 are not judged" in report
     assert f"Made with `magtip extremes --quick --out {tmp_path}`" in report
 
 
@@ -251,7 +251,7 @@ def test_a_scene_that_is_not_judged_is_counted_apart_and_fails_nothing(run, monk
     assert "not judged  open" in out
     assert "1 of 2 cases yield no measurement: open" in err
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
-    assert "1 of 2 scenes pass, 0 fail, 1 is not judged" in report
+    assert "1 of 2 cases pass, 0 fail, 1 is not judged" in report
     assert "| **not judged** |" in report
     verdicts = [line.split(",")[1] for line in (tmp_path / "extremes.csv").read_text("utf-8").splitlines()]
     assert verdicts == ["verdict", "pass", "not judged"]

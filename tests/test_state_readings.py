@@ -60,7 +60,7 @@ def test_a_state_without_a_pose_keeps_its_row(run, strict, tmp_path):
     rows = strict(out)
     assert (status, [row["status"] for row in rows]) == (0, ["ok", "not_converged"])
     assert (rows[1]["readings_T"], rows[1]["message"]) == (None, "stopped")
-    assert err == "magtip: 1 of 2 states are not ok; the last is not_converged\n"
+    assert err == "magtip: 1 of 2 states failed; the last status is not_converged\n"
     assert run(*write(tmp_path, BROKEN), "--json")[0] == 3
     out = run(*write(tmp_path, STATE, BROKEN))[1]
     assert "rotation" in out

@@ -84,7 +84,7 @@ def test_bad_overrides(sets, parts):
         ("D = 8\nD = 9", ["not valid TOML", "line 2"]),
         ("D = " + "[" * 5000, ["not valid TOML"]),
         ('base = "papre"', ["'papre'", "did you mean paper"]),
-        ("base = 3", ["base must be a text"]),
+        ("base = 3", ["base must be a string"]),
         (b"D = 8 # \xff", ["not UTF-8"]),
         (b"\x00\x01", ["not valid TOML"]),
     ],
@@ -138,7 +138,7 @@ def test_axes():
     [
         ([], ["needs an axis"]),
         (["D"], ["NAME=a,b,c"]),
-        (["D="], ["axis D has no values"]),
+        (["D="], ["axis D is empty"]),
         (["D=1,,2"], ["axis D must be a finite number"]),
         (["D=6,x"], ["axis D", "'x'"]),
         (["D=6,nan"], ["axis D", "'nan'"]),
@@ -192,7 +192,7 @@ def test_study_with_a_table_as_design(toml):
         ("[axes]\nD = 3", ["axis D must be a list of numbers"]),
         ("[axes]\nD = [3, true]", ["axis D must be a number"]),
         ("[axes]\nD = [3, nan]", ["axis D must be a finite number"]),
-        ("[axes]\nD = []", ["axis D has no values"]),
+        ("[axes]\nD = []", ["axis D is empty"]),
         ("[axes]\nd = [1]", ["'d'", "did you mean"]),
         ('[axes]\nlaw = ["yeoh"]', ["law cannot be an axis", "is a list of numbers for D, L, f"]),
         ("axis = 3\n[axes]\nD = [3]", ["'axis'", "did you mean axes"]),
@@ -226,5 +226,5 @@ def test_law_by_option_by_file_and_by_study(tmp_path):
     with pytest.raises(BadInput, match=r"there is no law 'ogdn': did you mean ogden\?"):
         read_design("paper", ["law=ogdn"])
     file.write_text("law = 3\n")
-    with pytest.raises(BadInput, match="law must be a text; got 3"):
+    with pytest.raises(BadInput, match="law must be a string; got 3"):
         read_design(str(file))

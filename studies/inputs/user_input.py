@@ -99,8 +99,8 @@ def parse_numbers(name: str, text: str) -> list[float]:
     """Numbers from a text a,b,c."""
     parts = [part.strip() for part in text.split(",")]
     if not text.strip():
-        raise BadInput(f"{name} has no values: give numbers, such as 1,2,3")
-    return [_number(name, part) for part in parts]
+        raise BadInput(f"{name} is empty: give numbers, such as 1,2,3")
+    return [_number(f"each value of {name}", part) for part in parts]
 
 
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
@@ -239,7 +239,7 @@ def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) ->
         "finite_number": "a finite number",
         "list_type": "a list of numbers",
         "dict_type": "a table",
-        "string_type": "a text",
+        "string_type": "a string",
         "literal_error": first.get("ctx", {}).get("expected", ""),
     }.get(first["type"], first["msg"])
     raise BadInput(f"{name}: {key} must be {wanted}; got {first['input']!r:.60}")
@@ -288,7 +288,7 @@ def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]
     for name, values in axes.items():
         _check_axis(name)
         if not values:
-            raise BadInput(f"axis {name} has no values: give numbers, such as {name}=1,2,3")
+            raise BadInput(f"axis {name} is empty: give numbers, such as {name}=1,2,3")
         if len(set(values)) < len(values):
             raise BadInput(f"axis {name} lists a value twice: give each value once")
         low, high = (_FIELDS[name].metadata[end] for end in ("low", "high")) if name in _FIELDS else (0.0, math.inf)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from geometry.arrays import Array
 
 ABOUT = """\
-Shares are of the poses in the decoder's workspace that the mechanics know. They add up: a pose is blocked (the magnet
-or the beam's estimated wall meets an element, or the magnet the base), else saturated, else ambiguous, else unique.
-It is ambiguous where the decoder finds other poses with the same readings, be those blocked or not.
-Condition number and noise are those of the poses that are neither blocked nor saturated. The noise is the standard
+Shares refer to the poses of the decoder's workspace whose tilt is known, and add up to 100 %. A pose is blocked (the
+magnet or the beam's estimated wall meets an element, or the magnet meets the base), else saturated, else ambiguous,
+else unique. It is ambiguous if the decoder finds other poses with the same readings, blocked ones included.
+Condition number and noise are those of the poses that are neither blocked nor saturated. Noise is the standard
 deviation along the worst direction.
 """
 

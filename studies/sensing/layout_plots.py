@@ -84,7 +84,7 @@ def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
     return {
         "condition": ("condition number (1)", {"cmap": "viridis", "norm": norms["condition"]}),
         "sign": ("sign of det $J$", signs),
-        "multiplicity": ("poses alike (1)", many),
+        "multiplicity": ("poses with equal readings (1)", many),
         "noise": ("noise (µm)", {"cmap": "plasma", "norm": norms["noise"]}),
     }
 

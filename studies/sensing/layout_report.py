@@ -76,9 +76,9 @@ def _figures(layout: LayoutRow) -> list[str]:
     place = "".join(f"{name} = {value:g} mm, " for name, value in places.items() if value is not None)
     rows: list[Sequence[str]] = [
         ("layout", f"{layout.layout}, {place}l0 = {layout.l0_mm:g} mm"),
-        ("mechanics, tilt, reading", f"{layout.mechanics}, {layout.tilt}, {layout.mode}"),
+        ("formulas or states, tilt, reading", f"{layout.mechanics}, {layout.tilt}, {layout.mode}"),
         ("workspace: shift of the magnet along x, y, z", f"{box} mm"),
-        ("poses of the map; share that the mechanics know", f"{layout.poses}; {layout.known_percent:.3g} %"),
+        ("poses of the map; share with known tilt", f"{layout.poses}; {layout.known_percent:.3g} %"),
         ("unique", f"{figures.unique_percent:.4g} %"),
         ("ambiguous", f"{figures.ambiguous_percent:.4g} %"),
         ("saturated", f"{figures.saturated_percent:.4g} %"),

@@ -24,15 +24,16 @@ if TYPE_CHECKING:
     from analytic.inverse.response_surface import Mechanics
 
 ABOUT = """\
-A grid over the ranges, then compass searches from the best of it and from the given layout: steps along one parameter
-at a time, halved where none is better. Better is a smaller share of the workspace without a unique pose (blocked,
-saturated or ambiguous; to 0.1 %), then a smaller worst-case noise of the pose. On the way a coarse grid of poses is
-looked at, and the share in which det J has the rarer sign stands for the ambiguous one; the best are then surveyed
-and ranked as the map of the given design is. Nothing is drawn at random: the same ranges give the same table.
+A grid over the ranges comes first, then compass searches from its best layouts and from the given one: they step
+along one parameter at a time and halve the step where no step improves. A layout is better if a smaller share of its
+workspace has no unique pose (blocked, saturated or ambiguous; to 0.1 %), then if its worst noise of the pose is
+smaller. The search uses a coarse grid of poses and estimates the ambiguous share by the share in which det J has the
+rarer sign; the best layouts are then surveyed and ranked like the given design. The search uses no random numbers:
+the same ranges give the same table.
 
-By default S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis, on one
-side of it, because the sensor is a body of revolution; S2 and S3 between D/2 and 2 D from the axis,
-and from D/4 below S1 to H + D above it. Where that would put an element into the beam, there is no layout.
+By default S1 or the chip is sought in the base, D/16 to D below its surface, the chip up to D from the axis (on one
+side, because the sensor is a body of revolution), S2 and S3 between D/2 and 2 D from the axis and from D/4 below S1
+to H + D above it. Layouts with an element inside the beam are left out.
 """
 
 MOST_FOUND, USUAL = 16, 10

@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 
 ABOUT = """\
-The paper fills a table of readings over its workspace, sees in a plot for one depth that they are unique to each
-location, and takes the place of the magnet from it. Three forms of the readings are asked here: |B| of the elements
-and a magnet that stays upright, as the paper has it; B.n, as an element reads; and B.n of a magnet that tilts by the
-formulas of level `finite`, in the part of the workspace that these know. The field is exact; the paper's (3), without
-its misprint, is the same field by quadrature. Rails are taken away, so that what is ambiguous is so by the field;
-poses at which something would be in the way are left in. The height c of S2 and S3, which the paper does not give, is
-varied, and the height of the magnet, which it does not give either, with S1 at the distance at which it reads the
-same at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets them in part of the workspace.
-Unique means that of a grid of 13 x 13 x 7 poses none has its readings in common with any other of the workspace.
+The paper fills a table of readings over its workspace, concludes from a plot for one depth that they are unique to
+each location, and reads the location of the magnet from the table. This study tests three forms of the readings: |B|
+of the elements with an upright magnet, as in the paper; B.n, as an element reads it; and B.n of a magnet that tilts
+by the formulas of level `finite`, where these are valid. The field is exact; the paper's equation (3), without its
+misprint, is the same field by quadrature. Elements have no rails here, so that only the field causes ambiguity, and
+blocked poses are included. The study varies the height c of S2 and S3 and the height of the magnet, which the paper
+does not give; S1 keeps its reading at rest. Where c > l0 - H, S2 and S3 stand beside the beam, and its wall meets
+them in part of the workspace. Unique means that each of 13 x 13 x 7 poses shares its readings with no other pose of
+the workspace.
 
-Two poses read alike where all three readings are equal. How far others are from that: the least distance in the
-readings, over their noise (root of the sum of squares), of two poses that are at least so far apart. The paper's
+Two poses are ambiguous if all three readings are equal. The least difference is that between the readings of two
+poses that are at least so far apart, over the noise of the readings (root of the sum of squares). The paper's
 displacements of the tip, up to 3 mm along each axis, move the magnet by H/L of that: its workspace is part of the one
-here.
+used here.
 """
 
 FORMS: dict[str, tuple[Mode, str, bool]] = {

@@ -58,4 +58,4 @@ def show(rows: Sequence[Row], *, as_json: bool, wide: bool) -> None:
         console.warn(remark)
     failed = [row for row in rows if row["status"] != "ok"]
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} states are not ok; the last is {failed[-1]['status']}")
+        console.say(f"magtip: {len(failed)} of {len(rows)} states failed; the last status is {failed[-1]['status']}")

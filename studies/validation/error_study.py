@@ -38,16 +38,16 @@ from studies.validation.error_study_records import (
 )
 
 ABOUT = """\
-How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
+How reliable the error estimates of `fem` and its accuracy levels are: both are compared with much finer meshes.
 
-The true error of a state is the length of the difference of its vector (force; shift of the magnet; tilt) to that of
-the reference, over the length of the reference's; `sideways` is that of the force along the shear alone, a small part
-of the force's vector under a plate. `coverage` is the share of states whose true error is at most the estimate,
-`sharpness` the share whose estimate is at most three times the true error, or so small that the reference itself is
-not much better. Critical depths and forces, small shears of a glued plate and natural frequencies are judged in the
-same way. Their goals are wider: a deep critical state depends on the skin that lies on the base beside the clamp, no
-more than an element or two, and a small shear on where the glued patch ends.
-States that did not end well, or whose error exceeds JUMP, are listed and left out of the statistics.
+The true error of a state is the length of the difference between its vector (force, shift or tilt of the magnet) and
+the reference's, over the length of the reference's vector; `sideways` is the error of the force along the shear
+alone, a small part of the force under a plate. `coverage` is the share of states whose true error is at most the
+estimate, `sharpness` the share whose estimate is at most three times the true error, or so small that the reference
+itself is not much better. Critical depths and forces, small shears of a plate that sticks and natural frequencies are
+checked in the same way. Their goals are wider: a deep critical state depends on skin that lies on the base beside the
+clamp, only one or two elements wide, and a small shear depends on the edge of the contact area. States that did not
+end well, or whose error exceeds JUMP, are listed and left out of the statistics.
 """
 
 RESPONSES = ("force", "shift", "tilt", "sideways")

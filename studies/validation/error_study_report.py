@@ -42,7 +42,7 @@ def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str,
     estimates = [one.row() for one in error_statistics.shares(states)]
     levels = [one.row() for one in error_statistics.summary(states)]
     lines = ["# Accuracy", "", f"{good} of {len(states)} states compared. "]
-    lines[-1] += f"{len(missed)} promises are not kept." if missed else "All promises are kept."
+    lines[-1] += f"{len(missed)} goals are missed." if missed else "All goals are met."
     lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
     lines += ["", *error_study.ABOUT.splitlines(), "", "![Estimates over true errors](errors.png)", ""]
     lines += ["## Estimates", "", *_markdown(estimates), "", "## Levels", "", *_markdown(levels), ""]

@@ -24,16 +24,15 @@ NAN = math.nan
 Verdict = Literal["pass", "fail", "not judged"]
 
 ABOUT = """\
-Scenes at the edge of what is allowed: each must end in a right answer, or in a clear status with its state kept.
+Cases at the limits of the input ranges: each must end in a right answer, or in a clear status with its state kept.
 
-A scene passes if it ends in a status that is right for it, and if what its check measures is within the bound. It
-fails if either is not so. Where nothing could be measured, as where what it is to be compared with stops, it is not
-judged, which is no pass. Where a scene may stop short, the last good state is solved again by itself: force and
-energy must agree to 1e-6. A path that turns unstable on the way may end in one of several equilibria. So if its state
-differs from what it is compared with, the depth of the onset is measured instead, against that on a mesh with edges
-of 0.7: they may differ by a tenth. A frictionless press that gives way sideways must hold less energy than the
-symmetric press. The column `inside out` is the share of the silicone's volume where det F <= 0 between the points of
-integration (section meshes only).
+A case passes if its status is right and its check lies within the bound; otherwise it fails. A case whose check
+cannot be measured, for example because the reference stops, is not judged, which does not count as a pass. Where a
+case may stop early, its last good state is solved again by itself: force and energy must agree to 1e-6. A path that
+becomes unstable may end in one of several equilibria. If its state then differs from the reference, the check
+compares the depth of the onset with that on a mesh with edges of 0.7: they may differ by 10 %. A frictionless press
+that buckles sideways must store less energy than the symmetric press. The column `inside out` is the share of the
+silicone's volume that is inverted (J <= 0) between the integration points (section meshes only).
 """
 
 
@@ -194,7 +193,7 @@ def counted(verdicts: Sequence[Verdict]) -> str:
     """
     passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
     verb = "is" if not_judged == 1 else "are"
-    return f"{passed} of {len(verdicts)} scenes pass, {failed} fail, {not_judged} {verb} not judged"
+    return f"{passed} of {len(verdicts)} cases pass, {failed} fail, {not_judged} {verb} not judged"
 
 
 def write(folder: Path, results: Sequence[Result], origin: str, command: str) -> None:

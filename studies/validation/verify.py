@@ -20,9 +20,9 @@ from studies.output.records import FlatRow
 from studies.validation.verify_targets import Judged, Quantity, Target, targets
 
 ABOUT = """\
-Three kinds of judgement: the value on the finest mesh, its Richardson extrapolation, or the order of convergence of
-an error. The extrapolation fits f + C h^p to the three finest meshes; where they give no positive order, the finest
-value stands. Tolerances are promises and are never widened to make a target pass.
+A target is checked in one of three ways: the value on the finest mesh, its Richardson extrapolation, or the order of
+convergence of an error. The extrapolation fits f + C h^p to the three finest meshes; if they give no positive order,
+the value on the finest mesh is used. Tolerances are fixed and are never widened to make a target pass.
 """
 
 NAN = math.nan
