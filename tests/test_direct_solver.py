@@ -1,11 +1,15 @@
 """Factorisations of sparse indefinite matrices: both libraries, against dense algebra."""
 
+from importlib import metadata
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
+from fem.solvers import direct_solver
 from fem.solvers.direct_solver import SingularMatrixError, Solver, have_pardiso
 from geometry.design import Design
 
@@ -71,3 +75,12 @@ def test_a_matrix_that_is_not_finite_is_refused(solver):
     matrix[0, 1] = np.nan
     with pytest.raises(SingularMatrixError, match="not finite"):
         solver.factorise(upper(matrix))
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+def test_the_library_is_found_as_the_package_lists_it():
+    """The quick look where pip puts it must not find another one."""
+    files = [file for file in metadata.files("mkl") or [] if "mkl_rt" in file.name]
+    found = direct_solver._library()
+    assert found is not None
+    assert found.resolve() in [Path(str(file.locate())).resolve() for file in files]

@@ -9,8 +9,9 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,10 +19,6 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
-
-if TYPE_CHECKING:
-    from importlib.metadata import PackagePath
-
 
 FEW = 10_000
 """Unknowns up to which PARDISO takes one thread, and orders by minimum degree: half the time of nested dissection."""
@@ -39,10 +36,10 @@ def have_pardiso() -> bool:
 @functools.cache
 def _mkl() -> Any:
     """MKL, with what it loads itself at its first call; None if it is not installed."""
-    for part in _files("mkl"):
-        # pypardiso would search the whole environment's tree for it, 0.3 s for every solver
-        if "mkl_rt" in part.name:
-            os.environ.setdefault("PYPARDISO_MKL_RT", str(part.locate()))
+    # pypardiso would search the whole environment's tree for it, 0.3 s for every solver
+    library = _library()
+    if library is not None:
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
     if "1" in (os.environ.get("MKL_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")):
         os.environ.setdefault("MKL_THREADING_LAYER", "SEQUENTIAL")  # loads in half the time
     try:
@@ -55,13 +52,20 @@ def _mkl() -> Any:
     return mkl
 
 
-def _files(package: str) -> Sequence[PackagePath]:
+def _library() -> Path | None:
+    """MKL's library: where pip puts it, or else by the list of the package's files, None if there is none."""
+    folder, pattern = ("Library/bin", "mkl_rt*.dll") if sys.platform == "win32" else ("lib", "libmkl_rt.so*")
+    usual = sorted((Path(sys.prefix) / folder).glob(pattern))
+    if usual:
+        return usual[-1]
+    # only here, for the module of package lists imports those of e-mail and sockets, a tenth of a press's imports
     from importlib import metadata
 
     try:
-        return metadata.files(package) or []
+        files = metadata.files("mkl") or []
     except metadata.PackageNotFoundError:
-        return []
+        return None
+    return next((Path(str(file.locate())) for file in files if "mkl_rt" in file.name), None)
 
 
 class Solver:
