@@ -22,7 +22,6 @@ from studies.benchmarks import (
     peers,
     solver_benchmark,
 )
-from studies.output import table_plots
 
 ROOT = Path(__file__).resolve().parent.parent
 DAT = """
@@ -325,7 +324,7 @@ def test_faster_leaves_the_mesher_out():
 
 def test_picture_of_growth(tmp_path):
     rows = [{"dofs": n, "cpu_s": 1e-3 * n, "mesh_s": 1e-4 * n, "peak_MB": 0.1 * n} for n in (1000, 4000, 9000)]
-    table_plots.size(tmp_path / "size.png", rows)
+    benchmark_tables.draw_size(tmp_path / "size.png", rows)
     assert (tmp_path / "size.png").stat().st_size > 10_000
 
 

@@ -97,15 +97,36 @@ def _processor() -> str:
 
 def write(folder: Path, rows: Sequence[BenchRow], about: Mapping[str, str], command: str, text: str) -> None:
     """bench.csv, BENCH.md and size.png."""
-    from studies.output import table_plots
     from studies.output.csv_tables import write_table
 
     write_table(folder / "bench.csv", [row.row() for row in rows], digits=6)
     sizes = [row.row() for row in rows if row.case.startswith("cost against size") and row.dofs]
     fits = {row.setting: row.exponent for row in rows if row.exponent is not None}
     if len(sizes) > 1:
-        table_plots.size(folder / "size.png", sizes)
+        draw_size(folder / "size.png", sizes)
     write_text(folder / "BENCH.md", report(rows, about, fits, command, text))
+
+
+def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
+    """Draw CPU time and peak memory of the half model over its number of unknowns, on logarithmic axes."""
+    from studies.output.table_plots import ANALYTIC, FEM, HOMOGENEOUS, canvas, label
+
+    n = [row["dofs"] for row in rows]
+    solve = [row["cpu_s"] - row["mesh_s"] for row in rows]
+    curves = (("solve", solve, FEM, "o", "-"), ("mesh", [row["mesh_s"] for row in rows], ANALYTIC, "s", "--"))
+    with canvas(path, 2, 1) as (_, axes):
+        for name, y, colour, marker, dashes in curves:
+            axes[0].plot(n, y, label=name, color=colour, marker=marker, linestyle=dashes)
+        axes[1].plot(n, [row["peak_MB"] for row in rows], label="peak", color=HOMOGENEOUS, marker="^")
+        proportional = [solve[-1] * (value / n[-1]) for value in n]
+        axes[0].plot(n, proportional, color="#777777", linestyle=":", label="in proportion to the unknowns")
+        label(axes[0], "a", "CPU time (s)")
+        label(axes[1], "b", "peak memory (MB)")
+        axes[1].set_xlabel("unknowns (1)")
+        for axis in axes:
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.legend(frameon=False, loc="upper left")
 
 
 def report(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from studies.output.atomic_files import atomic
-
-Row = Mapping[str, Any]
 
 FEM, HOMOGENEOUS, ANALYTIC, OTHER = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
 COLOURS = (FEM, ANALYTIC, HOMOGENEOUS, OTHER, "#E69F00", "#56B4E9", "#000000")
@@ -30,43 +28,6 @@ STYLE = {
     "axes.axisbelow": True,
 }
 """A figure 7 in wide; at half that width its letters are still 6 points."""
-
-
-def size(path: str | Path, rows: Sequence[Row]) -> None:
-    """CPU seconds and peak memory of the half model against its unknowns, on logarithmic axes."""
-    n = [row["dofs"] for row in rows]
-    solve = [row["cpu_s"] - row["mesh_s"] for row in rows]
-    curves = (("solve", solve, FEM, "o", "-"), ("mesh", [row["mesh_s"] for row in rows], ANALYTIC, "s", "--"))
-    with canvas(path, 2, 1) as (_, axes):
-        for name, y, colour, marker, dashes in curves:
-            axes[0].plot(n, y, label=name, color=colour, marker=marker, linestyle=dashes)
-        axes[1].plot(n, [row["peak_MB"] for row in rows], label="peak", color=HOMOGENEOUS, marker="^")
-        slope = [solve[-1] * (value / n[-1]) for value in n]
-        axes[0].plot(n, slope, color="#777777", linestyle=":", label="in proportion to the unknowns")
-        label(axes[0], "a", "CPU time (s)")
-        label(axes[1], "b", "peak memory (MB)")
-        axes[1].set_xlabel("unknowns (1)")
-        for axis in axes:
-            axis.set_xscale("log")
-            axis.set_yscale("log")
-            axis.legend(frameon=False, loc="upper left")
-
-
-def friction(path: str | Path, curves: Sequence[Any], loop: Sequence[Any]) -> None:
-    """Tangential over normal force against shear for several mu (`coulomb_study.Curve`), and a cycle of states."""
-    with canvas(path, 1, 2, shared=False) as (_, axes):
-        for curve, colour in zip(curves, COLOURS, strict=False):
-            ratio = [a / b for a, b in zip(curve.force_N, curve.normal_N, strict=True)]
-            axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
-            axes[0].axhline(curve.mu, color=colour, linestyle=":", linewidth=1)
-        label(axes[0], "a", "$F_x / F_N$")
-        axes[1].plot(
-            [s.load.shear_x for s in loop], [s.response.force[0] for s in loop], color=FEM, marker="o", markersize=3
-        )
-        label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {loop[0].load.friction:g}")
-        for axis in axes:
-            axis.set_xlabel("shear (mm)")
-        axes[0].legend(frameon=False)
 
 
 @contextlib.contextmanager

@@ -230,10 +230,8 @@ def write(
     command: str,
 ) -> None:
     """friction.csv, FRICTION.md and friction.png."""
-    from studies.output import table_plots
-
     write_table(folder / "friction.csv", [check.row() for check in checks], digits=9)
-    table_plots.friction(folder / "friction.png", curves, loop)
+    draw_friction(folder / "friction.png", curves, loop)
     passed = sum(check.passed for check in checks)
     lines = ["# Coulomb friction", "", f"{passed} of {len(checks)} checks hold.", ""]
     lines += ["| check | quantity | value | expected | off | bound | |", "|---|---|---|---|---|---|---|"]
@@ -244,3 +242,26 @@ def write(
     lines += ["", "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)", ""]
     lines += [*ABOUT.splitlines(), "", made(command, origin)]
     write_text(folder / "FRICTION.md", "\n".join(lines) + "\n")
+
+
+def draw_friction(path: Path, curves: Sequence[Curve], cycle: Sequence[Solution]) -> None:
+    """Draw the ratio of tangential to normal force over the shear for several mu, and a cycle of shear."""
+    from studies.output.table_plots import COLOURS, FEM, canvas, label
+
+    with canvas(path, 1, 2, shared=False) as (_, axes):
+        for curve, colour in zip(curves, COLOURS, strict=False):
+            ratio = [tangential / normal for tangential, normal in zip(curve.force_N, curve.normal_N, strict=True)]
+            axes[0].plot(curve.shear_mm, ratio, color=colour, marker="o", label=f"$\\mu$ = {curve.mu:g}")
+            axes[0].axhline(curve.mu, color=colour, linestyle=":", linewidth=1)
+        label(axes[0], "a", "$F_x / F_N$")
+        axes[1].plot(
+            [state.load.shear_x for state in cycle],
+            [state.response.force[0] for state in cycle],
+            color=FEM,
+            marker="o",
+            markersize=3,
+        )
+        label(axes[1], "b", f"$F_x$ (N), $\\mu$ = {cycle[0].load.friction:g}")
+        for axis in axes:
+            axis.set_xlabel("shear (mm)")
+        axes[0].legend(frameon=False)
