@@ -96,7 +96,7 @@ def outside(design: Design, load: Load, level: str) -> str:
             reasons.append("less than 0.35 D of silicone lies below the magnet")
     if not load.depth <= deepest * design.D:
         reasons.append(f"depth is above {deepest:g} D = {deepest * design.D:.3g} mm")
-    size = load.shear if load.holds else 0.0
+    size = load.shear if load.tip_is_held else 0.0
     farthest = FARTHEST if level == "finite" else 0.05
     if not size <= farthest * design.D:
         reasons.append(f"shear is above {farthest:g} D = {farthest * design.D:.3g} mm")
@@ -161,7 +161,7 @@ def shear_stiffness(design: Design) -> float:
 
 def _sticking_share(load: Load, normal: float, stiffness: float) -> float:
     """Share of the sideways motion of plate or grip that the tip follows, 0 to 1."""
-    if load.holds:
+    if load.tip_is_held:
         return 1.0
     if load.coulomb is None:
         return 0.0
@@ -178,7 +178,7 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
         )
     pressed = press(design, load.depth, terms)
     size = load.shear
-    if not size or not load.holds:
+    if not size or not load.tip_is_held:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
         raise BadInput("a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact")

@@ -44,7 +44,7 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     """
     case, accuracy = load_case(load, scene), scene.accuracy
     rules = RESPONSE_RULES[case, scene.magnet]
-    if load.imperfection and not load.slides and one.shift[0] * other.shift[0] < 0:
+    if load.imperfection and not load.shears_tip and one.shift[0] * other.shift[0] < 0:
         other = _mirrored(other)
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
     radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
@@ -59,7 +59,7 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
         return None if difference is None else _bounded(rule, difference, edge, base, growth, sure)
 
     tilt = estimate(rules.tilt, (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), radius, NOTHING)
-    upright = not load.slides and not load.plate_tilt and not load.imperfection
+    upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
     sideways, along = None, _along(one, load)
     if along:
         rule = RESPONSE_RULES[case if load.coulomb is None else "friction", scene.magnet].sideways
@@ -99,7 +99,7 @@ def load_case(load: Load, scene: Scene) -> LoadCase:
         return "friction"
     if not scene.sideways:
         return "deep" if load.depth > ON_LIMIT * press_limits(scene.design, scene.magnet)[0] else "press"
-    if not load.slides:
+    if not load.shears_tip:
         return "pressed"
     if load.grip is not None:
         return "grip"
@@ -111,7 +111,7 @@ def _growth(case: LoadCase, load: Load, scene: Scene) -> float:
     first, deepest = press_limits(scene.design, scene.magnet)
     depth = load.depth / (deepest if case == "deep" else first)
     farthest = FAR_SHEAR if case == "far" else STICK_SHEAR if load.coulomb is None else FRICTION_SHEAR
-    shear = load.shear / (farthest * scene.design.D) if load.slides else 0.0
+    shear = load.shear / (farthest * scene.design.D) if load.shears_tip else 0.0
     return math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
 
 
@@ -123,7 +123,7 @@ def _mirrored(response: Response) -> Response:
 
 def _along(response: Response, load: Load) -> float:
     """Component of the force along a load's shear, N; 0 where the load does not shear the tip."""
-    if not load.slides:
+    if not load.shears_tip:
         return 0.0
     return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
 

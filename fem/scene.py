@@ -79,7 +79,7 @@ class Scene:
     @property
     def sheared(self) -> Load | None:
         """The first load that moves the tip sideways, None in a press."""
-        return next((load for load in self.loads if load.slides), None)
+        return next((load for load in self.loads if load.shears_tip), None)
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -159,10 +159,10 @@ def choose_model(loads: Sequence[Load], model: Model) -> Model:
     >>> choose_model([Load(depth=1.0)], "auto")
     'axisymmetric'
     """
-    sideways = any(load.slides or load.imperfection for load in loads)
+    sideways = any(load.shears_tip or load.imperfection for load in loads)
     tilted = any(load.plate_tilt for load in loads)
     fixed = {0.0} if tilted or any(load.imperfection for load in loads) else set()
-    turns = len({load.axis for load in loads if load.slides} | fixed) > 1
+    turns = len({load.axis for load in loads if load.shears_tip} | fixed) > 1
     if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
         raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
     if model == "axisymmetric" and sideways:
@@ -191,7 +191,7 @@ def _check_path(loads: Sequence[Load]) -> None:
                 f"the plate has stuck to the tip since depth {glued:g} mm and cannot move to {load.depth:g} mm: "
                 "press to the full depth before the shear"
             )
-        if load.glues:
+        if load.bonds_contact:
             if load.depth == 0:
                 raise BadInput(
                     "a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact"

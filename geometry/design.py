@@ -182,8 +182,8 @@ class Design:
             raise BadInput(f"L must not exceed 20 D = {20 * self.D:g} mm; got {self.L:g} mm")
         if not self.hall_low < self.hall_null < self.hall_high:
             raise BadInput(
-                "hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; got "
-                "{self.hall_null:g} V"
+                f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; got "
+                f"{self.hall_null:g} V"
             )
         for name in ("ogden_alpha1", "ogden_alpha2"):
             alpha = getattr(self, name)
@@ -236,10 +236,10 @@ class Design:
         """The numbers that shape the law, in the order of `LAWS`."""
         return tuple(getattr(self, name) for name in LAWS[self.law])
 
-    def idle(self) -> dict[str, str]:
+    def unused_fields(self) -> dict[str, str]:
         """The fields that have no effect in this design, and why.
 
-        >>> Design(law="yeoh", hall_layout="tmag5273a1").idle()["hall_noise"]
+        >>> Design(law="yeoh", hall_layout="tmag5273a1").unused_fields()["hall_noise"]
         'hall_layout is tmag5273a1'
         """
         own = OF_ONE_LAYOUT[self.hall_layout]
@@ -248,11 +248,11 @@ class Design:
             found |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in own}
         return found if self.shape.has_magnet else found | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
 
-    def in_vain(self) -> list[str]:
+    def unused_field_warnings(self) -> list[str]:
         """Which fields differ from their defaults and have no effect, a sentence for each reason."""
         standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
         reasons: dict[str, list[str]] = {}
-        for name, reason in self.idle().items():
+        for name, reason in self.unused_fields().items():
             if getattr(self, name) != standard[name]:
                 reasons.setdefault(reason, []).append(name)
         return [no_effect(names, reason) for reason, names in reasons.items()]
@@ -278,11 +278,11 @@ class Design:
             )
         if self.L > 3 * self.D:
             found.append(f"L/D = {self.L / self.D:.3g}: a beam this slender may buckle sideways under a plate")
-        return [*found, *self.doubts()]
+        return [*found, *self.value_warnings()]
 
-    def doubts(self) -> list[str]:
+    def value_warnings(self) -> list[str]:
         """What is likely not meant, whatever the design is used for: fields without effect, and no silicone's E."""
-        found = self.in_vain()
+        found = self.unused_field_warnings()
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             found.append(
                 f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "

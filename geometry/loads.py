@@ -98,31 +98,31 @@ class Load:
         return float(self.friction)
 
     @property
-    def holds(self) -> bool:
+    def tip_is_held(self) -> bool:
         """Whether the tip follows all of a shear: in a grip, or glued to the plate.
 
-        >>> Load(grip=1.0).holds, Load(friction="stick").holds, Load(friction=0.3).holds
+        >>> Load(grip=1.0).tip_is_held, Load(friction="stick").tip_is_held, Load(friction=0.3).tip_is_held
         (True, True, False)
         """
         return self.grip is not None or self.friction == "stick"
 
     @property
-    def slides(self) -> bool:
+    def shears_tip(self) -> bool:
         """Whether the load moves the tip sideways; a frictionless plate does not.
 
-        >>> Load(shear_x=1.0, friction=0.3).slides, Load(shear_x=1.0).slides, Load(friction="stick").slides
+        >>> Load(shear_x=1.0, friction=0.3).shears_tip, Load(shear_x=1.0).shears_tip, Load(friction="stick").shears_tip
         (True, False, False)
         """
-        return self.shear > 0 and (self.holds or self.coulomb is not None)
+        return self.shear > 0 and (self.tip_is_held or self.coulomb is not None)
 
     @property
-    def glues(self) -> bool:
+    def bonds_contact(self) -> bool:
         """Whether the patch in contact is glued to the plate: once a plate that sticks has sheared.
 
-        >>> Load(1.0, 0.5, friction="stick").glues, Load(shear_x=0.5, grip=1.0).glues
+        >>> Load(1.0, 0.5, friction="stick").bonds_contact, Load(shear_x=0.5, grip=1.0).bonds_contact
         (True, False)
         """
-        return self.slides and self.friction == "stick" and self.grip is None
+        return self.shears_tip and self.friction == "stick" and self.grip is None
 
     @property
     def imposed_shear(self) -> tuple[float, float]:
@@ -131,7 +131,7 @@ class Load:
         >>> Load(shear_y=1.0).imposed_shear, Load(shear_y=1.0, friction="stick").imposed_shear
         ((0.0, 0.0), (0.0, 1.0))
         """
-        return (self.shear_x, self.shear_y) if self.slides else (0.0, 0.0)
+        return (self.shear_x, self.shear_y) if self.shears_tip else (0.0, 0.0)
 
     @property
     def direction(self) -> tuple[float, float]:

@@ -206,7 +206,7 @@ def _number(value: float, form: str) -> str:
 def _assumed(design: Design) -> str:
     lines = ["| value | assumed | meaning |", "|---|---:|---|"]
     for spec in dataclasses.fields(design):
-        if design_summary.origin(spec.name, design) == "assumed" and spec.name not in design.idle():
+        if design_summary.origin(spec.name, design) == "assumed" and spec.name not in design.unused_fields():
             unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
             value = design_summary.shown(getattr(design, spec.name))
             lines.append(f"| {spec.name} | {value}{unit} | {spec.metadata['text']} |")

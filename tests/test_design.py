@@ -68,8 +68,8 @@ def test_whole_numbers_become_floats():
         ({"magnet_height": 9.0}, "silicone around it"),
         ({"magnet_edge_radius": 1.1}, "magnet_edge_radius must not exceed half the magnet's smaller side = 1 mm"),
         ({"l0": 1.0}, "l0 must exceed half the magnet's height = 1 mm; got 1 mm"),
-        ({"hall_low": 3.0}, "hall_null must lie between hall_low = "),
-        ({"hall_high": 2.5}, "hall_null must lie between hall_low = "),
+        ({"hall_low": 3.0}, "hall_null must lie between hall_low = 3 V and hall_high = 4.8 V; got 2.5 V"),
+        ({"hall_high": 2.5}, "hall_null must lie between hall_low = 0.2 V and hall_high = 2.5 V; got 2.5 V"),
         ({"law": "yeo"}, "there is no law 'yeo': did you mean yeoh?"),
         ({"law": "Yeoh"}, "there is no law 'Yeoh': did you mean yeoh?"),
         ({"law": 3.0}, "law must be one of the names neo-hookean, mooney-rivlin, yeoh, ogden; got 3.0"),
@@ -180,10 +180,10 @@ def test_what_a_layout_does_not_use_is_said(layout):
     changes |= {"hall_high": 4.7, "hall_noise": 0.01, "hall_step": 0.01, "hall_plate": 0.5, "l0": 8.0}
     read = {name: of_design(replace(design, **{name: value})) for name, value in changes.items()}
     unread = {name for name, elements in read.items() if elements == of_design(design)}
-    assert unread == {name for name in changes if name in design.idle()}
+    assert unread == {name for name in changes if name in design.unused_fields()}
     assert ("c" in unread) is (layout != "three")
     other = replace(design, **changes)
-    (sentence,) = other.in_vain()
+    (sentence,) = other.unused_field_warnings()
     assert set(sentence.partition(" no effect")[0].rpartition(" ")[0].split(", ")) == unread
     assert sentence.endswith(f" no effect: hall_layout is {layout}")
     assert sentence in other.warnings()
@@ -191,5 +191,5 @@ def test_what_a_layout_does_not_use_is_said(layout):
 
 def test_without_a_magnet_its_remanence_is_in_vain():
     bare = {"magnet_diameter": 0.0, "magnet_height": 0.0}
-    assert Design(**bare).in_vain() == []
-    assert Design(**bare, remanence=1.0).in_vain() == ["remanence has no effect: magnet_diameter is 0"]
+    assert Design(**bare).unused_field_warnings() == []
+    assert Design(**bare, remanence=1.0).unused_field_warnings() == ["remanence has no effect: magnet_diameter is 0"]

@@ -41,16 +41,16 @@ def test_a_shear_and_its_opposite_have_one_line(x, y, degrees):
 
 def test_a_frictionless_plate_shears_nothing():
     load = Load(depth=1.0, shear_x=3.0, shear_y=4.0)
-    assert (load.shear, load.slides, load.glues, load.holds) == (5.0, False, False, False)
+    assert (load.shear, load.shears_tip, load.bonds_contact, load.tip_is_held) == (5.0, False, False, False)
     assert (load.imposed_shear, load.direction, load.axis) == ((0.0, 0.0), (1.0, 0.0), 0.0)
 
 
 @pytest.mark.parametrize(("friction", "grip"), [("stick", None), (0.3, None), ("none", 1.0)])
 def test_what_holds_or_rubs_shears_the_tip(friction, grip):
     load = Load(depth=0.0 if grip else 1.0, shear_y=-2.0, friction=friction, grip=grip)
-    assert load.slides
+    assert load.shears_tip
     assert load.imposed_shear == (0.0, -2.0)
-    assert load.glues is (friction == "stick")
+    assert load.bonds_contact is (friction == "stick")
     assert load.coulomb == (0.3 if friction == 0.3 else None)
 
 

@@ -101,4 +101,4 @@ def test_a_seed_for_elements_without_noise_is_in_vain(run):
         "magtip: warning: --seed has no effect: hall_noise is 0\n"
     )
     assert run("readings", "paper", "--seed", 1, "--set", "hall_noise=0.01", "--json")[2] == ""
-    assert Design(hall_layout="tmag5273a1").in_vain() == []
+    assert Design(hall_layout="tmag5273a1").unused_field_warnings() == []

@@ -69,7 +69,7 @@ def read(
 def _carried(state: PathState, load: Load, turn: Array, D: float) -> Load:
     """The part of a load to which a path has come that stopped on the way."""
     shear = turn @ state.position[1:] * D
-    moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.slides else {}
+    moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.shears_tip else {}
     return replace(load, depth=float(state.position[0]) * D, **moved)
 
 

@@ -47,7 +47,7 @@ def parts(scene: Scene) -> list[tuple[Load, ...]]:
         else:
             found.append([load])
         present, deepest = graded, load.depth
-        straight = straight and not (remembers and load.slides)
+        straight = straight and not (remembers and load.shears_tip)
     return [tuple(part) for part in found]
 
 

@@ -58,7 +58,7 @@ def trace(spec: Answer) -> Answer:
         "status": bad[0].status if bad else "ok",
         "message": bad[0].message if bad else "",
         "forces_N": [s.response.force for s in found],
-        "tilts_rad": [(s.response.tilt,) for s in found if s.load.slides],
+        "tilts_rad": [(s.response.tilt,) for s in found if s.load.shears_tip],
         "dofs": found[-1].dofs,
         "iterations": sum(s.newton_iterations for s in found),
         "import_s": before[0],

@@ -41,7 +41,7 @@ def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
 
 def idle(design: Design, axes: Mapping[str, Sequence[float]]) -> list[tuple[str, str]]:
     """Axes that change no solid, and why."""
-    reasons = {"E": "E changes the drawing only, not the solids"} | design.idle()
+    reasons = {"E": "E changes the drawing only, not the solids"} | design.unused_fields()
     return [(name, reasons[name]) for name, values in axes.items() if name in reasons and len(values) > 1]
 
 

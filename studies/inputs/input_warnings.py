@@ -8,7 +8,7 @@ from studies.output import console
 
 def say_what_is_idle(design: Design) -> None:
     """A warning for each field that is set in vain, and where E is no silicone's."""
-    for doubt in design.doubts():
+    for doubt in design.value_warnings():
         console.warn(doubt)
 
 

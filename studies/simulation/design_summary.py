@@ -37,7 +37,9 @@ def design_record(design: Design) -> dict[str, Any]:
     return {
         **fields,
         "derived": derived,
-        "assumed": [name for name in fields if origin(name, design) == "assumed" and name not in design.idle()],
+        "assumed": [
+            name for name in fields if origin(name, design) == "assumed" and name not in design.unused_fields()
+        ],
         "warnings": [*design.warnings(), *failed],
     }
 
