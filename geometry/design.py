@@ -182,8 +182,8 @@ class Design:
             raise BadInput(f"L must not exceed 20 D = {20 * self.D:g} mm; got {self.L:g} mm")
         if not self.hall_low < self.hall_null < self.hall_high:
             raise BadInput(
-                f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; got "
-                f"{self.hall_null:g} V"
+                f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; "
+                f"got {self.hall_null:g} V"
             )
         for name in ("ogden_alpha1", "ogden_alpha2"):
             alpha = getattr(self, name)
