@@ -1,1 +1,4 @@
-"""Shapes: designs, scenes, CAD, moulds and meshes. Imports no other package of magtip."""
+"""The sensor as an object: its design, its loads, its solids, its mould and its meshes.
+
+This package imports no other package of magtip.
+"""

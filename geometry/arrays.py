@@ -1,4 +1,4 @@
-"""Types of arrays: docstrings say the shape and the unit of each."""
+"""Array types of the annotations. The shape and the unit of an array are in the docstring of its function."""
 
 from __future__ import annotations
 

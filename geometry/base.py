@@ -1,10 +1,15 @@
 """The rigid base: a plate with its top in the plane z = 0, seats for the Hall elements, and holes for screws.
 
-S1 lies in a pocket under the beam, open below, its leads in a channel towards -x. S2 and S3 stand in slots from
-above, marked face to the beam, on a ledge that sets their height; their leads go down through the plate. What of them
-would stand above the base gets a post as high as the element's plate, open towards the beam. Under the beam's
-footprint they go into pockets from below too. A 3-axis chip sits on a board glued to the underside, its body in a
-pocket. The base is printed as it stands, underside down. Lengths mm; the sensor's frame.
+S1 lies in a pocket under the beam. The pocket is open below, and a channel towards -x holds the leads.
+
+S2 and S3 beside the beam stand in slots that are open at the top, with their marked faces towards the beam. A ledge
+in each slot sets the height of the element, and the leads pass down through the plate. An element that rises above
+the top of the base gets a post, open towards the beam and as high as the element's Hall plate. Under the beam, S2 and
+S3 lie in pockets that are open below, as S1 does.
+
+A 3-axis chip is soldered to a board that is glued to the underside of the base; a pocket holds its body.
+
+The base is printed with its underside down. All lengths are in mm, in the sensor's frame.
 """
 
 from __future__ import annotations
@@ -26,17 +31,17 @@ if TYPE_CHECKING:
 WEB = 0.6
 """Least thickness of base between an element and the beam, and of the ledge under an element, mm."""
 
-LEAST = 3.0
-"""Thickness of the plate where the elements need no more, mm."""
+DEFAULT_THICKNESS = 3.0
+"""Thickness of the plate, mm, unless the elements need a thicker one."""
 
 LEAST_GAP = 0.1
 """Least gap between an element and the beam at rest, mm."""
 
 PRESS = 3 / 8
-"""Depth of the deepest press that is looked at, in units of D."""
+"""Depth down to which a wide flat plate must not touch S2 and S3, in units of D."""
 
 EDGE = 1.5
-"""From a screw hole or the beam to the edge of the base, mm."""
+"""Least distance of the edge of the base from a screw hole and from the beam, mm."""
 
 RANGES = {
     "thickness": Range(1.0, 1200.0),
@@ -48,14 +53,14 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Base:
-    """What a maker chooses about the base, mm; None means: taken from design and process.
+    """The choices of a maker for the base, mm. None stands for a default that follows from design and process.
 
     Attributes
     ----------
-    thickness : of the plate; as much as the elements need, and at least 3 mm, by default.
-    seat_fit : gap round an element in its seat; half the process's fit by default.
-    seat_wall : of the posts, and least between seats and edge.
-    screw : diameter of four holes in the corners (2.2 for M2 screws); 0 for none.
+    thickness : thickness of the plate; default: as much as the elements need, and at least 3 mm.
+    seat_fit : gap around an element in its seat; default: half the fit of the process.
+    seat_wall : thickness of the posts' walls, and least distance between a seat and the edge of the base.
+    screw : diameter of the four holes in the corners (2.2 for M2 screws); 0 for none.
 
     Raises
     ------
@@ -77,7 +82,7 @@ class Base:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A box: its lowest corner and its sides, mm."""
+    """A box with sides along x, y and z: its corner of least x, y and z, and the lengths of its sides, mm."""
 
     corner: Vector
     sides: Vector
@@ -88,10 +93,12 @@ class Block:
         return bd.Solid.make_box(*self.sides, bd.Plane(self.corner))
 
     def meets(self, other: Block, gap: float) -> bool:
-        """Whether two boxes are nearer than a gap along every axis."""
+        """Return True if two boxes are closer than `gap` along all three axes."""
         return all(
-            a < b + t + gap and b < a + s + gap
-            for a, s, b, t in zip(self.corner, self.sides, other.corner, other.sides, strict=True)
+            start < other_start + other_side + gap and other_start < start + side + gap
+            for start, side, other_start, other_side in zip(
+                self.corner, self.sides, other.corner, other.sides, strict=True
+            )
         )
 
 
@@ -101,9 +108,13 @@ class Plan:
 
     Attributes
     ----------
-    half : half the side of the square plate; thickness : of the plate.
-    screw, screw_at : diameter of the holes (0: none), and their distance from both axes.
-    seats : hollows for bodies; passages : for leads and what lies below; posts : what stands above z = 0.
+    half : half the side of the square plate.
+    thickness : thickness of the plate.
+    screw : diameter of the screw holes (0: none).
+    screw_at : |x| and |y| of the centres of the screw holes.
+    seats : hollows for the bodies of the elements, by element.
+    passages : hollows for their leads.
+    posts : parts of the base above z = 0.
     """
 
     half: float
@@ -116,20 +127,20 @@ class Plan:
 
 
 def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
-    """Where everything on the base is, mm.
+    """Return the positions and sizes of all features of the base, mm.
 
     Raises
     ------
     BadInput
-        An element would lie in the beam or too near to it, or two seats would meet.
+        An element would lie in the beam or too close to it, or two seats would meet.
     """
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        thickness = _thickness(base, max(LEAST, needs := _needs(where)), needs)
+        thickness = _thickness(base, _least_thickness(where))
         seats, passages, posts = _three(design, where, fit, base.seat_wall, thickness)
     else:
-        # the board under the base carries the chip: the base is as thick as its plates lie deep
+        # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
         thickness = CHIPS[design.hall_layout].plate - where[design.hall_layout][2]
         if base.thickness is not None and not abs(base.thickness - thickness) <= 1e-6:
             raise BadInput(
@@ -140,9 +151,11 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     blocks = [*seats.values(), *posts.values()]
     reach = max(max(abs(b.corner[k]), b.corner[k] + b.sides[k]) for b in blocks for k in (0, 1))
     hole = base.screw / 2
+    # the holes lie on the diagonals, EDGE away from the beam, and reach as far out as the seats and their walls
     at = max((design.R + hole + EDGE) / math.sqrt(2), reach + base.seat_wall - hole if hole else 0.0)
     half = max(at + hole + EDGE if hole else 0.0, design.R + EDGE, reach + base.seat_wall)
     if "S1" in passages:
+        # only now is the edge known to which the channel for the leads of S1 runs
         passages["S1"] = dataclasses.replace(
             passages["S1"],
             corner=(-half, *passages["S1"].corner[1:]),
@@ -152,17 +165,17 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
 
 
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
-    """Size of base, beam and bodies of the Hall elements together along x, y, z, and how far leads stand out below.
+    """Return the outer size of the sensor along x, y, z, and the length of the leads below the base, both in mm.
 
-    Both mm, without board and screws. The leads are drawn
-    `geometry.fabrication.hall_bodies.LEAD` long, for they are cut to need.
+    The outer size covers base, beam and bodies of the Hall elements, without board and screws. Leads count as
+    `geometry.fabrication.hall_bodies.LEAD` long; a maker cuts them to the length needed.
     """
     top, low = heights(design)
     return (2 * plan.half, 2 * plan.half, max(design.L, top) + plan.thickness), max(0.0, -plan.thickness - low)
 
 
 def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
-    """The base in the sensor's frame, mm.
+    """Return the solid of the base in the sensor's frame, mm.
 
     Raises
     ------
@@ -182,15 +195,16 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     return cut(plate, *tools)
 
 
-def _thickness(base: Base, default: float, needs: float) -> float:
-    thickness = default if base.thickness is None else base.thickness
-    if not thickness >= needs - 1e-9:
-        raise BadInput(f"thickness must be at least {needs:.3g} mm for the elements' seats; got {thickness:g} mm")
+def _thickness(base: Base, least: float) -> float:
+    """Return the chosen or the default thickness of the plate; `least` is what the elements need."""
+    thickness = max(DEFAULT_THICKNESS, least) if base.thickness is None else base.thickness
+    if not thickness >= least - 1e-9:
+        raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
     return thickness
 
 
-def _needs(where: dict[str, Vector]) -> float:
-    """Least thickness of the plate under three one-axis elements."""
+def _least_thickness(where: dict[str, Vector]) -> float:
+    """Return the least thickness of the plate that holds three one-axis elements, mm."""
     p = SS495A
     return max(p.thickness - p.depth - where["S1"][2], p.height / 2 - where["S2"][2] + WEB)
 
@@ -198,6 +212,7 @@ def _needs(where: dict[str, Vector]) -> float:
 def _three(
     design: Design, where: dict[str, Vector], fit: float, wall: float, thickness: float
 ) -> tuple[dict[str, Block], dict[str, Block], dict[str, Block]]:
+    """Return seats, passages and posts of three one-axis elements, by element."""
     p, (_, _, z1), (_, _, z23) = SS495A, where["S1"], where["S2"]
     roof = z1 + p.depth + fit
     if not roof <= -WEB:
@@ -206,10 +221,12 @@ def _three(
             f"beam; got {design.l0:g} mm"
         )
     half = p.width / 2 + fit
+    # S1 lies flat with its marked face up, so its height runs along x and its leads point to -x
     seats = {"S1": Block((-p.height / 2 - fit, -half, -thickness), (p.height + 2 * fit, 2 * half, roof + thickness))}
     lead_roof = z1 + p.depth - (p.thickness - p.lead) / 2 + fit
     aside = p.leads / 2 + fit
     passages = {"S1": Block((0.0, -aside, -thickness), (0.0, 2 * aside, lead_roof + thickness))}
+    # S2 stands upright, its marked face `depth` in front of its Hall plate, which is at x = f
     near, far = design.f - p.depth - fit, design.f - p.depth + p.thickness + fit
     low, high = z23 - p.height / 2, z23 + p.height / 2 + fit
     posts: dict[str, Block] = {}
@@ -230,12 +247,13 @@ def _three(
     passages["S2"] = Block(
         (middle - thin, -aside, -thickness), (2 * thin, 2 * aside, max(low, -thickness) + thickness)
     )
+    # S3 mirrors S2 about the plane x = y, so the pair S1, S3 need not be compared
     for group in (seats, passages, posts):
         if "S2" in group:
             group["S3"] = _swapped(group["S2"])
-    found = {name: [block for group in (seats, passages) if (block := group[name]).sides[2] > 0] for name in seats}
+    hollows = {name: [block for group in (seats, passages) if (block := group[name]).sides[2] > 0] for name in seats}
     for one, other in (("S1", "S2"), ("S2", "S3")):
-        if any(a.meets(b, WEB) for a in found[one] for b in found[other] if a.sides[0] > 0):
+        if any(a.meets(b, WEB) for a in hollows[one] for b in hollows[other] if a.sides[0] > 0):
             raise BadInput(
                 f"f = {design.f:g} mm leaves less than {WEB:g} mm between the seats of {one} and {other}: raise f"
             )
@@ -243,12 +261,13 @@ def _three(
 
 
 def _swapped(block: Block) -> Block:
-    """The same with x and y exchanged."""
-    (x, y, z), (a, b, c) = block.corner, block.sides
-    return Block((y, x, z), (b, a, c))
+    """Return the block with x and y exchanged."""
+    (x, y, z), (length, width, height) = block.corner, block.sides
+    return Block((y, x, z), (width, length, height))
 
 
 def _chip(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Block:
+    """Return the pocket of a 3-axis chip, open below."""
     chip, (middle, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
     roof = z - chip.plate + chip.height + fit
     if not roof <= -WEB:
@@ -261,17 +280,17 @@ def _chip(design: Design, where: dict[str, Vector], fit: float, thickness: float
 
 
 def warnings(design: Design) -> list[str]:
-    """What a wide flat plate would touch before the beam is pressed as deep as it is used, 3/8 D."""
+    """Return a warning if a wide flat plate would touch S2 and S3 at a depth below 3/8 D, the largest in use."""
     if design.hall_layout != "three":
         return []
-    room = round(max(design.L - places(design)["S2"][2] - SS495A.height / 2, 0.0), 9)
-    if room >= PRESS * design.D:
+    depth = round(max(design.L - places(design)["S2"][2] - SS495A.height / 2, 0.0), 9)
+    if depth >= PRESS * design.D:
         return []
-    return [f"a wide flat plate touches S2 and S3 at a depth of {room:.3g} mm: lower c or use a smaller plate"]
+    return [f"a wide flat plate touches S2 and S3 at a depth of {depth:.3g} mm: lower c or use a smaller plate"]
 
 
 def checks(design: Design, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:
-    """The seats, measured: elements and beam touch nothing but what they stand on."""
+    """Measure the overlaps and gaps of base, beam and Hall elements, and compare them with their bounds."""
     form, all_bodies = beam(design), list(bodies.values())
     pairs = [(one, solid) for one in all_bodies] + [(form, solid)] + [(one, form) for one in all_bodies]
     pairs += list(itertools.combinations(all_bodies, 2))

@@ -1,10 +1,10 @@
-"""What the sensor is: one frozen `Design` of flat scalars, checked when it is made.
+"""The design of the sensor: one frozen `Design` with a scalar field for each property, checked on creation.
 
-Units everywhere in magtip: mm, N, MPa, T, V, rad, s. The sensor's frame has its origin at the centre of the
-clamped base disc, z along the beam; the tip is at z = L and the magnet's centre at z = H = L - D/2, the centre
-of the hemisphere. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so its
-magnetisation is along -z. Hall element S1 lies on the axis at z = H - l0, S2 at x = f and S3 at y = f, both at
-z = H - l0 + c; a 3-axis chip at x = chip_x, z = H - l0.
+All of magtip uses mm, N, MPa, T, V, rad and s. The origin of the sensor's frame is the centre of the clamped base
+disc, and z runs along the beam. The tip is at z = L. The magnet's centre is the centre of the hemisphere, at
+z = H = L - D/2. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so the magnetisation
+points along -z. Hall element S1 lies on the axis at z = H - l0. S2 lies at x = f and S3 at y = f, both at
+z = H - l0 + c. A 3-axis chip lies at x = chip_x, z = H - l0.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 LEAST_WALL = 0.1
-"""Least thickness of silicone between the magnet and any outer face, mm."""
+"""Least thickness of silicone between the magnet and any outer face, mm: a design below it is refused."""
 
 
 LAWS: dict[str, tuple[str, ...]] = {
@@ -25,14 +25,17 @@ LAWS: dict[str, tuple[str, ...]] = {
     "yeoh": ("yeoh_2", "yeoh_3"),
     "ogden": ("ogden_alpha1", "ogden_alpha2", "ogden_share"),
 }
-"""The silicone's laws, and the fields of `Design` that shape each; all of them are pure numbers beside E and nu."""
+"""Material laws of the silicone, each with the fields of `Design` that it uses besides E and nu.
+
+These fields are dimensionless. E and nu fix the stiffness at small strain in every law.
+"""
 
 SILICONE_E = (0.01, 20.0)
 """Young's moduli of silicones, MPa: from castable gels softer than Shore 00-10 (0.05 MPa) to Shore A 90, 20.9 MPa by
 Gent's formula (1958), E = 0.0981 (56 + 7.66 S) / (0.137505 (254 - 2.54 S))."""
 
 HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
-"""Three one-axis elements S1, S2 and S3, or one 3-axis chip at the depth of S1."""
+"""Three one-axis Hall elements S1, S2 and S3, or one 3-axis chip at the height of S1."""
 
 OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
     "three": (
@@ -42,17 +45,20 @@ OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
     "tmag5273a1": ("chip_x",),
     "tle493d-p2b6": ("chip_x",),
 }
-"""Fields that place or describe the elements of some layouts only: a chip has figures of its own."""
+"""For each layout, the fields that only some layouts use: the output range and the noise of a chip are not fields."""
 
 OF_MAGNET = ("remanence", "magnet_density")
-"""Fields that mean nothing without a magnet; its edge radius may stay what it is."""
+"""Fields that have no effect without a magnet.
+
+`magnet_edge_radius` is not listed: its default of 0.1 mm may stay when the magnet is removed.
+"""
 
 LEAST_ALPHA = 0.01
-"""Least magnitude of an exponent of Ogden's law."""
+"""Least magnitude of an exponent of Ogden's law: the energy divides by the exponent, so 0 is impossible."""
 
 
 class BadInput(ValueError):
-    """A value that the user gave cannot be used; the text is one sentence that says what, which bound, what to do."""
+    """An input value that cannot be used. The text is one sentence with the value, its bound and the remedy."""
 
 
 def _quantity(default: float, unit: str, low: float, high: float, text: str, *, assumed: bool) -> Any:
@@ -68,12 +74,12 @@ def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """The lengths that the mechanics sees, in any one unit of length.
+    """The lengths of the beam and of the magnet, all in one arbitrary unit of length.
 
     Attributes
     ----------
     D, L : diameter and total length of the beam.
-    magnet_diameter, magnet_height, magnet_edge_radius : the magnet; a diameter of 0 means no magnet.
+    magnet_diameter, magnet_height, magnet_edge_radius : size of the magnet; a diameter of 0 means no magnet.
     """
 
     D: float
@@ -106,25 +112,30 @@ class Shape:
         if not self.has_magnet:
             return math.inf
         a, b, rho = self.magnet_diameter / 2, self.magnet_height / 2, self.magnet_edge_radius
+        # the point of the magnet closest to the dome lies on the fillet, whose centre is (a - rho, b - rho) from H
         return min(self.R - math.hypot(a - rho, b - rho) - rho, self.R - a, self.H - b)
 
     def scaled(self, factor: float) -> Shape:
-        """The similar shape with every length multiplied by `factor`."""
+        """Return the similar shape with every length multiplied by `factor`."""
         return Shape(*(factor * value for value in dataclasses.astuple(self)))
 
     def without_magnet(self) -> Shape:
-        """The same beam, all silicone."""
+        """Return the beam of the same D and L, all of silicone."""
         return Shape(self.D, self.L, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A sensor. Every field but the law is a float; what the paper does not give is marked assumed in its metadata.
+    """A sensor. All fields are floats except `law` and `hall_layout`, which are names.
+
+    The metadata of a field give its unit, its range or its choices, and a description. `assumed` is True where the
+    paper gives no value for the default.
 
     Raises
     ------
     BadInput
-        A field is not a finite number, lies outside its range, the law is unknown, or the magnet does not fit.
+        A field is not a finite number or lies outside its range, a name is unknown, or fields contradict each other:
+        the magnet does not fit the beam, for example.
 
     >>> Design(L=3.0)
     Traceback (most recent call last):
@@ -228,71 +239,72 @@ class Design:
 
     @property
     def shape(self) -> Shape:
-        """The lengths that the mechanics sees, mm."""
+        """The lengths of beam and magnet, mm."""
         return Shape(self.D, self.L, self.magnet_diameter, self.magnet_height, self.magnet_edge_radius)
 
     @property
     def law_numbers(self) -> tuple[float, ...]:
-        """The numbers that shape the law, in the order of `LAWS`."""
+        """The dimensionless parameters of the law, in the order of `LAWS`."""
         return tuple(getattr(self, name) for name in LAWS[self.law])
 
     def unused_fields(self) -> dict[str, str]:
-        """The fields that have no effect in this design, and why.
+        """Return the names of the fields that have no effect in this design, each with the reason.
 
         >>> Design(law="yeoh", hall_layout="tmag5273a1").unused_fields()["hall_noise"]
         'hall_layout is tmag5273a1'
         """
-        own = OF_ONE_LAYOUT[self.hall_layout]
-        found = {name: f"the law is {self.law}" for law, names in LAWS.items() if law != self.law for name in names}
+        used = OF_ONE_LAYOUT[self.hall_layout]
+        reasons = {name: f"the law is {self.law}" for law, names in LAWS.items() if law != self.law for name in names}
         for names in OF_ONE_LAYOUT.values():
-            found |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in own}
-        return found if self.shape.has_magnet else found | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
+            reasons |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in used}
+        return reasons if self.shape.has_magnet else reasons | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
 
     def unused_field_warnings(self) -> list[str]:
-        """Which fields differ from their defaults and have no effect, a sentence for each reason."""
-        standard = {spec.name: spec.default for spec in dataclasses.fields(self)}
-        reasons: dict[str, list[str]] = {}
+        """Return one sentence for each reason why fields that differ from their defaults have no effect."""
+        defaults = {spec.name: spec.default for spec in dataclasses.fields(self)}
+        names_by_reason: dict[str, list[str]] = {}
         for name, reason in self.unused_fields().items():
-            if getattr(self, name) != standard[name]:
-                reasons.setdefault(reason, []).append(name)
-        return [no_effect(names, reason) for reason, names in reasons.items()]
+            # a field at its default was probably not set by the user: no warning
+            if getattr(self, name) != defaults[name]:
+                names_by_reason.setdefault(reason, []).append(name)
+        return [no_effect(names, reason) for reason, names in names_by_reason.items()]
 
     def warnings(self) -> list[str]:
-        """What is possible to compute but not to build, or likely not meant."""
-        found = []
+        """Return warnings about a sensor that can be computed but not built, or that is probably not intended."""
+        texts = []
         s1, s23 = self.H - self.l0, self.H - self.l0 + self.c
         chip = self.hall_layout != "three"
         if s1 > 0 and not (chip and abs(self.chip_x) >= self.R):
             name = "the chip" if chip else "S1"
-            found.append(
+            texts.append(
                 f"{name} would lie inside the beam, {s1:.3g} mm above the base: raise l0 above {self.H:g} mm"
             )
         if chip:
             pass
         elif s23 > 0 and not self.f > self.R:
-            found.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
+            texts.append(f"S2 and S3 would lie inside the beam: raise f above D/2 = {self.R:g} mm")
         elif s23 > -1 and self.f - self.R < 1 - 1e-9:
-            found.append(
+            texts.append(
                 f"only {self.f - self.R:.3g} mm separate S2 and S3 from the beam's wall: a sheared beam may touch "
                 f"them; raise f"
             )
         if self.L > 3 * self.D:
-            found.append(f"L/D = {self.L / self.D:.3g}: a beam this slender may buckle sideways under a plate")
-        return [*found, *self.value_warnings()]
+            texts.append(f"L/D = {self.L / self.D:.3g}: a beam this slender may buckle sideways under a plate")
+        return [*texts, *self.value_warnings()]
 
     def value_warnings(self) -> list[str]:
-        """What is likely not meant, whatever the design is used for: fields without effect, and no silicone's E."""
-        found = self.unused_field_warnings()
+        """Return warnings for every use of the design: fields without effect, or an E that no silicone has."""
+        texts = self.unused_field_warnings()
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
-            found.append(
+            texts.append(
                 f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "
                 f"{SILICONE_E[1]:g} MPa (Shore A 90): check that E is given in MPa"
             )
-        return found
+        return texts
 
 
 def no_effect(names: Sequence[str], reason: str) -> str:
-    """A warning about what is set in vain.
+    """Return the warning that some settings have no effect, with the reason.
 
     >>> no_effect(["f", "c"], "hall_layout is tmag5273a1")
     'f, c have no effect: hall_layout is tmag5273a1'
@@ -301,7 +313,7 @@ def no_effect(names: Sequence[str], reason: str) -> str:
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """The remedy for an unknown word: the nearest known one, or all of them if none is near.
+    """Return the remedy for an unknown word: the most similar known word, or all of them if none is similar.
 
     >>> nearest("magnet_hieght", ["D", "magnet_height"])
     'did you mean magnet_height?'
@@ -312,7 +324,7 @@ def nearest(word: str, words: Iterable[str]) -> str:
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """The known word that is the same but for its case, or else the nearest one; None if none is near.
+    """Return the known word that differs in case only, or else the most similar one; None if none is similar.
 
     >>> closest("d", ["D", "E"]), closest("magnet_hieght", ["D", "magnet_height"]), closest("colour", ["D"])
     ('D', 'magnet_height', None)
@@ -320,11 +332,13 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     import difflib
 
     known = list(words)
+    # difflib distinguishes case, and would rate "d" and "D" as entirely different
     same = [other for other in known if other.casefold() == word.casefold()]
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
 
 
 def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
+    """Return the value of a field as a float or as a name; raise BadInput if its type or its range is wrong."""
     if "choices" in spec.metadata:
         choices = spec.metadata["choices"]
         if not isinstance(value, str):
@@ -336,15 +350,17 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     unit = "" if unit == "1" else f" {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise BadInput(f"{spec.name} must be a number ({spec.metadata['text']}); got {value!r}")
+    # a NaN fails this comparison, and so is refused as well
     if not low <= value <= high:
         raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {value:g}{unit}")
     return float(value)
 
 
 def paper() -> Design:
-    """The sensor of Chathuranga et al., IEEE Sensors Journal 2016, with what the paper leaves open assumed.
+    """Return the sensor of Chathuranga et al., IEEE Sensors Journal 2016, with assumed values where the paper has
+    none.
 
-    The assumed magnet height, remanence and l0 reproduce the paper's offset of S1, 2.87 V.
+    The assumed magnet height, remanence and l0 reproduce the paper's output of S1 at rest, 2.87 V.
     """
     return Design()
 

@@ -1,10 +1,12 @@
-"""For which sensor a file was made: the fields of `Design` that its content depends on, and a digest of them.
+"""The label of a file: the fields of `Design` on which its content depends, and a digest of them.
 
-States of a solve depend on what enters the mechanics, tables of readings on the magnet and the Hall elements too,
-meshes on lengths alone. What does not enter is left out, so that it may differ: f and the other figures of the Hall
-elements in a state, E and the law in a mesh. Keys carry units, as everywhere in files.
+A solved state depends on the fields that enter the mechanics. A table of readings also depends on the magnet and on
+the Hall elements. A mesh depends on lengths alone. A label omits all other fields, so these may differ between the
+file and the design: f and the electrical fields of the Hall elements for a state, E and the law for a mesh. The keys
+carry units, as everywhere in files.
 
-A file holds the fields as `made_for` beside their `digest`, which tells whether they were changed afterwards.
+A file stores the fields under `made_for` and their digest under `digest`. A digest that does not match the fields
+shows that they were edited after the file was written.
 """
 
 from __future__ import annotations
@@ -23,101 +25,113 @@ Fields = dict[str, float | str]
 LENGTHS = ("D", "L")
 MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 DIGITS = 12
-"""Of a digest, hexadecimal: they fit into a whole number of 64 bits."""
+"""Number of hexadecimal digits of a digest: 48 bits, which a double or an integer of 64 bits holds exactly."""
 PREFIX = "made_for_"
-"""Of the names in files that hold numbers only."""
+"""Prefix of the field names in files that hold numbers only."""
 MOST_NAMED = 3
-"""Of the fields that differ."""
+"""Most differing fields that one message lists, so that it stays one readable sentence."""
 
 _UNITS = {spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)} | {"magnet": "1"}
 KEYS = {name: name if unit == "1" else f"{name}_{unit}" for name, unit in _UNITS.items()}
-"""Of the fields in files."""
+"""Key of each field in files: its name and its unit."""
 _NAMES = {KEYS[name]: (name, "" if unit == "1" else f" {unit}") for name, unit in _UNITS.items()}
 
 
 def of_mechanics(design: Design, magnet: Magnet = "rigid") -> Fields:
-    """What force, shift and tilt depend on.
+    """Return the fields on which force, shift and tilt depend.
 
     >>> list(of_mechanics(Design(law="yeoh"), "ignored"))
     ['D_mm', 'L_mm', 'E_MPa', 'nu', 'law', 'yeoh_2', 'yeoh_3', 'magnet']
     """
-    found = _fields(design, (*LENGTHS, "E", "nu", "law", *LAWS[design.law]))
-    return found | {"magnet": magnet} | (_fields(design, MAGNET) if magnet == "rigid" else {})
+    fields = _fields(design, (*LENGTHS, "E", "nu", "law", *LAWS[design.law]))
+    return fields | {"magnet": magnet} | (_fields(design, MAGNET) if magnet == "rigid" else {})
 
 
 def of_readings(design: Design) -> Fields:
-    """What the flux densities at the Hall elements depend on for a pose of the magnet; edges count as sharp there."""
+    """Return the fields on which the flux densities at the Hall elements depend, for a given pose of the magnet.
+
+    The formula of the magnetic field treats the magnet's edges as sharp, so `magnet_edge_radius` is not among them.
+    """
     places = ("f", "l0", "c", "hall_plate") if design.hall_layout == "three" else ("l0", "chip_x")
     magnet = ("magnet_diameter", "magnet_height", "remanence")
     return _fields(design, (*LENGTHS, *magnet, "hall_layout", *places))
 
 
 def of_solid(shape: Shape, *, magnet: bool = True) -> Fields:
-    """What a mesh depends on, beside the size of its cells; without the magnet, what its outside depends on."""
+    """Return the fields on which a mesh depends, apart from its cell size.
+
+    magnet : False for a mesh of silicone alone, which depends on the outer lengths only.
+    """
+    # without a magnet, an edge radius that was left in the shape must not make two equal meshes differ
     plain = shape if shape.has_magnet else shape.without_magnet()
     return _fields(plain, (*LENGTHS, *MAGNET) if magnet else LENGTHS)
 
 
 def _fields(owner: Design | Shape, names: Iterable[str]) -> Fields:
-    # adding 0 takes the sign from a negative zero, which JSON written by others may not keep
+    # adding 0 turns -0.0 into 0.0: other programs that rewrite the JSON may lose the sign and so change the digest
     values = {name: getattr(owner, name) for name in names}
     return {KEYS[name]: value if isinstance(value, str) else value + 0.0 for name, value in values.items()}
 
 
 def digest(fields: Mapping[str, Any]) -> str:
-    """A short text that differs where the fields do; whole numbers count as floats, and the order does not matter."""
+    """Return a short hash of the fields; the order of the keys does not change it, nor does 8 in place of 8.0."""
+    # from 2**53 on, not every whole number is a float: such a number is hashed as it stands
     plain = {key: float(v) if isinstance(v, int) and abs(v) < 2**53 else v for key, v in fields.items()}
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
 def label(fields: Fields) -> dict[str, Any]:
-    """What a file says of itself: the fields and their digest."""
+    """Return the label of a file: the fields and their digest."""
     return {"digest": digest(fields), "made_for": fields}
 
 
 def as_numbers(fields: Fields) -> dict[str, float | int]:
-    """A label without texts as named numbers, for files that hold numbers only; `from_numbers` turns it round."""
+    """Return a label as named numbers, without its texts, for files that hold numbers only.
+
+    `from_numbers` is the inverse.
+    """
     numbers = {f"{PREFIX}{key}": value for key, value in fields.items() if not isinstance(value, str)}
     return {**numbers, f"{PREFIX}digest": int(digest(fields), 16)}
 
 
 def from_numbers(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """The label in named numbers, or nothing.
+    """Return the label that named numbers hold; an empty one if they hold none.
 
     >>> from_numbers(as_numbers({"D_mm": 8.0})) == label({"D_mm": 8.0})
     True
     """
-    found = {name.removeprefix(PREFIX): value for name, value in numbers.items() if name.startswith(PREFIX)}
-    code = found.pop("digest", None)
-    made = {key: float(value) for key, value in found.items()}
-    return {"digest": f"{int(code):0{DIGITS}x}", "made_for": made} if code is not None else {}
+    fields = {name.removeprefix(PREFIX): value for name, value in numbers.items() if name.startswith(PREFIX)}
+    code = fields.pop("digest", None)
+    made_for = {key: float(value) for key, value in fields.items()}
+    return {"digest": f"{int(code):0{DIGITS}x}", "made_for": made_for} if code is not None else {}
 
 
-def check(about: Mapping[str, Any], needed: Fields, what: str) -> bool:
-    """Whether a file says for which sensor it was made.
+def check(header: Mapping[str, Any], needed: Fields, what: str) -> bool:
+    """Check that a file was made for this sensor; return False if the file has no label.
 
     Parameters
     ----------
-    about : what the file says of itself, with the keys of `label`, or without.
-    needed : fields that must be there and the same; others may differ.
-    what : the file, for messages.
+    header : the file's own description, with or without the keys of `label`.
+    needed : fields that the label must hold, with equal values; further fields of the label may differ.
+    what : name of the file in messages.
 
     Raises
     ------
     BadInput
-        It was made for another sensor, or what it says does not fit its digest.
+        The file was made for another sensor, or the fields of its label do not match its digest.
     """
-    if "made_for" not in about:
+    if "made_for" not in header:
         return False
-    made = about["made_for"]
-    if not isinstance(made, Mapping) or about.get("digest") != digest(made):
+    made = header["made_for"]
+    if not isinstance(made, Mapping) or header.get("digest") != digest(made):
         raise BadInput(
-            f"{what}: the digest {about.get('digest')!r} does not match the fields in made_for, which were edited "
+            f"{what}: the digest {header.get('digest')!r} does not match the fields in made_for, which were edited "
             f"afterwards: make the file again"
         )
     differing = [key for key, value in needed.items() if made.get(key) != value]
     if differing:
-        # fields that the other sensor does not have, such as the numbers of another law, follow from those it has
+        # a field missing from the label, such as a parameter of another law, only follows from a listed difference:
+        # name the fields that both sensors have
         differing = [key for key in differing if key in made] or differing
         named = differing[:MOST_NAMED]
         more = f" (and {len(differing) - len(named)} more fields differ)" if len(differing) > len(named) else ""
@@ -129,6 +143,7 @@ def check(about: Mapping[str, Any], needed: Fields, what: str) -> bool:
 
 
 def _shown(fields: Mapping[str, Any], keys: Iterable[str]) -> str:
+    """Return names, values and units of some fields, as a message lists them."""
     texts = []
     for key in keys:
         (name, unit), value = _NAMES[key], fields.get(key)

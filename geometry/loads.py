@@ -1,4 +1,7 @@
-"""What is done to the sensor (`Load`) and how it answers (`Response`), shared by formulas and finite elements."""
+"""The load on the sensor (`Load`) and the sensor's response (`Response`).
+
+Formulas and finite elements both take a `Load` and return a `Response`.
+"""
 
 from __future__ import annotations
 
@@ -15,33 +18,36 @@ if TYPE_CHECKING:
 Magnet = Literal["rigid", "ignored"]
 Angle = TypeVar("Angle", float, "NDArray[np.float64]")
 STEEPEST = 0.7
-"""Largest tilt of a plate, rad: beyond it the wall of the beam is touched soon after the dome."""
+"""Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""
 
 MOST_PULL = 5.0
-"""How far a grip may pull the spot of skin that it holds out of the beam, in radii of that spot: the silicone beside
-it is stretched about as many times."""
+"""Largest distance by which a grip may pull the held part of the surface out of the beam, in radii of that part.
+
+The silicone next to the held part is stretched by about this factor.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """A flat rigid plate, or a grip of the tip, that moves by given amounts.
+    """The prescribed motion of a flat rigid plate, or of a grip that holds the tip.
 
     Attributes
     ----------
-    depth : the plate comes down by this much after first touch, mm.
-    shear_x, shear_y : sideways motion of the plate or the grip afterwards, mm.
-    friction : "none", "stick" (a frictionless press, then the patch in contact is glued to the plate and moves
-        with it), or a Coulomb coefficient that acts from first touch on.
-    plate_tilt : rotation of the plate about y that carries its normal from z towards x, rad; it still comes down
-        along z, by `depth` after it has touched the dome.
-    imperfection : dead force along x, spread over the dome, N: it picks the side to which a press gives way, so that
-        the branch beyond can be followed.
-    grip : no plate; every surface point within this height of the tip moves sideways by the shear, u_z free, mm.
+    depth : travel of the plate along -z after first touch, mm.
+    shear_x, shear_y : sideways travel of the plate after the press, or of the grip, mm.
+    friction : "none"; "stick": the press is frictionless, then the contact area is bonded to the plate and moves
+        sideways with it; or a Coulomb coefficient that acts from first touch on.
+    plate_tilt : rotation of the plate about y that carries its normal from z towards x, rad. The plate still moves
+        along z, by `depth` after first touch.
+    imperfection : dead force along x, spread over the dome, N. It selects the side to which a press buckles, so that
+        the solution can be followed beyond buckling.
+    grip : height of the held part of the tip, mm. There is no plate: every surface point within this height of the
+        tip moves sideways by the shear, and u_z is free.
 
     Raises
     ------
     BadInput
-        A value is not finite, negative where it must not be, or the combination means nothing.
+        A value is not finite, a value is negative where that is not allowed, or two values exclude each other.
     """
 
     depth: float = 0.0
@@ -79,7 +85,7 @@ class Load:
 
     @property
     def shear(self) -> float:
-        """Length of the sideways motion, mm.
+        """Length of the shear vector, mm.
 
         >>> Load(shear_x=-3.0, shear_y=4.0).shear
         5.0
@@ -88,7 +94,7 @@ class Load:
 
     @property
     def coulomb(self) -> float | None:
-        """Coefficient of Coulomb friction; None where the plate is frictionless or glued, and in a grip.
+        """Coefficient of Coulomb friction; None for a frictionless plate, for a bonded one, and for a grip.
 
         >>> Load(friction=0.3).coulomb, Load(friction=0.0).coulomb, Load(friction="stick").coulomb
         (0.3, None, None)
@@ -99,7 +105,7 @@ class Load:
 
     @property
     def tip_is_held(self) -> bool:
-        """Whether the tip follows all of a shear: in a grip, or glued to the plate.
+        """True if the tip follows the whole shear: in a grip, or bonded to the plate.
 
         >>> Load(grip=1.0).tip_is_held, Load(friction="stick").tip_is_held, Load(friction=0.3).tip_is_held
         (True, True, False)
@@ -108,7 +114,7 @@ class Load:
 
     @property
     def shears_tip(self) -> bool:
-        """Whether the load moves the tip sideways; a frictionless plate does not.
+        """True if the load moves the tip sideways; a frictionless plate does not.
 
         >>> Load(shear_x=1.0, friction=0.3).shears_tip, Load(shear_x=1.0).shears_tip
         (True, False)
@@ -117,7 +123,7 @@ class Load:
 
     @property
     def bonds_contact(self) -> bool:
-        """Whether the patch in contact is glued to the plate: once a plate that sticks has sheared.
+        """True if the contact area is bonded to the plate: after the press, while a plate with "stick" is sheared.
 
         >>> Load(1.0, 0.5, friction="stick").bonds_contact, Load(shear_x=0.5, grip=1.0).bonds_contact
         (True, False)
@@ -126,7 +132,7 @@ class Load:
 
     @property
     def imposed_shear(self) -> tuple[float, float]:
-        """Shear (x, y) that reaches the tip, mm: none of it under a frictionless plate.
+        """Shear (x, y) that acts on the tip, mm; (0, 0) under a frictionless plate.
 
         >>> Load(shear_y=1.0).imposed_shear, Load(shear_y=1.0, friction="stick").imposed_shear
         ((0.0, 0.0), (0.0, 1.0))
@@ -135,9 +141,10 @@ class Load:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Unit vector of the line along which the tip is sheared, with x > 0 or (0, 1); without a shear (1, 0).
+        """Unit vector along the line of the shear: x > 0, or (0, 1); (1, 0) without a shear.
 
-        Along an axis it is exact, so that nothing of a response is across it.
+        Along the x or y axis the components are exactly 0 and 1, so that no rounding error turns a response out of
+        its plane of symmetry.
 
         >>> Load(shear_y=-2.0, grip=1.0).direction, Load(shear_x=-3.0, shear_y=4.0, friction="stick").direction
         ((0.0, 1.0), (0.6, -0.8))
@@ -148,27 +155,28 @@ class Load:
 
     @property
     def axis(self) -> float:
-        """Angle of that line from the x axis, in (-90, 90] degrees, rad.
+        """Angle of the line of the shear from the x axis, rad, in (-pi/2, pi/2].
 
         >>> Load(shear_x=-1.0, shear_y=1.0, friction="stick").axis
         -0.785398163397
         """
         x, y = self.imposed_shear
         angle = math.atan2(y, x)
+        # opposite shears share one line: the angle is taken modulo pi, and rounded so that their values are equal
         return round(angle - math.pi * math.ceil(angle / math.pi - 0.5 - 1e-12), 12) + 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """How the sensor answers a load: the common currency of formulas and finite elements.
+    """The response of the sensor to a load, in the same form from formulas and from finite elements.
 
     Attributes
     ----------
-    force : load applied to the tip, N; x and y along the shear, z positive in compression.
-    shift : displacement of the magnet's centre, mm; z negative when the magnet sinks.
-    tilt : rotation of the magnet about y that carries z towards x, rad.
-    contact_radius : radius of the patch in contact with the plate, mm; 0 without a plate.
-    tilt_y : the same towards y, rad.
+    force : force (x, y, z) on the tip, N; x and y positive along the shear, z positive in compression.
+    shift : displacement of the magnet's centre, mm; z negative when the magnet moves towards the base.
+    tilt : lean of the magnet's axis from z towards x, rad.
+    contact_radius : radius of the contact area on the plate, mm; 0 without a plate.
+    tilt_y : lean of the magnet's axis from z towards y, rad.
     """
 
     force: tuple[float, float, float]
@@ -183,9 +191,10 @@ class Response:
         return rotation_of(self.tilt, self.tilt_y)
 
     def scaled(self, length: float, force: float) -> Response:
-        """The response of a similar sensor: lengths and forces are multiplied, angles stay.
+        """Return the response of a similar sensor: lengths and forces are multiplied, angles stay.
 
-        A response over D and E D^2 gets units by `scaled(D, E * D**2)`.
+        `scaled(D, E * D**2)` gives units to a response whose lengths are relative to D and whose forces are relative
+        to E D^2.
 
         >>> Response((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 0.1, 3.0).scaled(2.0, 4.0)
         Response(force=(0.0, 0.0, 8.0), shift=(0.0, 0.0, -2.0), tilt=0.1, contact_radius=6.0, tilt_y=0.0)
@@ -201,19 +210,21 @@ class Response:
 
 
 def rotation_of(tilt: Angle, tilt_y: Angle) -> tuple[Angle, Angle]:
-    """Rotation vector (rx, ry), rad, of a magnet whose axis leans by the tilts towards x and towards y; rz is 0.
+    """Return the rotation vector (rx, ry), rad, of a magnet whose axis leans by `tilt` towards x and `tilt_y` towards
+    y.
 
-    A right-handed turn about y carries z towards x, one about x carries z towards -y: (rx, ry) = (-tilt_y, tilt).
+    A right-handed rotation about y carries z towards x; one about x carries z towards -y. Hence
+    (rx, ry) = (-tilt_y, tilt), and rz is 0.
 
     >>> rotation_of(0.2, 0.1)
     (-0.1, 0.2)
     """
-    # adding 0 takes the sign from a negative zero
+    # adding 0 turns -0.0 into 0.0
     return 0.0 - tilt_y, 0.0 + tilt
 
 
 def tilts_of(rx: Angle, ry: Angle) -> tuple[Angle, Angle]:
-    """Tilts towards x and towards y, rad, of a rotation vector: `rotation_of` turned round.
+    """Return the tilts towards x and towards y, rad, of a rotation vector: the inverse of `rotation_of`.
 
     >>> tilts_of(*rotation_of(0.2, 0.1))
     (0.2, 0.1)
@@ -222,11 +233,15 @@ def tilts_of(rx: Angle, ry: Angle) -> tuple[Angle, Angle]:
 
 
 def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
-    """Refuse a load that the silicone has no room for.
+    """Raise BadInput for a load that is too large for the design.
 
-    The plate can never come deeper than all the silicone on the axis, and a grip must lie on the beam. What a shear
-    does not bend the beam by, it pulls out the spot of a grip by: a disc on a half-space, (2 - nu) / (8 G a) for a
-    radius a. An imperfection that by itself bends the beam as far as the tip is wide is none.
+    - The depth must be less than the thickness of all silicone on the axis.
+    - A grip must lie on the beam.
+    - A shear bends the beam, and pulls the part of the surface that a grip holds out of the beam. `MOST_PULL` bounds
+      this pull. The compliance of the held part is that of a rigid disc of radius a bonded to a half-space,
+      (2 - nu) / (8 G a).
+    - An imperfection alone must not bend the beam by more than the tip radius: a larger force is no small
+      disturbance.
     """
     rigid = magnet == "rigid"
     if rigid and not design.shape.has_magnet:
@@ -258,8 +273,9 @@ def _check_imperfection(design: Design, force: float) -> None:
 
 def _check_pull(design: Design, grip: float, shear: float) -> None:
     radius = math.sqrt(grip * (2 * design.R - grip)) if grip < design.R else design.R
-    spot = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
-    most = MOST_PULL * radius * (1 + _compliance(design) / spot)
+    disc = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
+    # beam and held part carry the same force, so they share the shear in proportion to their compliances
+    most = MOST_PULL * radius * (1 + _compliance(design) / disc)
     if not shear <= most:
         raise BadInput(
             f"shear must not exceed {most:.3g} mm under a grip of {grip:g} mm, which holds a spot of {radius:.3g} mm "
@@ -268,7 +284,8 @@ def _check_pull(design: Design, grip: float, shear: float) -> None:
 
 
 def _compliance(design: Design) -> float:
-    """Sideways motion of the tip of a straight all-silicone beam over the force on it, bending and shear, mm/N."""
+    """Return the sideways compliance of the tip of a straight beam of silicone, from bending and shear, mm/N."""
+    # 0.9: shear coefficient of a solid circular section
     area, G = math.pi * design.R**2, design.E / (2 * (1 + design.nu))
     bending = design.L**3 / (3 * design.E * area * design.R**2 / 4)
     return bending + design.L / (0.9 * G * area)

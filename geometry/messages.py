@@ -1,4 +1,4 @@
-"""What long work tells while it runs: how far it is, and what its user should know."""
+"""Progress and warnings of long computations."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import functools
 from collections.abc import Callable
 
 Progress = Callable[[float, str], None]
-"""Takes the part of the work that is done, 0 to 1, and a text on what is done now."""
+"""A function that receives the completed fraction of the computation, 0 to 1, and the name of the current step."""
 
 WARNING = "magtip: warning: "
-"""How the line of a warning begins."""
+"""Start of every line that holds a warning."""
 
 
 @functools.cache
 def warn_once(text: str) -> None:
-    """A warning, once in a process; with no handler of logging's it goes to standard error as it is."""
+    """Log a warning, but only the first time that this process asks for the same text.
+
+    Without a handler for the logger "magtip", `logging` writes the plain text to standard error.
+    """
     import logging
 
     logging.getLogger("magtip").warning("%s%s", WARNING, text)

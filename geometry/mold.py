@@ -1,12 +1,14 @@
-"""What a maker chooses about the two-part casting mould, its lengths, and what is poured into it.
+"""The two-part casting mould: the choices of its maker, its lengths, and the volumes of both pours.
 
-Mould frame, mm: the base plane is z = 0 and the tip points down, to z = -L. B (the paper's part B) is a cup whose
-flat rim lies in the base plane, on a square foot. A is a lid with a skirt outside B, vents, and a pin from the base
-plane to the far side of the magnet, which leaves the pocket for it. First pour: the cavity of the closed mould. Then
-A comes off upwards, the magnet goes into the pocket, and the second pour covers it, flush with B's rim. A plate holds
-columns x rows cavities in one B under one A.
+In the mould's frame the base plane is z = 0 and the tip points down, to z = -L; all lengths are in mm. Part B (the
+paper's part B) is a cup on a square foot; its flat rim lies in the base plane. Part A is a lid with vents, a skirt
+that fits around B, and a pin. The pin reaches from the base plane to the far side of the magnet and so leaves a
+pocket for it.
 
-Shrinkage enlarges cavity and pin by 1/(1 - shrink), never what fits A onto B.
+The first pour fills the cavity of the closed mould. Then A is lifted off, the magnet is put into the pocket, and the
+second pour covers it up to B's rim. A mould of several cavities has columns x rows of them in one B under one A.
+
+Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the fit of A on B.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
 
 LEAST_FREE = 5.0
-"""Least height of B above its foot, mm: room for the skirt of a small sensor's mould."""
+"""Least height of B above its foot, mm, so that the skirt fits even in the mould of a small sensor."""
 
 DOWEL_SHARE = 0.8
-"""Largest diameter of a dowel, as a fraction of the ledge of the foot that it stands in."""
+"""Largest diameter of a dowel, as a fraction of the width of the foot's ledge in which it stands."""
 
 RANGES = {
     "shrink": Range(0.0, 0.2, ""),
@@ -51,27 +53,29 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mold:
-    """What a maker chooses about the mould, mm; None means: taken from process and design (see `sizes`).
+    """The choices of a maker for the mould, mm. None stands for a default from process and design (see `sizes`).
 
     Attributes
     ----------
-    process : fdm (filament) or sla (resin): sets fit, wall, floor and lid where they are left open.
+    process : fdm (filament) or sla (resin); it sets the defaults of fit, wall, floor and lid.
     shrink : linear shrinkage of the silicone, a fraction; cavity and pin grow by 1/(1 - shrink), the fit does not.
     pocket_gap : radial gap between magnet and pocket; negative for a pocket that grips the magnet.
-    pin_edge : fillet at the end of the pin; at most the magnet's own, so that the magnet goes down to the bottom.
-    draft : taper of the pin, wider at the base plane, degrees. The cavity has none: it would make another beam, and
-        silicone, which thins as it is pulled, leaves upright walls; nor has the skirt, which slides with its fit.
-    wall : thickness of B's wall, of A's skirt, and between the cavities of a plate.
-    floor : thickness of B's foot, and least from silicone to bench.
+    pin_edge : fillet radius at the end of the pin. It must not exceed the magnet's edge radius, or the magnet would
+        not reach the bottom of the pocket.
+    draft : taper of the pin, wider at the base plane, degrees. The cavity has no draft: a tapered beam would be
+        another sensor, and silicone thins when it is pulled and so leaves upright walls. The skirt has none either,
+        because its fit relies on parallel walls.
+    wall : thickness of B's wall, of A's skirt, and between neighbouring cavities.
+    floor : thickness of B's foot, and least thickness between the silicone and the underside.
     lid : thickness of A's lid.
-    skirt : how far A reaches down outside B.
+    skirt : length of A's skirt below the base plane.
     fit : radial gap between skirt and B.
-    pry_gap : least height of the slot between A's skirt and B's foot, for a blade that lifts A.
-    vents, vent_diameter : holes through the lid, in the middle of the annulus between pin and cavity wall.
-    tip_vent : diameter of a hole through the floor at the tip; it leaves a nub to cut off; 0 for none.
-    columns, rows : cavities of a plate.
+    pry_gap : least height of the slot between A's skirt and B's foot, where a blade lifts A.
+    vents, vent_diameter : number and diameter of the holes through the lid, midway between pin and cavity wall.
+    tip_vent : diameter of a hole through the floor at the tip, 0 for none; it leaves a nub to cut off.
+    columns, rows : number of cavities along x and along y.
     split : 1 for a B in two halves along a row (only with rows = 1).
-    dowel : diameter of the two dowels that line up the halves, upright in B's foot.
+    dowel : diameter of the two upright dowels in B's foot that align the halves.
 
     Raises
     ------
@@ -117,16 +121,18 @@ class Mold:
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """The mould's lengths, mm, shrinkage included and nothing left open.
+    """All lengths of the mould, mm, shrinkage included and defaults filled in.
 
     Attributes
     ----------
     R, L : radius and length of the cavity.
-    pin_radius, pin_depth, pin_edge : the pin at its end; zeros without a magnet. pin_top : its radius at z = 0.
-    outer, free : radius of B round a cavity, and its height above the foot.
-    floor : thickness of B's foot; bottom : height of the foot's underside, negative.
-    skirt : how far A reaches down outside B, `inner` its inner radius, `rim` its outer one; lid : thickness.
-    vent_diameter, vent_ring : the vents, and the radius of the circle of their centres.
+    pin_radius, pin_edge : radius and fillet radius of the pin at its end; 0 without a magnet.
+    pin_depth, pin_top : length of the pin below z = 0, and its radius at z = 0; 0 without a magnet.
+    outer, free : outer radius of B around a cavity, and height of B above its foot.
+    floor, bottom : thickness of B's foot, and z of its underside (negative).
+    skirt, inner, rim : length of A's skirt below z = 0, its inner radius and its outer radius.
+    lid, wall, fit : thickness of A's lid, thickness of walls, and gap between skirt and B.
+    vent_diameter, vent_ring : diameter of the vents, and radius of the circle of their centres.
     dowel : diameter of the dowels of a split B.
     centres : (x, y) of each cavity's axis.
     """
@@ -154,23 +160,23 @@ class Sizes:
 
     @property
     def pin(self) -> list[Corner]:
-        """Profile of the pin, from its end up to the base plane."""
+        """Profile of the pin, from its lower end up to the base plane."""
         end = [(0.0, -self.pin_depth, 0.0), (self.pin_radius, -self.pin_depth, self.pin_edge)]
         return [*end, (self.pin_top, 0.0, 0.0), (0.0, 0.0, 0.0)]
 
     @property
     def cavity(self) -> list[Corner]:
-        """Profile of the cavity."""
+        """Profile of the cavity, from the base plane down to the tip."""
         return [(0, 0, 0), (self.R, 0, 0), (self.R, -self.L, self.R), (0, -self.L, 0)]
 
 
 def sizes(design: Design, mold: Mold) -> Sizes:
-    """The lengths of the mould for this design, mm.
+    """Return the lengths of the mould for this design, mm.
 
     Raises
     ------
     BadInput
-        A parameter does not go with the design: pin, vents, skirt or dowels do not fit.
+        Pin, vents, skirt or dowels do not fit the design.
     """
     process, scale = mold.printing, 1 / (1 - mold.shrink)
     R, L = scale * design.R, scale * design.L
@@ -232,7 +238,7 @@ def sizes(design: Design, mold: Mold) -> Sizes:
 
 
 def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
-    """Diameter of the vents, and radius of the circle of their centres, mm."""
+    """Return the diameter of the vents and the radius of the circle of their centres, mm."""
     vent = min(1.0, 0.5 * annulus) if mold.vent_diameter is None else mold.vent_diameter
     if not vent <= LARGEST_VENT * annulus:
         raise BadInput(
@@ -240,6 +246,7 @@ def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
             f"cavity wall = {LARGEST_VENT * annulus:.3g} mm; got {vent:g} mm"
         )
     ring = pin + annulus / 2
+    # neighbouring vents keep a fifth of their diameter between them: their centres are 1.2 diameters apart
     most = mold.vents if mold.vents < 2 else int(math.pi / math.asin(min(1.0, 0.6 * vent / ring)))
     if not mold.vents <= most:
         raise BadInput(f"vents must not exceed {most} for vent_diameter = {vent:.3g} mm; got {mold.vents}")
@@ -247,7 +254,11 @@ def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
 
 
 def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]:
-    """Of the pin, mm, not yet scaled: end radius, depth, fillet, radius at the base plane, silicone around."""
+    """Return the lengths of the pin before shrinkage, mm.
+
+    These are the radius at its end, its depth, its fillet radius, its radius at the base plane, and the least
+    thickness of silicone around it.
+    """
     if not design.magnet_diameter > 0:
         return 0.0, 0.0, 0.0, 0.0, design.R
     half = design.magnet_height / 2
@@ -264,7 +275,7 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]
             f"pin_edge must not exceed the magnet's edge radius = {design.magnet_edge_radius:g} mm, "
             f"nor the pin's radius = {radius:g} mm, or the magnet stands on the fillet; got {edge:g} mm"
         )
-    # the fillet's centre: the side leans outwards by the draft
+    # distance of the fillet's centre from the corner along the flat end: the draft opens the corner beyond 90 degrees
     inset = edge / math.tan(math.radians(45 + mold.draft / 2))
     at_end = design.R - math.hypot(radius - inset, half - edge) - edge
     if not min(design.R - radius, at_end) >= LEAST_WALL - 1e-9:
@@ -283,10 +294,11 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]
 
 
 def pours(design: Design, mold: Mold) -> tuple[float, float]:
-    """Liquid silicone that stays in one part at the first and at the second pour, mm³; vents and waste not included.
+    """Return the volumes of liquid silicone in one cast after the first and in the second pour, mm³.
 
-    First the closed mould's cavity; then, with the magnet in its pocket, the rest up to the base plane. After
-    shrinkage both together are the design's silicone.
+    The first pour fills the cavity of the closed mould. The second fills the pocket above and around the magnet up to
+    the base plane. After shrinkage both together have the volume of the design's silicone. Vents and waste are not
+    included.
     """
     s, scale = sizes(design, mold), (1 - mold.shrink) ** -3
     pin = turned_volume(s.pin) if s.pin_radius > 0 else 0.0
