@@ -68,12 +68,12 @@ def test_stiffness_beyond_the_critical_depth_says_so(monkeypatch):
     }
     monkeypatch.setattr(stability, "critical", lambda *_, guided=False, **__: found[guided])
     monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: small_shear.SmallShear(1.0, 0.5, 0.1, 1.0, 1.0))
-    said = [stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0)]
-    assert said[0]["message"] == ""
-    assert (said[0]["critical_depth_error_estimate"], said[0]["critical_force_error_estimate"]) == (0.01, 0.02)
-    assert said[0]["guided_critical_depth_error_estimate"] is None
-    assert "unstable" in said[1]["message"]
-    assert stability_report.shown(said[0])["guided_critical_depth_mm"] == "none up to 3.5"
+    below, beyond = (stability_report.run(paper(), "rigid", "quick", depth, lambda *_: None) for depth in (0.5, 2.0))
+    assert below.message == ""
+    assert (below.critical_depth_error_estimate, below.critical_force_error_estimate) == (0.01, 0.02)
+    assert below.guided_critical_depth_error_estimate is None
+    assert "unstable" in beyond.message
+    assert stability_report.shown(below)["guided_critical_depth_mm"] == "none up to 3.5"
 
 
 def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):

@@ -138,9 +138,10 @@ def stability(
     if out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
     with console.progress(as_json=as_json) as progress:
-        record = stability_report.run(given, magnet, accuracy, depth, progress)
-    console.report([record if as_json else stability_report.shown(record)], as_json=as_json, title="Stability")
-    return judged([record])
+        report = stability_report.run(given, magnet, accuracy, depth, progress)
+    row = report.row()
+    console.report([row if as_json else stability_report.shown(report)], as_json=as_json, title="Stability")
+    return judged([row])
 
 
 def _stability_map(
@@ -209,7 +210,7 @@ def modes(
 
     given = design_of(source, sets, magnet)
     with console.progress(as_json=as_json) as progress:
-        record = modal_report.run(given, magnet, count, depth, accuracy, progress)
+        record = modal_report.run(given, magnet, count, depth, accuracy, progress).row()
     console.report([record], as_json=as_json, title="Natural frequencies")
     return judged([record])
 

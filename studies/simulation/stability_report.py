@@ -1,28 +1,84 @@
-"""What `magtip stability` says: when a press gives way sideways, and how stiff it is against a small shear."""
+"""The report of `magtip stability`: the depth at which a press buckles sideways, and its stiffness in shear."""
 
 from __future__ import annotations
 
-from dataclasses import astuple
-from typing import Any
+import dataclasses
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.output import records
+from studies.output.records import FlatRow
 
-PER_MM = ("stiffness_N_per_mm", "shift_per_mm", "tilt_rad_per_mm")
-ESTIMATES = ("stiffness_error_estimate", "shift_error_estimate", "tilt_error_estimate")
+if TYPE_CHECKING:
+    from fem.small_shear import SmallShear
 
 
-def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> dict[str, Any]:
-    """One record: critical depths and forces of a free and a guided tip, formulas' loads, small shear at a depth.
+@dataclass(frozen=True, slots=True)
+class SmallShearRow:
+    """Response of a press to a small shear; all but the depth is None if the press does not reach the depth.
 
-    None stands where there is no instability down to the depth that was looked at (`stable_to_mm`), and the values
-    at a depth are left out without one.
+    Attributes
+    ----------
+    force_N : (x, y, z) of the press alone.
+    stiffness_N_per_mm, shift_per_mm, tilt_rad_per_mm : shear force, shift and tilt of the magnet per mm of shear.
     """
+
+    depth_mm: float
+    force_N: list[float] | None = None
+    contact_radius_mm: float | None = None
+    stiffness_N_per_mm: float | None = None
+    shift_per_mm: float | None = None
+    tilt_rad_per_mm: float | None = None
+    stiffness_error_estimate: float | None = None
+    shift_error_estimate: float | None = None
+    tilt_error_estimate: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityReport:
+    """Critical depths and forces of a free and of a guided tip, beside the formulas' loads.
+
+    A critical depth or force is None if the press is stable at every depth searched, which is down to
+    `stable_to_mm`.
+
+    Attributes
+    ----------
+    small_shear : None if no depth was requested; a row without a depth has no columns for it.
+    """
+
+    status: str
+    message: str
+    critical_depth_mm: float | None
+    critical_force_N: float | None
+    critical_depth_error_estimate: float | None
+    critical_force_error_estimate: float | None
+    stable_to_mm: float
+    euler_N: float
+    haringx_N: float
+    haringx_depth_mm: float
+    guided_critical_depth_mm: float | None
+    guided_critical_force_N: float | None
+    guided_critical_depth_error_estimate: float | None
+    guided_critical_force_error_estimate: float | None
+    guided_stable_to_mm: float
+    guided_euler_N: float
+    small_shear: SmallShearRow | None = field(default=None, metadata={"prefix": ""})
+
+    def row(self) -> FlatRow:
+        """Return the flat row for JSON."""
+        return records.flat(self)
+
+
+def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> StabilityReport:
+    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
     from fem import small_shear, stability
     from fem.accuracy import LEVELS
 
+    # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:
         small_shear.check_depth(design, depth, magnet)
     level = LEVELS[accuracy]
@@ -30,66 +86,76 @@ def run(design: Design, magnet: Magnet, accuracy: str, depth: float | None, prog
     free = stability.critical(design, magnet, accuracy=level)
     progress(0.4, "guided tip")
     guided = stability.critical(design, magnet, guided=True, accuracy=level)
-    record: dict[str, Any] = {
-        "status": "ok",
-        "message": "; ".join(text for text in (free.message, guided.message) if text),
-        "critical_depth_mm": free.depth,
-        "critical_force_N": free.force,
-        "critical_depth_error_estimate": free.estimates.depth,
-        "critical_force_error_estimate": free.estimates.force,
-        "stable_to_mm": free.stable_to,
-        "euler_N": buckling.euler(design),
-        "haringx_N": buckling.haringx(design),
-        "haringx_depth_mm": buckling.depth(design, buckling.haringx(design)),
-        "guided_critical_depth_mm": guided.depth,
-        "guided_critical_force_N": guided.force,
-        "guided_critical_depth_error_estimate": guided.estimates.depth,
-        "guided_critical_force_error_estimate": guided.estimates.force,
-        "guided_stable_to_mm": guided.stable_to,
-        "guided_euler_N": buckling.euler(design, buckling.GUIDED),
-    }
-    return record if depth is None else record | _at(design, magnet, accuracy, depth, record, progress)
-
-
-def _at(
-    design: Design, magnet: Magnet, accuracy: str, depth: float, record: dict[str, Any], progress: Progress
-) -> dict[str, Any]:
-    """What the record says of a small shear at a depth; with status not_converged if the press does not reach it."""
-    from fem import small_shear
-    from fem.accuracy import LEVELS
-
+    report = StabilityReport(
+        status="ok",
+        message="; ".join(text for text in (free.message, guided.message) if text),
+        critical_depth_mm=free.depth,
+        critical_force_N=free.force,
+        critical_depth_error_estimate=free.estimates.depth,
+        critical_force_error_estimate=free.estimates.force,
+        stable_to_mm=free.stable_to,
+        euler_N=buckling.euler(design),
+        haringx_N=buckling.haringx(design),
+        haringx_depth_mm=buckling.depth(design, buckling.haringx(design)),
+        guided_critical_depth_mm=guided.depth,
+        guided_critical_force_N=guided.force,
+        guided_critical_depth_error_estimate=guided.estimates.depth,
+        guided_critical_force_error_estimate=guided.estimates.force,
+        guided_stable_to_mm=guided.stable_to,
+        guided_euler_N=buckling.euler(design, buckling.GUIDED),
+    )
+    if depth is None:
+        return report
     progress(0.8, f"shear at depth {depth:g} mm")
-    said = [record["message"]] if record["message"] else []
     try:
-        small = small_shear.small_shear(design, depth, magnet, accuracy=LEVELS[accuracy])
+        shear = small_shear.small_shear(design, depth, magnet, accuracy=level)
     except BadInput as error:
-        none = dict.fromkeys(("force_N", "contact_radius_mm", *PER_MM, *ESTIMATES))
-        return {"status": "not_converged", "message": "; ".join([*said, str(error)]), "depth_mm": depth} | none
-    free, guided = record["critical_depth_mm"], record["guided_critical_depth_mm"]
+        message = _joined(report.message, str(error))
+        return dataclasses.replace(report, status="not_converged", message=message, small_shear=SmallShearRow(depth))
+    message = _joined(report.message, _stability_at(report, depth))
+    return dataclasses.replace(report, message=message, small_shear=_small_shear_row(depth, shear))
+
+
+def _joined(*sentences: str) -> str:
+    return "; ".join(sentence for sentence in sentences if sentence)
+
+
+def _small_shear_row(depth: float, shear: SmallShear) -> SmallShearRow:
+    return SmallShearRow(
+        depth_mm=depth,
+        force_N=[0.0, 0.0, shear.force],
+        contact_radius_mm=shear.contact_radius,
+        stiffness_N_per_mm=shear.stiffness,
+        shift_per_mm=shear.shift,
+        tilt_rad_per_mm=shear.tilt,
+        stiffness_error_estimate=shear.estimates.stiffness,
+        shift_error_estimate=shear.estimates.shift,
+        tilt_error_estimate=shear.estimates.tilt,
+    )
+
+
+def _stability_at(report: StabilityReport, depth: float) -> str:
+    """Return a sentence if the press is unstable at a depth, mm, or if its stability is unknown; else ""."""
+    free, guided = report.critical_depth_mm, report.guided_critical_depth_mm
     if guided is not None and depth > guided:
-        said.append(f"at depth {depth:g} mm the straight press is unstable even with a guided tip")
-    elif free is not None and depth > free:
-        said.append(
+        return f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    if free is not None and depth > free:
+        return (
             f"at depth {depth:g} mm the straight press is unstable if the tip slides freely: stiffness, shift and "
             "tilt hold for a tip that sticks to the plate"
         )
-    elif depth > record["stable_to_mm"]:
-        limit = record["stable_to_mm"]
-        said.append(f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm")
-    return {
-        "message": "; ".join(said),
-        "depth_mm": depth,
-        "force_N": [0.0, 0.0, small.force],
-        "contact_radius_mm": small.contact_radius,
-        **dict(zip(PER_MM, (small.stiffness, small.shift, small.tilt), strict=True)),
-        **dict(zip(ESTIMATES, astuple(small.estimates), strict=True)),
-    }
+    if depth > report.stable_to_mm:
+        return f"at depth {depth:g} mm stability is unknown: the search ended at {report.stable_to_mm:.4g} mm"
+    return ""
 
 
-def shown(record: dict[str, Any]) -> dict[str, Any]:
-    """The record for a person to read: where nothing was found, up to which depth it was looked for."""
+def shown(report: StabilityReport) -> FlatRow:
+    """Return the row for the terminal, where "none up to 3.5" stands in place of a missing critical depth."""
     texts = {}
-    for name in ("", "guided_"):
-        if record[f"{name}critical_depth_mm"] is None:
-            texts[f"{name}critical_depth_mm"] = f"none up to {record[f'{name}stable_to_mm']:.5g}"
-    return record | texts
+    for name, depth, limit in (
+        ("critical_depth_mm", report.critical_depth_mm, report.stable_to_mm),
+        ("guided_critical_depth_mm", report.guided_critical_depth_mm, report.guided_stable_to_mm),
+    ):
+        if depth is None:
+            texts[name] = f"none up to {limit:.5g}"
+    return report.row() | texts
