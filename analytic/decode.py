@@ -193,15 +193,15 @@ def _solve(
 ) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
     """All poses of the readings with these numbers: shifts, slopes and owners; and the numbers of misfits."""
     part = target[:, index]
-    owner, start, curve = start_table.starts(coder.table, part)
+    owner, start, curvature = start_table.starts(coder.table, part)
     if len(target) > 3:
         # where readings contradict each other, steps do not square the error
-        curve[:] = start_table.STEEP
+        curvature[:] = start_table.STEEP
     noisy = coder.sigma.all()
     weights = coder.sigma.min() / coder.sigma if noisy else np.ones(len(target))
     pad = 3 * coder.table.cell_size
     s, f, A, done = damped_newton.refine(
-        coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curve
+        coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curvature
     )
     low, high = coder.low[:, None] - EDGE, coder.high[:, None] + EDGE
     inside = done & ((s >= low) & (s <= high)).all(axis=0)

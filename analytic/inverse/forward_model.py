@@ -1,7 +1,8 @@
-"""Readings of many poses at once, with their slopes: the forward model that the decoder turns round.
+"""Readings of many poses at once, with their slopes: the forward model that the decoder inverts.
 
-A pose is a shift s of the magnet's centre and a tilt. The tilt follows the shift: a body of revolution that is
-moved along e = (s_x, s_y)/rho leans its axis towards e, by the angle t = tau rho with tau(rho^2, s_z) in rad/mm, so
+A pose is a shift s of the magnet's centre and a tilt. The tilt is a function of the shift: the sensor is a body of
+revolution, so a magnet shifted along e = (s_x, s_y)/rho leans towards e, by the angle t = tau rho with
+tau(rho^2, s_z) in rad/mm. Hence
 
     m = (sin(t) e, cos(t)),    B = -B_magnet(x; m),    x = p - (0, 0, H) - s,
 
@@ -27,20 +28,22 @@ from geometry.design import BadInput, Design
 from geometry.loads import rotation_of
 
 NO_TILT: Array = np.zeros((1, 1))
-"""tau = 0."""
+"""Coefficients of tau = 0: the magnet does not tilt."""
 SMALL = 1e-6
-"""t^2 below which the slope of sin(t)/t is taken from its series."""
+"""t^2, rad^2, below which the slope of sin(t)/t is taken from its series: the closed form is 0/0 at t = 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forward:
-    """A design's elements and how its magnet tilts.
+    """A design's elements, and the tilt of its magnet as a function of its shift.
 
     Attributes
     ----------
+    elements : k elements.
     tau : coefficients c[i, j] of tau = sum c[i, j] rho^(2i) s_z^j, rad/mm.
-    points, normals : where the elements see the field, mm, and along what, shape (m, 3).
-    owners : the element of each point, shape (m,), in order.
+    mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
+    points, normals : points at which the elements sample the field, mm, and directions n, shape (m, 3).
+    owners : index of the element of each point, ascending, shape (m,).
     """
 
     design: Design
@@ -59,11 +62,11 @@ def model(
     elements: Sequence[Element] | None = None,
     mode: Mode = "component",
 ) -> Forward:
-    """The forward model of a design.
+    """Return the forward model of a design.
 
     Parameters
     ----------
-    tau : see `Forward`; `NO_TILT` ignores the tilt, as the paper does.
+    tau : coefficients as in `Forward`; `NO_TILT` ignores the tilt, as the paper does.
     elements, mode : as in `analytic.hall.readings`.
 
     Raises
@@ -89,7 +92,7 @@ def model(
 
 
 def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
-    """What the elements see, and how it grows with the shift.
+    """Return the readings at shifts of the magnet, and their slopes.
 
     Parameters
     ----------
@@ -97,12 +100,13 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
 
     Returns
     -------
-    values : B.n of each element, or |B|, shape (k, n), T.
-    slopes : of element k along s_j at [j, k, n], shape (3, k, n), T/mm.
+    values : B.n, or |B|, of each element, shape (k, n), T.
+    slopes : slope of element k's reading along s_j at [j, k, n], shape (3, k, n), T/mm.
     """
     n = shift.shape[1]
-    m, lean, x, radial, local = _places(forward, shift)
+    m, axis_slopes, x, radial, local = _positions(forward, shift)
     shape = radial.shape[1:]
+    # the field at a point of the meridian (rho, 0, zeta) gives it everywhere: the magnet is a body of revolution
     b, slope = cylinder_field_jacobian(local, *_magnet(forward.design))
     b_r, b_z = (b[:, k].reshape(shape) for k in (0, 2))
     rr, ring, rz, zz = (slope[:, i, j].reshape(shape) for i, j in ((0, 0), (1, 1), (0, 2), (2, 2)))
@@ -111,28 +115,34 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     along, out = _dot(normal, m), _dot(normal, radial)
     g = ring * normal + ((rr - ring) * out + rz * along) * radial + ((zz - ring) * along + rz * out) * m
     slopes = -g
-    if lean is not None:
+    if axis_slopes is not None:
         turn = cross(cross(B, normal) - cross(x, g), m)
         for j in range(3):
-            slopes[j] += _dot(lean[j][:, None, :], turn)
+            slopes[j] += _dot(axis_slopes[j][:, None, :], turn)
     values, slopes = _mean(forward, b_r * out + b_z * along, 0), _mean(forward, slopes, 1)
     return values.reshape(len(forward.elements), n), slopes
 
 
 def readings_at(forward: Forward, shift: Array) -> Array:
-    """Return the readings of `readings_with_slopes` without the slopes."""
-    m, _, _, radial, local = _places(forward, shift)
+    """Return the readings of `readings_with_slopes` alone, shape (k, n), T."""
+    m, _, _, radial, local = _positions(forward, shift)
     b = cylinder_field(local, *_magnet(forward.design))
     B = b[:, 0].reshape(radial.shape[1:]) * radial + b[:, 2].reshape(radial.shape[1:]) * m
     return _mean(forward, _dot(_normal(forward, B), B), 0)
 
 
-def _places(forward: Forward, shift: Array) -> tuple[Array, Array | None, Array, Array, Array]:
-    """Axis (3, 1, n) and its slopes; the points seen from the magnet, x and its direction across the axis, shape
-    (3, m, n); and the points in a magnet's frame (rho, 0, zeta), shape (m n, 3).
+def _positions(forward: Forward, shift: Array) -> tuple[Array, Array | None, Array, Array, Array]:
+    """Return the positions of the elements' points relative to the magnet.
+
+    Returns
+    -------
+    m : magnet's axis, shape (3, 1, n).
+    axis_slopes : dm_i/ds_j at [j, i, n], 1/mm; None if the magnet does not tilt.
+    x, radial : points relative to the magnet's centre, mm, and their unit vectors across the axis, shape (3, m, n).
+    local : cylindrical coordinates (rho, 0, zeta) of the points in the magnet's frame, shape (m n, 3), mm.
     """
     tilted = bool(forward.tau.any())
-    axis, lean = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
+    axis, axis_slopes = tilt_axis(forward.tau, shift) if tilted else (np.array([[0.0], [0.0], [1.0]]), None)
     m = axis[:, None, :]
     x = forward.points.T[:, :, None] - shift[:, None, :]
     x[2] -= forward.design.H
@@ -142,16 +152,16 @@ def _places(forward: Forward, shift: Array) -> tuple[Array, Array | None, Array,
     radial /= np.where(rho > 0, rho, 1.0)
     local = np.zeros((rho.size, 3))
     local[:, 0], local[:, 2] = rho.ravel(), zeta.ravel()
-    return m, lean, x, radial, local
+    return m, axis_slopes, x, radial, local
 
 
 def _magnet(design: Design) -> tuple[float, float, float]:
-    """Radius, height and, along the axis m, polarisation."""
+    """Return the magnet's radius and height, mm, and its polarisation along m, T."""
     return design.magnet_diameter / 2, design.magnet_height, -design.remanence
 
 
 def _normal(forward: Forward, B: Array) -> Array:
-    """Along what the elements read."""
+    """Return the directions n of the readings; in mode magnitude n = B/|B|, since then B.n = |B|."""
     if forward.mode == "component":
         return forward.normals.T[:, :, None]
     size = np.sqrt(_dot(B, B))
@@ -159,7 +169,7 @@ def _normal(forward: Forward, B: Array) -> Array:
 
 
 def _mean(forward: Forward, values: Array, axis: int) -> Array:
-    """Over the points of each element."""
+    """Return the mean over the points of each element, along `axis`."""
     if len(forward.owners) == len(forward.elements):
         return values
     starts = np.searchsorted(forward.owners, np.arange(len(forward.elements)))
@@ -167,36 +177,39 @@ def _mean(forward: Forward, values: Array, axis: int) -> Array:
 
 
 def tilt_axis(tau: Array, shift: Array) -> tuple[Array, Array]:
-    """The magnet's axis m, shape (3, n), and its slopes dm_i/ds_j at [j, i, n], 1/mm, of shifts (3, n)."""
+    """Return the magnet's axis m, shape (3, n), and its slopes dm_i/ds_j at [j, i, n], 1/mm, at shifts (3, n), mm."""
+    # m = (k x, k y, cos t) with k = sin(t)/rho = tau sinc(t): no division by rho, so the axis rho = 0 needs no case
     x, y, z = shift
     u = x * x + y * y
     t, t_u, t_z = polynomial(tau, u, z)
     square = t * t * u
     angle = np.sqrt(square)
     sinc, cos = np.sinc(angle / np.pi), np.cos(angle)
-    bend = np.where(square > SMALL, (cos - sinc) / (2 * np.where(square > SMALL, square, 1.0)), square / 60 - 1 / 6)
-    grow = (2 * x * t_u, 2 * y * t_u, t_z)
-    wide = (2 * x, 2 * y, 0.0)
+    sinc_slope = np.where(
+        square > SMALL, (cos - sinc) / (2 * np.where(square > SMALL, square, 1.0)), square / 60 - 1 / 6
+    )
+    tau_slopes = (2 * x * t_u, 2 * y * t_u, t_z)
+    u_slopes = (2 * x, 2 * y, 0.0)
     k = sinc * t
-    lean = np.empty((3, 3, shift.shape[1]))
+    slopes = np.empty((3, 3, shift.shape[1]))
     for j in range(3):
-        d_square = 2 * t * u * grow[j] + t * t * wide[j]
-        d_k = sinc * grow[j] + t * bend * d_square
-        lean[j, 0], lean[j, 1], lean[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
-    lean[0, 0] += k
-    lean[1, 1] += k
-    return np.stack([k * x, k * y, cos]), lean
+        d_square = 2 * t * u * tau_slopes[j] + t * t * u_slopes[j]
+        d_k = sinc * tau_slopes[j] + t * sinc_slope * d_square
+        slopes[j, 0], slopes[j, 1], slopes[j, 2] = x * d_k, y * d_k, -sinc / 2 * d_square
+    slopes[0, 0] += k
+    slopes[1, 1] += k
+    return np.stack([k * x, k * y, cos]), slopes
 
 
 def rotation(tau: Array, shift: Array) -> Array:
-    """The tilt as a rotation vector (rx, ry), as `analytic.hall.field_at` takes it, shape (2, n), rad."""
+    """Return the tilt at shifts (3, n), mm, as rotation vectors (rx, ry) of `analytic.hall.field_at`, (2, n), rad."""
     x, y, z = shift
     t = polynomial(tau, x * x + y * y, z)[0]
     return np.stack(rotation_of(t * x, t * y))
 
 
 def polynomial(c: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
-    """p = sum c[i, j] u^i w^j with its slopes along u and w, by Horner's rule."""
+    """Return p = sum c[i, j] u^i w^j and its slopes along u and w, each of the shape of u, by Horner's rule."""
     p, p_u, p_w = (np.zeros_like(u) for _ in range(3))
     for row in c[::-1]:
         q, q_w = np.full_like(u, row[-1]), np.zeros_like(u)
@@ -210,8 +223,10 @@ def polynomial(c: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
 
 
 def _dot(a: Array, b: Array) -> Array:
+    """Return the scalar products of vectors whose components are in the first axis."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def cross(a: Array, b: Array) -> Array:
+    """Return the vector products of vectors whose components are in the first axis."""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,4 +1,4 @@
-"""How sharply readings tell a pose: condition number of their slopes, and how far their noise spreads it."""
+"""How accurately readings determine a pose: condition number of dB/ds, and noise of the decoded pose."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from geometry.arrays import Array
 
 
 def condition(A: Array) -> Array:
-    """Condition numbers of the slopes (3, k, n), shape (n,); infinite at a fold."""
+    """Return the condition numbers, in the 2-norm, of slopes dB/ds (3, k, n), shape (n,); infinite on a fold."""
     if A.shape[1] == 3:
-        # with the singular values a >= b >= c: those of the cofactors are ab, ac and bc, and |det| = abc
+        # singular values a >= b >= c give ab, ac and bc for the cofactors and abc = |det|: (a)(ab)/(abc) = a/c.
+        # This form is vectorised over the poses.
         cofactors = np.stack([cross(A[1], A[2]), cross(A[2], A[0]), cross(A[0], A[1])])
         det = np.abs((A[0] * cofactors[0]).sum(axis=0))
         return np.asarray(np.divide(_norm(A) * _norm(cofactors), det, out=np.full_like(det, np.inf), where=det > 0))
@@ -22,7 +23,10 @@ def condition(A: Array) -> Array:
 
 
 def _norm(A: Array) -> Array:
-    """Greatest singular values of (3, 3, n), shape (n,): the roots of the characteristic cubic of A A' by cosines."""
+    """Return the largest singular values of A (3, 3, n), shape (n,).
+
+    Their squares are the largest roots of the characteristic cubic of A A', by the trigonometric formula.
+    """
     a, b, c = ((row * row).sum(axis=0) for row in A)
     d, e, f = ((A[i] * A[j]).sum(axis=0) for i, j in ((0, 1), (0, 2), (1, 2)))
     mean = (a + b + c) / 3
@@ -35,9 +39,18 @@ def _norm(A: Array) -> Array:
 
 
 def spread(sigma: Array, A: Array) -> Array:
-    """Slopes of the pose along each reading, times its standard deviation, shape (3, k, n), mm; NaN without noise.
+    """Return the error of the pose from one standard deviation of each reading's noise; NaN without noise.
 
-    The pose's covariance is their product with their own transpose. `sigma` has shape (k,), T, and A (3, k, n), T/mm.
+    The pose's covariance is S S' with S the result at one pose.
+
+    Parameters
+    ----------
+    sigma : standard deviation of each reading, shape (k,), T.
+    A : slopes dB/ds, shape (3, k, n), T/mm.
+
+    Returns
+    -------
+    shape (3, k, n), mm.
     """
     if not sigma.any():
         return np.full_like(A, np.nan)

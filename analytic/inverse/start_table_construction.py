@@ -1,4 +1,4 @@
-"""Construction of the table of `start_table`: cells of a grid over the workspace, put into bins of readings."""
+"""Construction of the decoder's table of start poses, whose idea and use `analytic.inverse.start_table` explains."""
 
 from __future__ import annotations
 
@@ -10,19 +10,27 @@ from analytic.inverse.start_table import BINS, MARGIN, STEEP, StartTable, monomi
 from geometry.arrays import Array, Ints
 
 BOX = 1.5
-"""Size of the box of a cell with a fold, over that of its corners."""
-MILD = 0.7
-"""Greatest slope of q at which these converge."""
+"""Size of a folded cell's box over the range of its corners' readings: the fold bulges beyond the corners."""
+MAX_RATE = 0.7
+"""Largest slope of q, 1, at which v = u - q(v) is iterated; it converges below 1, and slowly close to 1."""
 CHUNK = 256
-"""Cells worked on at a time, so that they stay in the processor's cache."""
-NORMS = np.array([1, 1, 1, 1, 1, 1 / 2, 1 / 2, 1, 1 / 2, 1, 1, 1 / 3, 1 / 3, 1 / 3, 1 / 6, 1 / 3, 1, 1 / 3, 1 / 3, 1])
-"""Squared norm of the symmetric tensor of 1, x, y, z, xx, xy, xz, yy, yz, zz, xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz,
-yzz and zzz."""
+"""Number of cells that are binned at a time, so that their arrays stay in the processor's cache."""
+TENSOR_NORMS = np.array(
+    [1, 1, 1, 1, 1, 1 / 2, 1 / 2, 1, 1 / 2, 1, 1, 1 / 3, 1 / 3, 1 / 3, 1 / 6, 1 / 3, 1, 1 / 3, 1 / 3, 1]
+)
+"""Squared norms of the symmetric tensors of 1, x, y, z, xx, xy, xz, yy, yz, zz, xxx, xxy, xxz, xyy, xyz, xzz, yyy,
+yyz, yzz and zzz: with them the norm of a polynomial's coefficients bounds its value in every direction."""
 CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+"""Corners of a unit cell, shape (8, 3)."""
 
 
 def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> StartTable:
-    """The table over a box of shifts, with so many cells along each axis.
+    """Build the table over a box of shifts.
+
+    Parameters
+    ----------
+    low, high : of the box, shape (3,), mm.
+    counts : number of cells along x, y and z.
 
     Raises
     ------
@@ -44,18 +52,20 @@ def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int
     slopes = np.einsum("ik,jkn->nij", basis, slopes)
     grid_sign = np.sign(np.linalg.det(slopes))
     corners = _corners(counts)
-    ends, sides = r[corners], grid_sign[corners]
+    corner_readings, signs = r[corners], grid_sign[corners]
     # the linear map that fits the corners best: its slope along an edge is the mean difference
-    linear = np.einsum("ncr,cj->nrj", ends, (2 * CORNERS - 1) / 4)
-    cell_sign = np.where((sides == sides[:, :1]).all(axis=1), sides[:, 0], 0).astype(np.int8)
-    middle, inverse = _maps(linear, ends, cell_sign == 0)
+    linear = np.einsum("ncr,cj->nrj", corner_readings, (2 * CORNERS - 1) / 4)
+    cell_sign = np.where((signs == signs[:, :1]).all(axis=1), signs[:, 0], 0).astype(np.int8)
+    folded = np.asarray(cell_sign == 0)
+    middle, inverse = _maps(linear, corner_readings, folded)
     cell_size = (high - low) / counts
-    correction, curvature = _corrections(inverse, middle, ends, slopes[corners], cell_sign == 0, cell_size)
-    least, most = ends.min(axis=1), ends.max(axis=1)
+    correction, curvature = _corrections(inverse, middle, corner_readings, slopes[corners], folded, cell_size)
+    least, most = corner_readings.min(axis=1), corner_readings.max(axis=1)
     reach = MARGIN * (most - least)
     least, most = least - reach, most + reach
+    # quantiles, so that the bins hold equally many grid points and no bin lists too many cells
     edges = np.quantile(r, np.arange(1, BINS) / BINS, axis=0).T
-    maps = _rows(inverse, middle)
+    maps = _affine(inverse, middle)
     first, members = _binned(edges, least, most, maps)
     return StartTable(
         basis=basis,
@@ -79,93 +89,124 @@ def build(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int
 
 
 def _corners(counts: tuple[int, int, int]) -> Ints:
-    """Numbers of the grid's points at the corners of each cell, shape (n, 8)."""
+    """Return indices of the grid points at the corners of each cell, shape (n, 8)."""
     shape = [n + 1 for n in counts]
     number = np.arange(np.prod(shape)).reshape(shape)
     step = CORNERS @ [shape[1] * shape[2], shape[2], 1]
     return np.asarray(number[:-1, :-1, :-1].reshape(-1, 1) + step, dtype=np.int64)
 
 
-def _maps(linear: Array, ends: Array, folded: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """`StartTable.middle` and `StartTable.inverse` of the cells."""
-    middle = ends.mean(axis=1)
+def _maps(linear: Array, corner_readings: Array, folded: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the cells' mean readings, shape (n, 3), T, and inverse linear maps, shape (n, 3, 3), 1/T.
+
+    For a folded cell both are those of its box: the middle, and the principal axes over the box's size.
+    """
+    middle = corner_readings.mean(axis=1)
     matrices = linear.copy()
+    # a folded cell's map may be singular; the identity stands in for it until its box replaces it below
     matrices[folded] = np.eye(3)
     inverse = np.linalg.inv(matrices)
     axes = np.linalg.svd(linear[folded])[0]
-    along = np.matmul(ends[folded], axes)
+    along = np.matmul(corner_readings[folded], axes)
     least, most = along.min(axis=1), along.max(axis=1)
     size = BOX * (most - least)
     middle[folded] = np.matmul(axes, ((least + most) / 2)[:, :, None])[:, :, 0]
+    # a box can be flat: a small thickness avoids division by 0
     inverse[folded] = np.swapaxes(axes, 1, 2) / np.maximum(size, 1e-12 * size.max(axis=1, keepdims=True))[:, :, None]
     return np.asarray(middle, dtype=np.float64), np.asarray(inverse, dtype=np.float64)
 
 
-def _rows(inverse: Array, middle: Array) -> Array:
-    """`StartTable.maps`."""
+def _affine(inverse: Array, middle: Array) -> Array:
+    """Return `StartTable.maps` from inverse linear maps (n, 3, 3) and mean readings (n, 3)."""
     return np.moveaxis(np.concatenate([inverse, -np.matmul(inverse, middle[:, :, None])], axis=2), 1, 0).copy()
 
 
 def _corrections(
-    inverse: Array, middle: Array, ends: Array, slopes: Array, folded: NDArray[np.bool_], cell_size: Array
+    inverse: Array, middle: Array, corner_readings: Array, slopes: Array, folded: NDArray[np.bool_], cell_size: Array
 ) -> tuple[Array, Array]:
-    """Return `StartTable.correction` and `StartTable.curvature` from readings (n, 8, 3) and slopes (n, 8, i, j)."""
+    """Return `StartTable.correction` and `StartTable.curvature`.
+
+    Parameters
+    ----------
+    inverse, middle : as returned by `_maps`.
+    corner_readings, slopes : readings (n, 8, 3), T, and slopes (n, 8, i, j), T/mm, at the cells' corners.
+    folded : shape (n,).
+    cell_size : shape (3,), mm.
+    """
     v = (CORNERS - 0.5).T
-    # slopes of polynomials by a complex step, exact to rounding
+    # the monomials' slopes by a complex step are exact to rounding
     columns = [np.array(monomials(*v))]
     columns += [np.array(monomials(*(v + 1e-30j * e[:, None]))).imag / 1e-30 for e in np.eye(3)]
+    # all cells have the same corners in units of their edges, so one pseudo-inverse fits q in all of them
     fit = np.linalg.pinv(np.concatenate(columns, axis=1).T)
-    data = np.concatenate([ends - middle[:, None], *np.moveaxis(slopes * cell_size, 3, 0)], axis=1)
+    data = np.concatenate([corner_readings - middle[:, None], *np.moveaxis(slopes * cell_size, 3, 0)], axis=1)
     q = np.einsum("pd,ndk,nik->ipn", fit, data, inverse, optimize=True)
+    # the fit is u(v) = v + q(v): subtract v
     for i in range(3):
         q[i, 1 + i] -= 1
     reach = 0.5 + MARGIN
-    size = np.sqrt(np.einsum("ipn,p->pn", q * q, NORMS))
-    parts = (slice(1, 4), slice(4, 10), slice(10, 20))
-    first, second, third = (np.sqrt((size[part] ** 2).sum(axis=0)) for part in parts)
+    size = np.sqrt(np.einsum("ipn,p->pn", q * q, TENSOR_NORMS))
+    degrees = (slice(1, 4), slice(4, 10), slice(10, 20))
+    first, second, third = (np.sqrt((size[part] ** 2).sum(axis=0)) for part in degrees)
     far = np.sqrt(3) * reach
+    # upper bound of |dq/dv| over the enlarged cell: v = u - q(v) is a contraction where it is below 1
     rate = first + 2 * far * second + 3 * far**2 * third
-    mild = ~folded & (rate < MILD)
-    q[:, :, ~mild] = 0.0
+    contracting = ~folded & (rate < MAX_RATE)
+    q[:, :, ~contracting] = 0.0
     bound = cell_size.max() / cell_size.min() ** 2 * (second + 3 * far * third)
-    return q, np.where(mild, bound / np.where(mild, 1 - rate, 1.0), STEEP)
+    return q, np.where(contracting, bound / np.where(contracting, 1 - rate, 1.0), STEEP)
 
 
 def _binned(edges: Array, low: Array, high: Array, maps: Array) -> tuple[Ints, NDArray[np.int32]]:
-    """Return `StartTable.first` and `members`: for each bin the cells that may intersect it."""
-    # no cell is beyond the outermost ends
-    ends = np.column_stack([low.min(axis=0), edges, high.max(axis=0)])
-    found = [
-        _meetings(edges, ends, np.arange(a, min(a + CHUNK, len(low))), low, high, maps)
+    """Return `StartTable.first` and `StartTable.members`: for each bin the cells that may intersect it.
+
+    A cell is listed where its bounding box intersects the bin, and so does each of the three slabs between opposite
+    faces of its enlarged parallelepiped.
+
+    Parameters
+    ----------
+    edges : `StartTable.bin_edges`.
+    low, high : bounding boxes, shape (n, 3), T.
+    maps : `StartTable.maps`.
+    """
+    # no cell reaches beyond these outermost edges, so the first and last bins are finite
+    all_edges = np.column_stack([low.min(axis=0), edges, high.max(axis=0)])
+    parts = [
+        _intersections(edges, all_edges, np.arange(a, min(a + CHUNK, len(low))), low, high, maps)
         for a in range(0, len(low), CHUNK)
     ]
-    index, box = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    index, cell = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.argsort(index, kind="stable")
     first = np.searchsorted(index[order], np.arange(BINS**3 + 1))
-    return first.astype(np.int64), box[order]
+    return first.astype(np.int64), cell[order]
 
 
-def _meetings(
-    edges: Array, ends: Array, cells: Ints, low: Array, high: Array, maps: Array
+def _intersections(
+    edges: Array, all_edges: Array, cells: Ints, low: Array, high: Array, maps: Array
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The bins that some cells may meet, and the cell of each."""
+    """Return pairs of bin and cell that may intersect, for the cells with the indices `cells`.
+
+    Parameters as in `_binned`; `all_edges` has the outermost edges of the bins too, shape (3, BINS + 1), T.
+    """
     begin = np.stack([np.searchsorted(edges[k], low[cells, k]) for k in range(3)])
     stop = np.stack([np.searchsorted(edges[k], high[cells, k]) for k in range(3)])
     span = stop - begin + 1
-    many = span.prod(axis=0)
-    box = np.repeat(np.arange(len(cells)), many)
-    rest = np.arange(len(box)) - np.repeat(np.cumsum(many) - many, many)
-    k = begin[2, box] + rest % span[2, box]
-    rest //= span[2, box]
-    bins = np.stack([begin[0, box] + rest // span[1, box], begin[1, box] + rest % span[1, box], k])
-    centre, half = (ends[:, 1:] + ends[:, :-1]) / 2, np.diff(ends) / 2
+    count = span.prod(axis=0)
+    # one entry for each bin of each bounding box; `rest` counts the bins of a box in the order of their indices
+    cell = np.repeat(np.arange(len(cells)), count)
+    rest = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
+    k = begin[2, cell] + rest % span[2, cell]
+    rest //= span[2, cell]
+    bins = np.stack([begin[0, cell] + rest // span[1, cell], begin[1, cell] + rest % span[1, cell], k])
+    centre, half = (all_edges[:, 1:] + all_edges[:, :-1]) / 2, np.diff(all_edges) / 2
     for rows in maps[:, cells]:
-        row = rows[box]
+        row = rows[cell]
+        # u of the bin's centre, and the largest |u| at which the bin can still reach the slab
         u, reach = row[:, 3].copy(), 0.5 + MARGIN
         for axis, number in enumerate(bins):
             u += row[:, axis] * centre[axis, number]
             reach = reach + np.abs(row[:, axis]) * half[axis, number]
         near = np.flatnonzero(np.abs(u) <= reach)
-        box, bins = box[near], bins[:, near]
+        cell, bins = cell[near], bins[:, near]
     index = (bins[0] * BINS + bins[1]) * BINS + bins[2]
-    return index.astype(np.int32), cells[box].astype(np.int32)
+    return index.astype(np.int32), cells[cell].astype(np.int32)

@@ -1,8 +1,8 @@
-"""Readings that no pose in the workspace gives: whether one outside it does, and what ends the workspace there.
+"""Readings that no pose in the workspace has: the nearest pose outside it, and the limit which that pose exceeds.
 
-Where the readings are those of the grid over `WIDER` times the workspace of the design alone, damped Newton steps
-start at the grid's poses that read most alike. The tilt there is that of the mechanics' polynomials beyond their
-samples, so a pose found so is a hint, not a result. Lengths in mm, B in T.
+The search covers a box of `WIDER` times the workspace of the design without mechanics. Damped Newton steps start at
+those poses of a grid over the box whose readings differ least. The mechanics' polynomials give the tilt there beyond
+their samples, so such a pose is a hint to the user and no result. Lengths in mm, B in T.
 """
 
 from __future__ import annotations
@@ -19,41 +19,43 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 
 Limit = Literal["depth", "shear", "workspace"]
-"""What ends the workspace on the way to a pose: the depth or the shear of the mechanics' samples, or its own size."""
+"""Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
 
 WIDER = 1.25
+"""Size of the box of the search over the workspace of the design: poses farther outside are not looked for."""
 GRID = (15, 15, 10)
+"""Number of grid points along x, y and z."""
 STARTS = 4
-"""Poses of the grid that Newton's steps start at for each row of readings."""
+"""Number of poses of the grid from which Newton steps start, for each row of readings."""
 BLOCK = 512
-"""Rows worked on at a time."""
+"""Number of rows that are decoded at a time, which bounds the memory for their distances to the grid."""
 
 
 def poses_outside(coder: Decoder, readings: Array) -> Array:
-    """The pose outside the workspace, nearest to it, that gives each row of readings (n, k), T; NaN for none.
+    """Return, for each row of readings (n, k), T, the pose with these readings that lies least outside the workspace.
 
     Returns
     -------
-    shift : shape (n, 3), mm.
+    shift : shape (n, 3), mm; NaN where no pose is found.
     """
-    found = np.full((len(readings), 3), np.nan)
+    shifts = np.full((len(readings), 3), np.nan)
     low, high = (WIDER * end for end in response_surface.workspace(coder.forward.design))
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, GRID, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
-    # the magnet may run into an element out there, where its field is not defined
+    # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):
-        seen = forward_model.readings_at(coder.forward, grid)
+        grid_readings = forward_model.readings_at(coder.forward, grid)
         for start in range(0, len(readings), BLOCK):
             part = slice(start, start + BLOCK)
-            found[part] = _nearest(coder, readings[part], grid, seen, low, high)
-    return found
+            shifts[part] = _nearest(coder, readings[part], grid, grid_readings, low, high)
+    return shifts
 
 
-def _nearest(coder: Decoder, readings: Array, grid: Array, seen: Array, low: Array, high: Array) -> Array:
-    """`poses` of some rows."""
+def _nearest(coder: Decoder, readings: Array, grid: Array, grid_readings: Array, low: Array, high: Array) -> Array:
+    """Return `poses_outside` for one block of rows, from the grid (3, m), mm, and its readings (k, m), T."""
     scale = coder.table.span
-    apart = (((readings[:, :, None] - seen) / scale[:, None]) ** 2).sum(axis=1)
-    starts = np.argpartition(apart, STARTS, axis=1)[:, :STARTS]
+    difference = (((readings[:, :, None] - grid_readings) / scale[:, None]) ** 2).sum(axis=1)
+    starts = np.argpartition(difference, STARTS, axis=1)[:, :STARTS]
     owner = np.repeat(np.arange(len(readings)), STARTS)
     target = np.ascontiguousarray(readings[owner].T)
     s, f, A, done = damped_newton.refine(
@@ -66,10 +68,11 @@ def _nearest(coder: Decoder, readings: Array, grid: Array, seen: Array, low: Arr
 
 
 def exceeded_limit(coder: Decoder, pose: Array) -> Limit | None:
-    """What keeps a pose (3,), mm, out of the workspace; None for a pose that is not known (NaN)."""
+    """Return the limit of the workspace that a pose (3,), mm, exceeds; None for NaN, which stands for no pose."""
     if not np.isfinite(pose).all():
         return None
     low, high = response_surface.workspace(coder.forward.design)
+    # a limit of the mechanics is to blame only if the workspace of the design alone would hold the pose
     if pose[2] < coder.low[2] and coder.low[2] > low[2] and not pose[2] < low[2]:
         return "depth"
     aside = np.abs(pose[:2]).max()
