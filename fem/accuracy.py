@@ -1,4 +1,4 @@
-"""Accuracy levels of the finite elements, which `magtip accuracy` holds against much finer meshes."""
+"""Accuracy levels of the finite elements; `magtip accuracy` compares them with much finer meshes."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """The finite elements' only knob.
+    """Mesh sizes and harmonics of a solve.
 
     Attributes
     ----------
     name : quick, standard or fine.
-    section_size, solid_size : edge lengths of the section and the tetrahedral mesh, in units of D.
-    section_patch, solid_patch : edge lengths where the glued or gripped patch of skin ends (under a tilted plate at
-        the tip); with coarse ones the tip shears too stiffly.
+    section_size, solid_size : edge length of the section's triangles and of the tetrahedra, over D.
+    section_patch, solid_patch : edge length at the edge of the glued or gripped area (at the tip under a tilted
+        plate), over D; coarser elements there make the tip too stiff in shear.
     harmonics : number of harmonics of the harmonic model.
-    rub : length of the steps with Coulomb friction over their usual one.
+    friction_step_factor : factor on the longest load increments with Coulomb friction.
     """
 
     name: str
@@ -25,7 +25,7 @@ class Accuracy:
     section_patch: float
     solid_patch: float
     harmonics: int
-    rub: float = 1.0
+    friction_step_factor: float = 1.0
 
 
 QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
@@ -34,16 +34,19 @@ FINE = Accuracy("fine", 0.045, 0.10, 0.002, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 
 COARSER = 1.5
-"""Edge lengths (and lengths of the steps with friction) of the companion that an error is estimated with, over those
-of the solution: the companion has less than half of the unknowns, and is close enough to err in the same way."""
+"""Edge lengths, and load increments with friction, of the coarser mesh for error estimates, over those of the
+solution. At 1.5 that mesh has less than half of the unknowns, and is still fine enough for its errors to be of the
+same kind."""
 
 
 def coarser(accuracy: Accuracy) -> Accuracy:
-    """The accuracy of the companion: one harmonic less, but beside a single harmonic, which a shear needs, two.
+    """Return the accuracy of the coarser mesh that errors are estimated with.
 
-    >>> coarser(STANDARD).harmonics, coarser(STANDARD).rub
+    It has one harmonic less. A shear needs one harmonic, so the comparison for a single harmonic has two.
+
+    >>> coarser(STANDARD).harmonics, coarser(STANDARD).friction_step_factor
     (2, 1.5)
     """
-    sizes = ("section_size", "solid_size", "section_patch", "solid_patch", "rub")
+    sizes = ("section_size", "solid_size", "section_patch", "solid_patch", "friction_step_factor")
     changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
     return replace(accuracy, harmonics=accuracy.harmonics - 1 if accuracy.harmonics > 1 else 2, **changed)

@@ -25,7 +25,7 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Model, Scene
 from fem.solution import Solution
-from fem.solvers.depth_ranges import parts
+from fem.solvers.depth_ranges import split_by_mesh
 from fem.solvers.load_case_models import path_models
 from fem.solvers.load_stepping import Path
 from geometry.design import Design
@@ -98,9 +98,11 @@ def _walk(
 ) -> Iterator[Solution]:
     """All parts of the path, one after the other; `coarse` is the companion's scene."""
     done = 0
-    for loads in parts(scene):
+    for loads in split_by_mesh(scene):
         report = (
-            None if progress is None else functools.partial(_of_all, progress, done, len(loads), len(scene.loads))
+            None
+            if progress is None
+            else functools.partial(_report_share, progress, done, len(loads), len(scene.loads))
         )
         companion = None if coarse is None else replace(coarse, loads=loads)
         states = _walk_part(replace(scene, loads=loads), companion, report, mesh)
@@ -127,7 +129,7 @@ def _walk_part(
             yield state if companion is None else _with_estimates(state, companion, scene)
 
 
-def _of_all(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
+def _report_share(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
     """Report the share of a part, of `count` loads after `done`, as one of the `whole` path."""
     progress((done + share * count) / whole, text)
 
@@ -148,7 +150,7 @@ def _follow(
 ) -> Generator[Solution]:
     """The states of loads that share a mesh."""
     begin, D = time.perf_counter(), scene.design.D
-    path = start(scene, mesh)
+    path = start_path(scene, mesh)
     sideways = SidewaysModel(path.raised) if watch and path.raised is not None else None
     x, y = scene.direction
     turn = np.array([[x, y], [-y, x]])
@@ -176,7 +178,7 @@ def _follow(
         path.close()
 
 
-def start(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
+def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
     """The path of a scene at rest, on its own mesh or on tetrahedra in units of D."""
     models = path_models(scene, mesh)
     return Path(
@@ -186,6 +188,6 @@ def start(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
         raised=None if models.raised is None else models.raised.build,
         rim=models.glued_radius,
         mu=scene.coulomb,
-        friction_factor=scene.accuracy.rub,
+        friction_step_factor=scene.accuracy.friction_step_factor,
         predictor=None if models.predictor is None else models.predictor.build,
     )

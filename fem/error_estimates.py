@@ -48,7 +48,7 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
         other = _mirrored(other)
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
     radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
-    growth = _growth(case, load, scene)
+    growth = _growth_beyond_study(case, load, scene)
     # what a second harmonic changes is all missing from an answer with one
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
 
@@ -56,15 +56,15 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
         rule: ErrorRule, value: Sequence[float], companion: Sequence[float], base: float, nothing: float = 0.0
     ) -> float | None:
         difference = _relative_difference(value, companion, nothing)
-        return None if difference is None else _bounded(rule, difference, edge, base, growth, sure)
+        return None if difference is None else _bounded_error(rule, difference, edge, base, growth, sure)
 
     tilt = estimate(rules.tilt, (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), radius, NOTHING)
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
-    sideways, along = None, _along(one, load)
+    sideways, along = None, _force_along_shear(one, load)
     if along:
         rule = RESPONSE_RULES[case if load.coulomb is None else "friction", scene.magnet].sideways
         assert rule is not None  # all cases with a shear have one
-        sideways = estimate(rule, (along,), (_along(other, load),), abs(along) / math.hypot(*one.force))
+        sideways = estimate(rule, (along,), (_force_along_shear(other, load),), abs(along) / math.hypot(*one.force))
     return Estimates(
         force=estimate(rules.force, one.force, other.force, radius),
         shift=estimate(rules.shift, one.shift, other.shift, radius),
@@ -83,7 +83,7 @@ def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: floa
     edge : edge length of the section over D.
     """
     difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
-    return None if difference is None else _bounded(rule, difference, edge, base)
+    return None if difference is None else _bounded_error(rule, difference, edge, base)
 
 
 def load_case(load: Load, scene: Scene) -> LoadCase:
@@ -106,7 +106,7 @@ def load_case(load: Load, scene: Scene) -> LoadCase:
     return "far" if load.shear > ON_LIMIT * STICK_SHEAR * scene.design.D else "stick"
 
 
-def _growth(case: LoadCase, load: Load, scene: Scene) -> float:
+def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
     """How much more than by its rule to expect of a load beyond those of the study, see DEPTH_POWER."""
     first, deepest = press_limits(scene.design, scene.magnet)
     depth = load.depth / (deepest if case == "deep" else first)
@@ -121,7 +121,7 @@ def _mirrored(response: Response) -> Response:
     return replace(response, shift=(-x, -y, z), tilt=-response.tilt, tilt_y=-response.tilt_y)
 
 
-def _along(response: Response, load: Load) -> float:
+def _force_along_shear(response: Response, load: Load) -> float:
     """Component of the force along a load's shear, N; 0 where the load does not shear the tip."""
     if not load.shears_tip:
         return 0.0
@@ -134,7 +134,7 @@ def _relative_difference(one: Sequence[float], other: Sequence[float], nothing: 
     return None if size <= nothing else math.dist(one, other) / size
 
 
-def _bounded(
+def _bounded_error(
     rule: ErrorRule, difference: float, edge: float, base: float, growth: float = 1.0, sure: float = SURE_SHARE
 ) -> float:
     """The error that a rule expects at an edge length over D, times a growth, and no less than what is sure."""

@@ -77,7 +77,7 @@ class Strain(NamedTuple):
 
     G: Array
     Jm1: Array
-    bent: Array
+    cofactor_excess: Array
 
 
 def strain(G: Array) -> Strain:
@@ -86,18 +86,18 @@ def strain(G: Array) -> Strain:
     cof (1 + G) = 1 + tr G - G^T + cof G, and J = 1 + tr G + tr cof G + det G.
     """
     up, down = G.take(_UP, axis=0), G.take(_DOWN, axis=0)
-    bent = up.take(_UP, axis=1) * down.take(_DOWN, axis=1)
-    bent -= up.take(_DOWN, axis=1) * down.take(_UP, axis=1)
-    higher = _trace(bent) + np.einsum("j...,j...->...", G[0], bent[0])
-    bent -= np.swapaxes(G, 0, 1)
-    diagonal = _diagonal(bent)
+    cofactor_excess = up.take(_UP, axis=1) * down.take(_DOWN, axis=1)
+    cofactor_excess -= up.take(_DOWN, axis=1) * down.take(_UP, axis=1)
+    higher = _trace(cofactor_excess) + np.einsum("j...,j...->...", G[0], cofactor_excess[0])
+    cofactor_excess -= np.swapaxes(G, 0, 1)
+    diagonal = _diagonal(cofactor_excess)
     diagonal -= higher
-    return Strain(G, _trace(G) + higher, bent)
+    return Strain(G, _trace(G) + higher, cofactor_excess)
 
 
 def kinematics(strain: Strain, components: Components | None = None, *, tangent: bool = True) -> Kinematics:
     """What laws need of a strain whose J is not zero."""
-    Hm1 = strain.bent / (1 + strain.Jm1)
+    Hm1 = strain.cofactor_excess / (1 + strain.Jm1)
     return Kinematics(strain.G, strain.Jm1, Hm1, Hm1 + _unit(Hm1), components, tangent)
 
 
@@ -124,7 +124,7 @@ def lame(E: float, nu: float) -> tuple[float, float]:
     return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
 
 
-def _times(X: Array, Y: Array) -> Array:
+def _multiply(X: Array, Y: Array) -> Array:
     """X Y of tensors (3, 3, ...)."""
     return np.asarray(np.einsum("ij...,jk...->ik...", X, Y))
 
@@ -137,13 +137,13 @@ def _places(components: Components | None) -> tuple[NDArray[np.int64], NDArray[n
     return own, 3 * i[:, None] + J, 3 * i + J[:, None]
 
 
-def _wanted(T: Array, components: Components | None) -> Array:
+def _select(T: Array, components: Components | None) -> Array:
     """The components of tensors (3, 3, ...) that tangents are wanted for, (c, ...)."""
     T = T.reshape(9, *T.shape[2:])
     return T if components is None else T[_places(components)[0]]
 
 
-def _restricted(A: Array, components: Components | None) -> Array:
+def _select_pairs(A: Array, components: Components | None) -> Array:
     """The components of tangents (9, 9, ...) that are wanted."""
     own = _places(components)[0]
     return A if components is None else A[own[:, None], own]
@@ -159,7 +159,7 @@ def _pairs(X: Array, Y: Array, components: Components | None = None) -> Array:
 
 def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
     """x H + H x, for x (c, ...), and `cross` (...) times H_iL H_kJ, shape (c, c, ...)."""
-    H = _wanted(k.H, k.components)
+    H = _select(k.H, k.components)
     A = x[:, None] * H
     A += H[:, None] * x
     A += _pairs(cross * k.H, k.H, k.components)
@@ -192,7 +192,7 @@ def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tup
     P += (pJ - excess) * H
     if not k.tangent:
         return W, P, _NONE
-    F, H = _wanted(G + _unit(G), k.components), _wanted(H, k.components)
+    F, H = _select(G + _unit(G), k.components), _select(H, k.components)
     A = _tangent(k, (-2 / 3 * s) * F + ((s + excess) / 3 + pJ / 2) * H, s + excess - pJ)
     diagonal = _diagonal(A)
     diagonal += s
@@ -219,14 +219,14 @@ def mooney_rivlin(
     H = k.H
     inverse = Kinematics(k.Hm1, -k.Jm1 / (1 + k.Jm1), k.G, k.G + _unit(k.G), tangent=k.tangent)
     W2, Q, B = neo_hookean(inverse, share * mu)
-    P2 = -_times(_times(H, np.swapaxes(Q, 0, 1)), H)
+    P2 = -_multiply(_multiply(H, np.swapaxes(Q, 0, 1)), H)
     W, P = W1 + W2, P1 + P2
     if not k.tangent:
         return W, P, _NONE
     cross, B = (np.moveaxis(T, (0, 1), (-2, -1)) for T in (_pairs(H, H), B))
     mixed = _pairs(H, P2)
     A2 = np.moveaxis(cross @ B @ cross, (-2, -1), (0, 1)) - mixed - np.swapaxes(mixed, 0, 1)
-    return W, P, _restricted(A1 + A2, k.components)
+    return W, P, _select_pairs(A1 + A2, k.components)
 
 
 def yeoh(
@@ -248,9 +248,9 @@ def yeoh(
     second = mu * (2 * c2 + 6 * c3 * x)
     W, P = mu / 2 * x * (1 + c2 * x + c3 * x**2), first * slope
     if not k.tangent:
-        return _pressed(W, P, _NONE, k, p)
-    own = _wanted(slope, k.components)
-    return _pressed(W, P, first * A + 2 * second * own[:, None] * own, k, p)
+        return _add_pressure(W, P, _NONE, k, p)
+    own = _select(slope, k.components)
+    return _add_pressure(W, P, first * A + 2 * second * own[:, None] * own, k, p)
 
 
 def ogden(
@@ -294,14 +294,14 @@ def ogden(
     W = (scale * W).sum(axis=-1)
     P = np.moveaxis(scale[..., None] * ((n * S[..., None, :]) @ np.swapaxes(N, -1, -2)), (-2, -1), (0, 1))
     if not k.tangent:
-        return _pressed(W, P, _NONE, k, p)
+        return _add_pressure(W, P, _NONE, k, p)
     constant = mean + sum(2 * share / alpha for alpha, share in zip(alphas, shares, strict=True))
     theta -= constant[..., None] * _quotient(-2.0, d, around)
     centred = np.eye(3) - 1 / 3
     D = centred @ (s[..., :, None] * centred)
     frame = (n[..., :, None, :, None] * N[..., None, :, None, :]).reshape(*G.shape[:-2], 9, 9)
     A = scale[..., None] * (frame @ _principal_tangent(S, D, theta, inverse) @ np.swapaxes(frame, -1, -2))
-    return _pressed(W, P, _restricted(np.moveaxis(A, (-2, -1), (0, 1)), k.components), k, p)
+    return _add_pressure(W, P, _select_pairs(np.moveaxis(A, (-2, -1), (0, 1)), k.components), k, p)
 
 
 def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
@@ -339,7 +339,7 @@ def cofactor(k: Kinematics) -> Array:
     return np.asarray((1 + k.Jm1) * k.H)
 
 
-def _pressed(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
+def _add_pressure(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
     """Energy, stress and tangent with those of p (J - 1)."""
     Pp, Ap = pressure_terms(k, p)
     return W + p * k.Jm1, P + Pp, A + Ap
@@ -348,5 +348,5 @@ def _pressed(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> t
 def pressure_terms(k: Kinematics, p: Array | float) -> tuple[Array, Array]:
     """Stress P = p J F^-T (3, 3, ...) of p (J - 1), and its tangent (9, 9, ...) or (c, c, ...)."""
     pJ = p * (1 + k.Jm1)
-    A = _tangent(k, pJ / 2 * _wanted(k.H, k.components), -pJ) if k.tangent else _NONE
+    A = _tangent(k, pJ / 2 * _select(k.H, k.components), -pJ) if k.tangent else _NONE
     return np.asarray(pJ * k.H), A

@@ -22,7 +22,7 @@ import scipy.sparse.linalg as spla
 
 from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
-from fem.contact.contact_extent import contact_end
+from fem.contact.contact_extent import find_contact_edge
 from fem.contact.plate_contact import Plate
 from fem.discretisation import elements, rigid_inclusion
 from fem.discretisation.mesh_specification import specification
@@ -79,11 +79,11 @@ def modes(
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    lowest = _modes(scene, count)
+    lowest = _solve_modes(scene, count)
     if not estimate:
         return lowest
     try:
-        companion = _modes(replace(scene, accuracy=coarser(accuracy)), count)
+        companion = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
     except BadInput:  # a coarse mesh may stop before, or turn unstable
         return lowest
     return replace(lowest, estimates=estimate_frequencies(lowest, companion, scene))
@@ -98,7 +98,7 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
     rule = TANGENT_RULES["pressed frequency" if scene.loads[0].depth else "frequency", scene.magnet]
-    edge, unit = scene.accuracy.section_size, _unit(scene.design)
+    edge, unit = scene.accuracy.section_size, _frequency_unit(scene.design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
         companion = left[name].pop(0) if left[name] else None
@@ -106,21 +106,21 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
     return tuple(errors)
 
 
-def _modes(scene: Scene, count: int) -> Modes:
-    press = _pressed(scene)
-    found = [*_symmetric(press, scene, count), *_torsion(press, scene, max(count // 3, 2))]
+def _solve_modes(scene: Scene, count: int) -> Modes:
+    press = _solve_press(scene)
+    found = [*_solve_symmetric(press, scene, count), *_solve_torsion(press, scene, max(count // 3, 2))]
     depth = scene.loads[0].depth
     if min(found)[0] < 0:
         raise BadInput(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
-    scale = _unit(scene.design)
+    scale = _frequency_unit(scene.design)
     found = sorted(found)[:count]
     frequencies = tuple(math.sqrt(value) * scale for value, _ in found)
     return Modes(frequencies, tuple(name for _, name in found), (None,) * len(found))
 
 
-def _unit(design: Design) -> float:
+def _frequency_unit(design: Design) -> float:
     """Frequency whose omega D (rho / E)^(1/2) is 1, Hz; mm, MPa and kg/m^3 in."""
     return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
 
@@ -153,13 +153,13 @@ class _Press:
     edge: float | None
 
 
-def _pressed(scene: Scene) -> _Press:
+def _solve_press(scene: Scene) -> _Press:
     """The press, on a mesh that is fine where the contact ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
     depth, edge = scene.loads[0].depth / D, None
     section = specification(scene, size, size / 2)
     if depth:
-        edge = contact_end(section, patch, depth)
+        edge = find_contact_edge(section, patch, depth)
         section = replace(section, rim=(edge, min(patch, edge / 4)))
     path = Path(section.build())
     try:
@@ -173,12 +173,12 @@ def _pressed(scene: Scene) -> _Press:
     return _Press(state, with_harmonics(state, replace(section, harmonics=2).build()), edge)
 
 
-def _glued(press: _Press, system: System, q: Array) -> Plate | None:
+def _glue_plate(press: _Press, system: System, q: Array) -> Plate | None:
     """The plate with what it touches glued to it, in a model of the press."""
     if press.edge is None:
         return None
     assert system.surface is not None
-    return plate_contact.glued(system.surface, system.state(q).u, press.low.plate, press.edge, press.low.d.shape.H)
+    return plate_contact.glue(system.surface, system.state(q).u, press.low.plate, press.edge, press.low.d.shape.H)
 
 
 def _inertia(scene: Scene) -> tuple[float, float, float]:
@@ -191,22 +191,22 @@ def _inertia(scene: Scene) -> tuple[float, float, float]:
     return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
 
 
-def _symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
+def _solve_symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
     """Eigenvalues and names of axial, bending and ovalling modes."""
     system, q = press.high.d.system, press.high.q
     m, across, _ = _inertia(scene)
-    K = system.assemble(system.state(q), _glued(press, system, q)).tangent
+    K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
     values, vectors = eigen(K, M, count)
     order = np.abs([*elements.orders(2), *range(3)])
     names = []
     for x in vectors.T:
-        parts = _parts(system, M, x, order)
+        parts = _harmonic_energies(system, M, x, order)
         names.append(SHAPES[int(np.argmax(parts))])
     return list(zip(values.tolist(), names, strict=True))
 
 
-def _parts(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
+def _harmonic_energies(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
     """Kinetic energy of harmonics 0, 1, 2 in a mode; the magnet moves with harmonics 0 and 1."""
     energy = []
     for n in range(3):
@@ -220,10 +220,10 @@ def _parts(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
     return np.array(energy)
 
 
-def _torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
+def _solve_torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
     """Eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
     d, rigid = press.low.d, scene.magnet == "rigid"
-    e = elements.build(d.mesh, axisymmetric=True, angles=elements.twisting())
+    e = elements.build(d.mesh, axisymmetric=True, angles=elements.torsion_fields())
     fixed = np.zeros((len(e.nodes), 3), dtype=bool)
     fixed[elements.boundary_nodes(d.mesh, "base")] = True
     fixed[elements.boundary_nodes(d.mesh, "axis"), :2] = True
@@ -236,7 +236,7 @@ def _torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]
     motion = np.append(d.system.motion(press.low.q), 0.0) if body else np.empty(0)
     q = system.unknowns(u, low.p, motion)
     m, _, along = _inertia(scene)
-    K = system.assemble(system.state(q), _glued(press, system, q)).tangent
+    K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
     # torsion does not couple to the rest: keep its unknowns only
     twist = np.zeros(system.size, dtype=bool)

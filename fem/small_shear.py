@@ -12,17 +12,17 @@ import numpy as np
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
-from fem.contact.contact_extent import contact_end
+from fem.contact.contact_extent import find_contact_edge
 from fem.discretisation.nonlinear_system import Assembly
 from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
-from fem.results.lateral_stiffness import normal_force
-from fem.results.postprocess import pose
+from fem.results.lateral_stiffness import integrate_normal_force
+from fem.results.postprocess import read_pose
 from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
-from fem.solvers.path_state import PathState, glued, with_harmonics
+from fem.solvers.path_state import PathState, glue, with_harmonics
 from fem.stability import RIM, fine_section
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -83,11 +83,11 @@ def small_shear(
     """
     check_depth(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
-    shear = _small_shear(scene)
+    shear = _solve_small_shear(scene)
     if not estimate:
         return shear
     try:
-        companion = _small_shear(replace(scene, accuracy=coarser(accuracy)))
+        companion = _solve_small_shear(replace(scene, accuracy=coarser(accuracy)))
     except BadInput:  # a coarse mesh may stop before
         return shear
     return replace(shear, estimates=estimate_small_shear(shear, companion, scene))
@@ -104,11 +104,11 @@ def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> Sm
     )
 
 
-def _small_shear(scene: Scene) -> SmallShear:
+def _solve_small_shear(scene: Scene) -> SmallShear:
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge = contact_end(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
+    edge = find_contact_edge(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
     section = fine_section(scene, edge)
     path = Path(section.build())
     try:
@@ -119,13 +119,13 @@ def _small_shear(scene: Scene) -> SmallShear:
         raise BadInput(
             f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    held = glued(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
+    held = glue(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
     system, plate = held.d.system, held.plate
     there = system.assemble(system.state(held.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
     moved = system.assemble(system.state(held.q), shear, tangent=False)
     # the tangent is that of the plate at rest: what its motion adds to the residual is the load
-    return _small(scene.design, pressed, held, _solved(there, there.residual - moved.residual))
+    return _read_small_shear(scene.design, pressed, held, _solve_linear(there, there.residual - moved.residual))
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
@@ -135,7 +135,7 @@ def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
         raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
 
 
-def _solved(assembly: Assembly, right: Array) -> Array:
+def _solve_linear(assembly: Assembly, right: Array) -> Array:
     solver = Solver()
     try:
         solver.factorise(assembly.tangent)
@@ -144,7 +144,7 @@ def _solved(assembly: Assembly, right: Array) -> Array:
         solver.close()
 
 
-def _small(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
+def _read_small_shear(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
     """Read the linear answer `step` per unit of shear, about a press whose patch is held."""
     system, skin, plate, D = held.d.system, held.skin, held.plate, design.D
     assert plate.tied is not None
@@ -152,11 +152,11 @@ def _small(design: Design, pressed: PathState, held: PathState, step: Array) -> 
     ahead, behind = system.state(held.q + way * step), system.state(held.q - way * step)
     du = skin.displacement((ahead.u - behind.u) / (2 * way))[..., 0]
     stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
-    (shift2, tilt2), (shift1, tilt1) = (pose(held.d, s.u, s.q) for s in (ahead, behind))
+    (shift2, tilt2), (shift1, tilt1) = (read_pose(held.d, s.u, s.q) for s in (ahead, behind))
     return SmallShear(
         stiffness=stiffness * design.E * D,
         shift=float(shift2[0] - shift1[0]) / (2 * way),
         tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
-        force=normal_force(pressed) * design.E * D**2,
+        force=integrate_normal_force(pressed) * design.E * D**2,
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
     )

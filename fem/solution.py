@@ -42,7 +42,7 @@ class Facts:
         where the path did not, or where nobody looked.
     weak_at : principal stretches, the largest first, at which the law loses stability in the state, or just beyond
         one that stopped or is unstable; None if nowhere.
-    inside_out_share : share of the silicone's volume with det F <= 0; 0 where J at the points of integration is
+    inverted_share : share of the silicone's volume with det F <= 0; 0 where J at the points of integration is
         above FLAT.
     remark : what a user should know of the answer, None if nothing. "given_way" is a tip that left the symmetric
         press to a side that the mesh chose, "leaning" one that an imperfection led there, "guided_only" a section
@@ -60,7 +60,7 @@ class Facts:
     onset: Literal["depth", "shear"] | None = None
     onset_mm: tuple[float, float] | None = None
     weak_at: tuple[float, float, float] | None = None
-    inside_out_share: float = 0.0
+    inverted_share: float = 0.0
     remark: Remark | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth: float | None = None

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
-from fem.contact.contact_extent import SHARE, contact_end, end_of_contact
+from fem.contact.contact_extent import EDGE_SHARE, find_contact_edge, measure_contact_edge
 from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.error_estimate_rules import LEAST_DEPTH, TANGENT_RULES
 from fem.error_estimates import estimate_number
-from fem.results.lateral_stiffness import SidewaysModel, lateral, normal_force
+from fem.results.lateral_stiffness import SidewaysModel, integrate_normal_force, measure_lateral_stiffness
 from fem.scene import Scene
 from fem.solvers.load_case_models import PRESS_FILLET
 from fem.solvers.load_stepping import Path
@@ -40,7 +40,7 @@ KAPPA = 3e5
 """Stiffness of the plate: ten times that of other sections, for elements this small where a deep contact ends (see
 `fem.contact.plate_contact`). With less a wide magnet's press seemed unstable at level fine from 0.33 D on."""
 RIM = 0.25
-"""Edge length where the contact ends, over that of a glued patch, at most SHARE of the contact's radius. In
+"""Edge length where the contact ends, over that of a glued patch, at most EDGE_SHARE of the contact's radius. In
 larger elements the lateral stiffness scatters with the place where the contact ends: a critical depth by 2 %."""
 
 
@@ -98,10 +98,10 @@ def critical(
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
     deepest = DEEPEST * room if deepest is None else deepest
     scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
-    state = _critical(scene, guided)
+    state = _find_critical(scene, guided)
     if not estimate or state.depth is None:
         return state
-    companion = _critical(replace(scene, accuracy=coarser(accuracy)), guided)
+    companion = _find_critical(replace(scene, accuracy=coarser(accuracy)), guided)
     return replace(state, estimates=estimate_critical(state, companion, scene))
 
 
@@ -116,31 +116,31 @@ def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalE
     )
 
 
-def _critical(scene: Scene, guided: bool) -> Critical:
+def _find_critical(scene: Scene, guided: bool) -> Critical:
     D = scene.design.D
     end = scene.loads[0].depth / D
     rough = fine_section(replace(scene, accuracy=QUICK))
-    first = _located(rough, guided, 0.0, min(STEP, end / 8), end)
+    first = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
     if first is None or isinstance(first, float):
-        return _none(first or 0.0, end, D)
-    edge = contact_end(rough, RIM * scene.accuracy.section_patch, first.depth)
-    found = _near(fine_section(scene, edge), guided, first.depth, end)
+        return _report_none(first or 0.0, end, D)
+    edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, first.depth)
+    found = _find_near(fine_section(scene, edge), guided, first.depth, end)
     if not isinstance(found, float) and abs(found.edge / edge - 1) > MOVED:
-        found = _near(fine_section(scene, found.edge), guided, found.depth, end)
+        found = _find_near(fine_section(scene, found.edge), guided, found.depth, end)
     if isinstance(found, float):
-        return _none(found, end, D)
+        return _report_none(found, end, D)
     return Critical(found.depth * D, found.force * scene.design.E * D**2, found.stable * D, "")
 
 
 def fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
     """The axisymmetric section, fine at the undeformed radius `edge` over D at which the contact ends."""
     size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
-    rim = None if edge is None else (edge, min(patch, SHARE * edge))
+    rim = None if edge is None else (edge, min(patch, EDGE_SHARE * edge))
     return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _CriticalState:
     """A critical state in units of D and E: depth, normal force, undeformed radius at which the contact ends.
 
     `stable` is the greatest depth that was found stable.
@@ -156,36 +156,36 @@ class _StoppedError(ArithmeticError):
     """The press does not reach a depth."""
 
 
-def _near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _Found | float:
-    """What `_located` finds around a depth; from rest on if a stable press does not come so far on this mesh at once.
+def _find_near(section: MeshSpecification, guided: bool, depth: float, end: float) -> _CriticalState | float:
+    """Find the first instability near a depth; start from rest if the press is unstable or fails before that depth.
 
-    A state that is unstable already may lie on another branch, which no way back leaves.
+    An unstable state may lie on another branch, from which unloading does not return to the stable one.
     """
     for start in ((1 - AROUND) * depth, 0.0):
-        found = _located(section, guided, start, AROUND * depth if start else depth / 4, end)
+        found = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
         if found is not None:
             return found
     return 0.0
 
 
-def _located(
+def _find_on_mesh(
     section: MeshSpecification, guided: bool, start: float, step: float, end: float
-) -> _Found | float | None:
+) -> _CriticalState | float | None:
     """The first instability, looked for from a depth on in steps; the depth reached if there is none.
 
     None where the press does not come to the start, or is unstable there.
     """
     path = Path(section.build(), kappa=KAPPA)
     try:
-        return _searched(path, SidewaysModel(replace(section, harmonics=1).build), guided, start, step, end)
+        return _search_path(path, SidewaysModel(replace(section, harmonics=1).build), guided, start, step, end)
     finally:
         path.close()
 
 
-def _searched(
+def _search_path(
     path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
-) -> _Found | float | None:
-    """The first instability that a path comes to: see `_located`."""
+) -> _CriticalState | float | None:
+    """The first instability that a path comes to: see `_find_on_mesh`."""
     known: dict[float, float] = {}
 
     def stiffness(depth: float) -> float:
@@ -193,7 +193,7 @@ def _searched(
         if depth not in known:
             if path.go(depth, np.zeros(2)):
                 raise _StoppedError
-            now = lateral(sideways, path.state, guided=guided)
+            now = measure_lateral_stiffness(sideways, path.state, guided=guided)
             known[depth] = -abs(now.stiffness) if now.unstable else abs(now.stiffness)
         return known[depth]
 
@@ -212,10 +212,10 @@ def _searched(
     except _StoppedError:
         return stable or (None if start else 0.0)
     stable = max(depth for depth, value in known.items() if value > 0)
-    return _Found(depth, normal_force(path.state), end_of_contact(path.state), stable)
+    return _CriticalState(depth, integrate_normal_force(path.state), measure_contact_edge(path.state), stable)
 
 
-def _none(reached: float, end: float, D: float) -> Critical:
+def _report_none(reached: float, end: float, D: float) -> Critical:
     message = (
         "" if reached >= end else f"the press does not converge beyond {reached * D:.4g} mm; it is stable up to there"
     )

@@ -19,7 +19,7 @@ def test_each_level_is_finer_than_the_one_before():
 @pytest.mark.parametrize("level", LEVELS.values(), ids=LEVELS)
 def test_a_companion_is_coarser_in_all(level):
     companion = coarser(level)
-    for size in (*SIZES, "rub"):
+    for size in (*SIZES, "friction_step_factor"):
         assert getattr(companion, size) == pytest.approx(COARSER * getattr(level, size))
     assert companion.harmonics == level.harmonics - 1
 

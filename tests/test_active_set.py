@@ -43,13 +43,13 @@ def within(system, radius):
 def test_springs_act_where_the_settled_step_presses(harmonics, radius):
     system, held = sensor(harmonics), plate()
     rest, solver, step = plain_step(system, held, within(system, radius))
-    q = rest.q - active_set.settled(system, solver, rest, step, held, within(system, radius))
+    q = rest.q - active_set.settle_contact(system, solver, rest, step, held, within(system, radius))
     bare = system.assemble(rest, None)
     upper = bare.tangent.toarray()
     K = upper + np.triu(upper, 1).T
     g = plate_contact.overlap(system.surface, system.state(q).u, held).ravel()
     spring = held.stiffness * system.surface.weights.ravel() * np.maximum(g, 0)
-    pushes = system.pushes(np.arange(len(g)), held)
+    pushes = system.normal_displacement_rows(np.arange(len(g)), held)
     assert np.linalg.norm(K @ q + bare.residual + pushes.T @ spring) < 1e-9 * np.linalg.norm(pushes.T @ spring)
 
 
@@ -58,7 +58,7 @@ def test_the_settled_step_does_not_depend_on_the_springs_before():
     found = []
     for radius in (0.0, 0.15, 0.3):
         rest, solver, step = plain_step(system, held, within(system, radius))
-        found.append(active_set.settled(system, solver, rest, step, held, within(system, radius)))
+        found.append(active_set.settle_contact(system, solver, rest, step, held, within(system, radius)))
     assert np.allclose(found[1:], found[0], rtol=0, atol=1e-10)
 
 
@@ -66,16 +66,16 @@ def test_a_step_that_flips_too_many_springs_stays_plain(monkeypatch):
     monkeypatch.setattr(active_set, "MOST_POINTS", 3)
     system, held = sensor(), plate()
     rest, solver, step = plain_step(system, held, within(system, 0.4))
-    assert active_set.settled(system, solver, rest, step, held, within(system, 0.4)) is step
+    assert active_set.settle_contact(system, solver, rest, step, held, within(system, 0.4)) is step
 
 
 def test_without_a_plate_a_step_stays_plain():
     system = sensor()
     rest, solver, step = plain_step(system, plate(), within(system, 0.1))
-    assert active_set.settled(system, solver, rest, step, None) is step
+    assert active_set.settle_contact(system, solver, rest, step, None) is step
 
 
 def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
     """A unit compliance against a spring of stiffness 1 that goes: what is left has no stiffness."""
-    found = active_set._exchanged(np.ones((1, 1)), -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
+    found = active_set._exchange(np.ones((1, 1)), -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
     assert found is None

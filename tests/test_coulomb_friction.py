@@ -18,7 +18,7 @@ from geometry.design import Design, paper
 from geometry.loads import Load
 
 ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
-SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.1, rub=3.0)
+SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.1, friction_step_factor=3.0)
 
 
 def history(rng, points, mu):
@@ -46,14 +46,14 @@ def pulls(states):
 def test_tractions_stay_in_the_cone_and_slip_only_dissipates():
     rng = np.random.default_rng(1)
     before = history(rng, (40, 6), 0.4)
-    place, pressure = before.place + 0.1 * rng.normal(size=(40, 6, 2)), rng.normal(size=(40, 6))
-    after, lost = coulomb_friction.advanced(before, place, pressure, 5.0)
+    displacement, pressure = before.displacement + 0.1 * rng.normal(size=(40, 6, 2)), rng.normal(size=(40, 6))
+    after, lost = coulomb_friction.advance(before, displacement, pressure, 5.0)
     size = np.linalg.norm(after.traction, axis=-1)
     assert (size <= 0.4 * np.maximum(pressure, 0) * (1 + 1e-12)).all()
     assert 0 < after.slipping.sum() < (pressure > 0).sum()
     assert (lost >= 0).all()
     assert lost.max() > 0
-    still, nothing = coulomb_friction.advanced(after, place, pressure, 5.0)
+    still, nothing = coulomb_friction.advance(after, displacement, pressure, 5.0)
     np.testing.assert_allclose(still.traction, after.traction, rtol=1e-12)
     assert nothing.max() < 1e-12 * lost.max()
 
@@ -65,7 +65,9 @@ def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
     system = symmetry_models.section(shape, 0.4998, "rigid", 0.16, 0.08, harmonics=harmonics).system
     points = system.surface.weights.shape
     before = history(rng, points, 0.5)
-    flat = Plate(shape.L - 0.1, 50.0, np.array([0.02, 0.0]), friction=replace(before, place=0.01 * before.place))
+    flat = Plate(
+        shape.L - 0.1, 50.0, np.array([0.02, 0.0]), friction=replace(before, displacement=0.01 * before.displacement)
+    )
     x = system.elements.nodes
     wave = 0.003 * np.sin(x @ rng.normal(size=(2, system.fixed.shape[1]))) * x[:, :1] * x[:, 1:]
     q = 0.1 * rng.normal(size=system.size)
@@ -206,7 +208,7 @@ def test_models_of_friction():
 
 def test_a_plate_with_friction_may_come_and_go_after_a_shear():
     places = {"depth": 0.5, "shear_x": 0.1}, {"depth": 0.3, "shear_x": 0.1}, {}
-    loads = [Load(friction=0.2, **place) for place in places]
+    loads = [Load(friction=0.2, **displacement) for displacement in places]
     states = trace(paper(), loads, ROUGH, magnet="ignored", estimate=False)
     assert [s.status for s in states] == ["ok", "ok", "ok"]
     assert states[1].response.force[0] <= 0.2 * states[1].response.force[2] * (1 + 1e-6)

@@ -88,6 +88,8 @@ def test_what_is_inside_out_is_counted(harmonics):
     u = np.zeros(d.system.fixed.shape)
     u[:, along] = -(d.elements.nodes[:, -1] ** 2) / (2 * h)
     above = (shape.H - h) / 4 + 2 / 3 / 8
-    assert diagnostics.inside_out(d, u) == pytest.approx(above / (shape.H / 4 + 2 / 3 / 8), abs=0.02)
-    assert diagnostics.inside_out(d, 0 * u) == 0
-    assert diagnostics.inside_out(d, 4 * u * h / d.elements.nodes[:, -1:].clip(1e-9)) == pytest.approx(1, abs=1e-9)
+    assert diagnostics.inverted_share(d, u) == pytest.approx(above / (shape.H / 4 + 2 / 3 / 8), abs=0.02)
+    assert diagnostics.inverted_share(d, 0 * u) == 0
+    assert diagnostics.inverted_share(d, 4 * u * h / d.elements.nodes[:, -1:].clip(1e-9)) == pytest.approx(
+        1, abs=1e-9
+    )

@@ -76,7 +76,10 @@ def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
 def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
     for scene, same in (("friction", False), ("stick", True)):
         trial = error_study_cases.trial(0, "rigid", scene, "auto")
-        keys = {error_study.key(trial, replace(QUICK, rub=rub)) for rub in (1.0, 0.5)}
+        keys = {
+            error_study.key(trial, replace(QUICK, friction_step_factor=friction_step_factor))
+            for friction_step_factor in (1.0, 0.5)
+        }
         assert (len(keys) == 1) is same
 
 

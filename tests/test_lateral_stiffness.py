@@ -10,7 +10,7 @@ from analytic import buckling
 from fem import stability
 from fem.accuracy import QUICK
 from fem.discretisation import symmetry_models
-from fem.results.lateral_stiffness import SidewaysModel, lateral, margin
+from fem.results.lateral_stiffness import SidewaysModel, estimate_margin, measure_lateral_stiffness
 from fem.solvers.load_stepping import Path
 from geometry.design import Design
 
@@ -51,7 +51,7 @@ def test_it_falls_like_that_of_a_column(path, sideways):
         before = path.state.energy
         path.go(depth + 1e-4, np.zeros(2))
         forces.append((path.state.energy - before) / 2e-4)
-        ratios.append(lateral(sideways, path.state).stiffness / rest)
+        ratios.append(measure_lateral_stiffness(sideways, path.state).stiffness / rest)
     critical = forces[0] + ratios[0] * (forces[1] - forces[0]) / (ratios[0] - ratios[1])
     assert critical == pytest.approx(buckling.haringx(BEAM) / (BEAM.E * BEAM.D**2), rel=0.5 / (BEAM.L / BEAM.D))
     np.testing.assert_allclose(ratios, 1 - np.array(forces) / critical, atol=0.03)
@@ -61,27 +61,30 @@ def test_it_changes_sign_where_an_unstable_direction_appears(path, sideways):
     found = []
     for depth in (0.05, 0.08):
         assert not path.go(depth, np.zeros(2))
-        found.append(lateral(sideways, path.state))
+        found.append(measure_lateral_stiffness(sideways, path.state))
     assert [state.unstable for state in found] == [0, 1]
     assert found[0].stiffness > 0 > found[1].stiffness
 
 
 def test_a_guided_tip_is_stiffer(path, sideways):
     path.go(0.05, np.zeros(2))
-    assert lateral(sideways, path.state, guided=True).stiffness > 10 * lateral(sideways, path.state).stiffness
+    assert (
+        measure_lateral_stiffness(sideways, path.state, guided=True).stiffness
+        > 10 * measure_lateral_stiffness(sideways, path.state).stiffness
+    )
 
 
 @pytest.mark.parametrize("share", [0.75, 0.95, 1.05])
 def test_one_state_tells_the_critical_depth(path, sideways, share):
     critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
     path.go(share * critical / BEAM.D, np.zeros(2))
-    near = margin(sideways, path.state)
+    near = estimate_margin(sideways, path.state)
     assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
     assert (near.ratio < 0) is (share > 1) is bool(near.unstable)
 
 
 def test_far_from_giving_way_nothing_is_said_of_a_critical_depth(path, sideways):
     path.go(0.01, np.zeros(2))
-    near = margin(sideways, path.state)
+    near = estimate_margin(sideways, path.state)
     assert near.critical_depth is None
     assert 0.5 < near.ratio < 1

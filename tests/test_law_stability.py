@@ -54,7 +54,7 @@ def test_in_every_mode_principal_stretches_stay_within_those_of_the_test(stretch
 def visited(depth):
     """Logarithms of principal stretches (n, 3) and volumes (n,) at points of integration of the paper's sensor."""
     load = Load(depth=depth)
-    path = equilibrium.start(Scene(paper(), (load,), STANDARD))
+    path = equilibrium.start_path(Scene(paper(), (load,), STANDARD))
     try:
         assert not path.go(depth / paper().D, np.zeros(2))
         e, u = path.state.d.system.elements, path.state.u

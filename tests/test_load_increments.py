@@ -9,9 +9,9 @@ import pytest
 from fem.discretisation import symmetry_models
 from fem.solvers import load_increments
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import increment, segment
+from fem.solvers.load_increments import apply_increment, follow_segment
 from fem.solvers.newton import TOLERANCE
-from fem.solvers.path_state import at_rest, glued, with_harmonics
+from fem.solvers.path_state import at_rest, glue, with_harmonics
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)
@@ -32,14 +32,14 @@ def section(harmonics=0):
 
 def pressed(solver, mu=None):
     """A press in several increments, with past and, if wanted, friction."""
-    return segment(solver, at_rest(section(), mu=mu), np.array([0.06, 0.0, 0.0])).state
+    return follow_segment(solver, at_rest(section(), mu=mu), np.array([0.06, 0.0, 0.0])).state
 
 
 def sheared(solver):
     """A press that is glued and has moved aside in two increments."""
-    state = glued(with_harmonics(pressed(solver), section(1)), None)
+    state = glue(with_harmonics(pressed(solver), section(1)), None)
     for way in (0.01, 0.02):
-        state = increment(Solver(), state, np.array([0.06, way, 0.0]), TOLERANCE, sure=True).state
+        state = apply_increment(Solver(), state, np.array([0.06, way, 0.0]), TOLERANCE, sure=True).state
     return state
 
 
@@ -58,7 +58,7 @@ def same(one, other):
 def test_the_same_increment_from_the_same_state_leads_to_the_same_next_one(solver, mu):
     state = pressed(solver, mu)
     before, position = contents(state), np.array([0.07, 0.0, 0.0])
-    once, again = (increment(solver, state, position, TOLERANCE, sure=True) for _ in range(2))
+    once, again = (apply_increment(solver, state, position, TOLERANCE, sure=True) for _ in range(2))
     assert same(contents(state), before)
     assert not same(contents(once.state), before)
     assert same(contents(once.state), contents(again.state))
@@ -68,7 +68,7 @@ def test_the_same_increment_from_the_same_state_leads_to_the_same_next_one(solve
 def test_a_glued_patch_moves_on_twice_alike(solver):
     state, position = sheared(solver), np.array([0.06, 0.03, 0.0])
     before = contents(state)
-    once, again = (increment(Solver(), state, position, TOLERANCE, sure=True) for _ in range(2))
+    once, again = (apply_increment(Solver(), state, position, TOLERANCE, sure=True) for _ in range(2))
     assert same(contents(state), before)
     assert same(contents(once.state), contents(again.state))
 
@@ -82,14 +82,14 @@ def test_a_failed_increment_gives_no_state_and_leaves_the_one_before(solver, mon
         return replace(real(*given, **options), reason="step_inverted")
 
     monkeypatch.setattr(load_increments, "newton", stubborn)
-    tried = increment(solver, state, DEEP, TOLERANCE, sure=True)
+    tried = apply_increment(solver, state, DEEP, TOLERANCE, sure=True)
     assert (tried.state, tried.stop, tried.easy) == (None, "step_inverted", False)
     assert same(contents(state), before)
 
 
 def test_an_increment_through_the_clamp_fails(solver):
     state = pressed(solver)
-    tried = increment(solver, state, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, sure=True)
+    tried = apply_increment(solver, state, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, sure=True)
     assert tried.state is None
     assert tried.stop
 
@@ -97,7 +97,7 @@ def test_an_increment_through_the_clamp_fails(solver):
 def test_what_crushes_silicone_is_believed_of_short_increments_only(solver, monkeypatch):
     state = replace(pressed(solver), least_J=1.0)
     monkeypatch.setattr(load_increments, "CRUSHED", 1.0)  # which every deformation breaks
-    long, short = (increment(solver, state, DEEP, TOLERANCE, sure=sure) for sure in (False, True))
+    long, short = (apply_increment(solver, state, DEEP, TOLERANCE, sure=sure) for sure in (False, True))
     assert (long.state, long.stop) == (None, "")
     assert short.state.least_J < 1
 
@@ -105,7 +105,7 @@ def test_what_crushes_silicone_is_believed_of_short_increments_only(solver, monk
 @pytest.mark.parametrize("longest", [1.0, 0.02])
 def test_a_segment_ends_at_its_goal_with_the_present_state_behind_it(solver, monkeypatch, longest):
     monkeypatch.setattr(load_increments, "LONGEST", longest)
-    reached = segment(solver, at_rest(section()), DEEP)
+    reached = follow_segment(solver, at_rest(section()), DEEP)
     np.testing.assert_array_equal(reached.state.position, DEEP)
     assert [len(reached.state.past), reached.stop] == [1 if longest == 1 else 2, ""]
     assert reached.state.past[-1].position[0] == pytest.approx(max(0.1 - longest, 0.0), abs=1e-12)
@@ -113,7 +113,7 @@ def test_a_segment_ends_at_its_goal_with_the_present_state_behind_it(solver, mon
 
 def test_a_segment_to_where_the_state_is_changes_nothing(solver):
     state = pressed(solver)
-    reached = segment(solver, state, state.position)
+    reached = follow_segment(solver, state, state.position)
     assert reached.state is state
     assert reached.iterations == 0
 
@@ -127,7 +127,7 @@ def test_a_segment_that_stops_short_keeps_the_last_good_state(solver, monkeypatc
 
     monkeypatch.setattr(load_increments, "newton", stubborn)
     monkeypatch.setattr(load_increments, "LONGEST", 0.02)
-    reached = segment(solver, start, DEEP)
+    reached = follow_segment(solver, start, DEEP)
     assert reached.stop == "no_convergence"
     assert 0.04 <= reached.state.position[0] <= 0.05
     assert not start.position.any()

@@ -51,7 +51,7 @@ def test_a_yeoh_law_is_lost_where_its_energy_in_uniaxial_stretch_bends_down():
 def test_a_solve_that_stops_short_blames_its_law_only_where_it_is_lost(depth, lost):
     load = Load(depth=depth)
     scene = Scene(SOFT, (load,), QUICK)
-    path = equilibrium.start(scene)
+    path = equilibrium.start_path(scene)
     try:
         assert not path.go(depth / SOFT.D, np.zeros(2))
         state = read(path.state, scene, load, "no_convergence")
@@ -94,7 +94,7 @@ def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, number
 
 
 def test_what_is_always_stable_is_never_lost():
-    path = equilibrium.start(Scene(paper(), (Load(depth=2.0),), QUICK))
+    path = equilibrium.start_path(Scene(paper(), (Load(depth=2.0),), QUICK))
     try:
         assert not path.go(2.0 / paper().D, np.zeros(2))
         assert material_stability.find_loss(path.state.d.system, path.state.u) is None

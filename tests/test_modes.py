@@ -66,15 +66,15 @@ def timoshenko(length, count):
 
 
 def test_bending_of_a_slender_cylinder_is_timoshenkos():
-    found = frequencies(cylinder(20, elements.around(1)), 4)
+    found = frequencies(cylinder(20, elements.fourier_fields(1)), 4)
     beam = timoshenko(20, 3)
     for omega in beam:
         assert np.abs(found / omega - 1).min() < 0.01
 
 
 def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
-    axial = frequencies(cylinder(20, elements.around(0)), 2)
-    both = frequencies(cylinder(20, elements.twisting()), 5)
+    axial = frequencies(cylinder(20, elements.fourier_fields(0)), 2)
+    both = frequencies(cylinder(20, elements.torsion_fields()), 5)
     for k in (1, 2):
         quarter = (2 * k - 1) * math.pi / 40
         assert axial[k - 1] == pytest.approx(quarter, rel=0.01)
@@ -83,7 +83,7 @@ def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
 
 
 def test_total_mass_is_the_silicones():
-    system = cylinder(2, elements.around(2))
+    system = cylinder(2, elements.fourier_fields(2))
     M = system.mass(3.0, np.zeros(0))
     up = np.zeros(system.fixed.shape)
     up[:, len(elements.orders(2))] = 1

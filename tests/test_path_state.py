@@ -75,7 +75,7 @@ def test_a_predictor_stands_where_its_state_does(pressed):
 
 def test_what_is_glued_counts_its_motion_from_where_it_was_glued(pressed):
     aside = path_state.with_harmonics(replace(pressed, position=np.array([0.1, 0.2, 0.0])), section(1))
-    state = path_state.glued(aside, 0.3)
+    state = path_state.glue(aside, 0.3)
     radii = np.hypot(*np.moveaxis(state.skin.points[..., :2], -1, 0)).mean(axis=1)
     dome = state.skin.points[..., 2].min(axis=1) > SHAPE.H
     np.testing.assert_array_equal(state.bond.tied.all(axis=1)[dome], radii[dome] < 0.3)

@@ -8,7 +8,7 @@ import pytest
 from fem.accuracy import QUICK
 from fem.discretisation import rigid_inclusion, symmetry_models
 from fem.equilibrium import trace
-from fem.results.postprocess import pose
+from fem.results.postprocess import read_pose
 from fem.solvers import load_increments
 from geometry.design import paper
 from geometry.loads import Load
@@ -24,7 +24,7 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
     else:
         d = symmetry_models.solid(shape, 0.4998, "ignored", 0.3, 0.3, half=model == "half")
         u = rigid_inclusion.solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
-    shift, tilt = pose(d, u, np.zeros(d.system.size))
+    shift, tilt = read_pose(d, u, np.zeros(d.system.size))
     np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
     np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)
 

@@ -8,9 +8,9 @@ import pytest
 from fem.discretisation import symmetry_models
 from fem.solvers import predictor
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import segment
+from fem.solvers.load_increments import follow_segment
 from fem.solvers.path_state import at_rest, with_predictor
-from fem.solvers.predictor import predicted
+from fem.solvers.predictor import predict
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)
@@ -33,8 +33,8 @@ def gripped():
 
 
 def test_it_leads_to_the_state_that_increments_lead_to(gripped, solvers):
-    at_once, _ = predicted(*solvers, gripped, ASIDE)
-    in_steps = segment(solvers[0], gripped, ASIDE).state
+    at_once, _ = predict(*solvers, gripped, ASIDE)
+    in_steps = follow_segment(solvers[0], gripped, ASIDE).state
     np.testing.assert_array_equal(at_once.position, ASIDE)
     assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
     np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
@@ -42,7 +42,7 @@ def test_it_leads_to_the_state_that_increments_lead_to(gripped, solvers):
 
 def test_it_goes_along_and_leaves_the_state_before_as_it_was(gripped, solvers):
     reduced, q = gripped.reduced, gripped.reduced.q.copy()
-    once, again = (predicted(*solvers, gripped, ASIDE) for _ in range(2))
+    once, again = (predict(*solvers, gripped, ASIDE) for _ in range(2))
     assert gripped.reduced is reduced
     np.testing.assert_array_equal(reduced.q, q)
     np.testing.assert_array_equal(once[0].q, again[0].q)
@@ -58,7 +58,7 @@ def test_where_its_correction_fails_only_the_predictor_has_moved(gripped, solver
         return replace(real(*given, **options), reason="no_convergence")
 
     monkeypatch.setattr(predictor, "newton", stubborn)
-    state, iterations = predicted(*solvers, gripped, ASIDE)
+    state, iterations = predict(*solvers, gripped, ASIDE)
     assert state.q is gripped.q
     assert state.position is gripped.position
     np.testing.assert_array_equal(state.reduced.position, ASIDE)
@@ -67,6 +67,6 @@ def test_where_its_correction_fails_only_the_predictor_has_moved(gripped, solver
 
 def test_one_that_was_left_behind_says_nothing(gripped, solvers):
     elsewhere = replace(gripped, position=np.array([0.0, 0.05, 0.0]))
-    assert predicted(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
+    assert predict(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
     alone = replace(gripped, reduced=None)
-    assert predicted(*solvers, alone, ASIDE) == (alone, 0)
+    assert predict(*solvers, alone, ASIDE) == (alone, 0)

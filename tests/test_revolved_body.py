@@ -25,7 +25,7 @@ def field(N, w, z, p=lambda n, r, z: 0 * r, magnet="hole"):
     n = range(N + 1)
     u = np.stack([*(w(k, *x) for k in elements.orders(N)), *(z(k, *x) for k in n)], axis=1)
     pressures = np.stack([p(k, *x[:, vertices]) for k in n], axis=1)
-    return Field(mesh=mesh, u=u, p=pressures, vertices=vertices, angles=elements.around(N))
+    return Field(mesh=mesh, u=u, p=pressures, vertices=vertices, angles=elements.fourier_fields(N))
 
 
 def rigid(N, phi, move):

@@ -97,7 +97,7 @@ def test_silicone_inside_out_is_seen(pressed):
 def test_silicone_inside_out_that_is_not_a_fact_of_the_state_fails_its_scene(share):
     deep = solve(paper(), Load(depth=3.6), QUICK)
     assert robustness_checks.folded(SMALL, [deep]).measured == 0
-    silent = replace(deep, facts=replace(deep.facts, inside_out_share=share))
+    silent = replace(deep, facts=replace(deep.facts, inverted_share=share))
     assert robustness_checks.folded(SMALL, [silent]).measured > 0
 
 

@@ -82,7 +82,9 @@ def test_cut_through_a_full_body(pressed):
     mesh = quadratic(skfem.MeshTet2, 2).translated((-0.5, -0.53, 0.0))
     slope = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.0], [0.4, 0.0, -0.2]])
     u, vertices = mesh.doflocs.T @ slope.T, np.unique(mesh.dofs.element_dofs[:4])
-    field = Field(mesh=mesh, u=u, p=np.zeros((len(vertices), 1)), vertices=vertices, angles=elements.cartesian(3))
+    field = Field(
+        mesh=mesh, u=u, p=np.zeros((len(vertices), 1)), vertices=vertices, angles=elements.cartesian_fields(3)
+    )
     # both planes leave the cube through x = -0.5 and x = 0.5
     for shear, length in ((0.0, 1.0), (0.5, math.hypot(1.0, 0.5))):
         load = Load(depth=1.0, shear_x=1.0, shear_y=shear, friction="stick")

@@ -55,5 +55,5 @@ def test_unsymmetric_matrices_of_the_last_group_are_summed_whole():
         for cell, matrix in zip(nodes, matrices, strict=True):
             unknowns = numbers[cell].T.ravel()  # the fields first
             dense += summed(dense.shape, unknowns[:, None], unknowns, matrix)
-    whole = pattern.unfolded(pattern.assemble([K, S]), S)
+    whole = pattern.unfold(pattern.assemble([K, S]), S)
     np.testing.assert_allclose(whole.toarray(), dense, atol=1e-14)

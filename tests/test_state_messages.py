@@ -52,8 +52,8 @@ def test_each_remark_is_a_sentence_of_its_own(told):
 
 def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
     for facts in (Facts(), Facts("no_convergence"), Facts(unstable_directions=1)):
-        assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inside_out_share=2e-5))
-        assert "is inverted" not in told(replace(facts, inside_out_share=1e-7))
+        assert "0.002 % of the silicone is inverted (J <= 0)" in told(replace(facts, inverted_share=2e-5))
+        assert "is inverted" not in told(replace(facts, inverted_share=1e-7))
 
 
 def test_silicone_that_is_inside_out_is_told():

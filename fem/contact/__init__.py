@@ -1,1 +1,1 @@
-"""Contact with the plate: penalty, gluing, gripping, and Coulomb friction."""
+"""Contact with the plate: penalty springs, gluing, gripping, and Coulomb friction."""

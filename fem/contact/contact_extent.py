@@ -1,4 +1,4 @@
-"""Where the contact of a press ends on the undeformed skin, and a mesh that is fine there."""
+"""Radius at which the contact of a press ends on the undeformed skin, from presses on meshes refined there."""
 
 from __future__ import annotations
 
@@ -13,42 +13,45 @@ from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.load_stepping import Path
 from fem.solvers.path_state import PathState
 
-SHARE, NEAR, MOST_PRESSES = 0.05, 0.05, 3
-"""Looking for the end of a contact: the edge length there over its radius, the relative change of the radius after
-which it is found, and the most presses."""
+EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
+"""Search for the edge of the contact: the edge length there is at most EDGE_SHARE of the contact radius, the search
+ends when the radius changes by less than the share SETTLED_RADIUS, and makes at most MOST_PRESSES presses."""
 
 
-def contact_end(section: MeshSpecification, edge_length: float, depth: float) -> float:
-    """As `contact_edge`, by meshes that are fine where the contact ended before; at first where the dome is cut.
+def find_contact_edge(section: MeshSpecification, edge_length: float, depth: float) -> float:
+    """Return the undeformed radius at which the contact of a press ends, over D, from successively refined meshes.
+
+    Each mesh is refined at the radius that the mesh before gave. The first estimate is the circle in which the plate
+    cuts the undeformed dome.
 
     Parameters
     ----------
-    section : need not be fine where the contact ends; its rim does not count.
-    edge_length : there, over D; at most SHARE of the radius.
-    depth : of the press, over D.
+    section : mesh of the press; its own refinement (`rim`) is replaced.
+    edge_length : edge length at the edge of the contact, over D; at most EDGE_SHARE of the radius.
+    depth : depth of the press, over D.
     """
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
-        end = contact_edge(replace(section, rim=(radius, min(edge_length, SHARE * radius))).build(), depth)
-        if not end:  # not even first touch was reached: the press on the final mesh says why
+        end = solve_contact_edge(replace(section, rim=(radius, min(edge_length, EDGE_SHARE * radius))).build(), depth)
+        if not end:  # the press did not reach first touch: the press on the final mesh reports why
             break
         change, radius = end / radius - 1, end
-        if abs(change) < NEAR:
+        if abs(change) < SETTLED_RADIUS:
             break
     return radius
 
 
-def contact_edge(d: Discretisation, depth: float) -> float:
-    """Undeformed radius at which the contact of a press ends, in units of D."""
+def solve_contact_edge(d: Discretisation, depth: float) -> float:
+    """Solve a press to a depth over D and return the undeformed radius at which its contact ends, over D."""
     path = Path(d)
     try:
         path.go(depth, np.zeros(2))
-        return end_of_contact(path.state)
+        return measure_contact_edge(path.state)
     finally:
         path.close()
 
 
-def end_of_contact(state: PathState) -> float:
-    """Undeformed radius at which the contact of a press ends, in units of D."""
+def measure_contact_edge(state: PathState) -> float:
+    """Return the undeformed radius at which the contact of a solved press ends, over D."""
     radius = plate_contact.contact_radius(state.skin, state.u, state.plate)
-    return plate_contact.material_radius(state.skin, state.u, state.plate, radius)
+    return plate_contact.undeformed_radius(state.skin, state.u, state.plate, radius)

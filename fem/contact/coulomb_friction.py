@@ -1,20 +1,21 @@
 """Coulomb friction between the skin and the plate, at the integration points of the skin.
 
-A point under pressure p carries a traction t along the plate (here as the derivative of the springs' energy by the
-displacement: minus the force on the skin) with |t| <= mu p. It moves by s along the plate, in the plate's own frame.
-Over a step of the load, from the last converged state n on,
+A point under pressure p carries a traction t along the plate with |t| <= mu p. Here t is the derivative of the
+springs' energy by the displacement, that is, minus the force on the skin. The point moves by s along the plate,
+relative to the plate. Over a load step from the last converged state n,
 
-    trial = t_n + et (s - s_n),      t = trial where |trial| <= mu p (stick), else mu p trial / |trial| (slip),
+    trial = t_n + et (s - s_n),      t = trial where |trial| <= mu p (stick), else mu p trial / |trial| (slip).
 
-an implicit return map: what exceeds the cone is slip, of length (|trial| - mu p) / et. The spring et = STICK en is
-the compliance of sticking. A point that touches within a step is taken to do so half way along its expected motion,
-where its spring is at rest; tractions of points that lift off are gone. The tangent, with n = trial / |trial|:
+This is an implicit return map: the part of the trial traction outside the cone becomes slip, of length (|trial| - mu
+p) / et. The stiffness et = STICK en is a penalty that allows a small elastic motion while a point sticks. A point
+that first touches within a step is assumed to touch half way along its expected motion, so its spring is relaxed
+there. A point that lifts off loses its traction. The tangent, with n = trial / |trial|, is
 
-    stick:  dt = et ds,        slip:  dt = mu p et / |trial| (1 - n n^T) ds + mu n dp,
+    stick:  dt = et ds,        slip:  dt = mu p et / |trial| (1 - n n^T) ds + mu n dp.
 
-where the coupling to the pressure makes the slipping point's matrix unsymmetric: dry friction has no energy.
+The coupling to the pressure makes the stiffness of a slipping point unsymmetric: dry friction has no energy.
 
-Energy dissipated over a step per area: the slip times the mean of its traction before and after.
+The energy dissipated over a step, per area, is the slip times the mean of the traction before and after.
 """
 
 from __future__ import annotations
@@ -29,137 +30,164 @@ from geometry.arrays import Array
 Mask = NDArray[np.bool_]
 
 STICK = 0.2
-"""Stiffness of the sticking springs over that of the plate's normal ones."""
+"""Stiffness of the tangential springs over that of the plate's normal springs. Softer springs would let a sticking
+point slide; stiffer ones narrow the range in which a point sticks and cost Newton iterations."""
 MIDWAY = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Coefficient and history of the points (k, q) of a skin, as of the last converged state.
+    """Coefficient of friction, and history of the skin's points (k, q) at the last converged state.
 
     Attributes
     ----------
     mu : coefficient of friction.
-    place : (k, q, 2) displacement along the plate less the plate's own.
-    traction : (k, q, 2) along the plate, minus the force on the skin per reference area.
-    pressure : (k, q) of the plate, 0 where it does not touch.
-    slipping : (k, q) which points slipped last.
-    anchor : (k, q, 2) place that a step's motion along the plate counts from, `place` if None.
-    heading : (k, q, 2) tractions' directions where points slip at Newton's last iterate, else 0; None if not known.
+    displacement : (k, q, 2) displacement along the plate relative to the plate, over D.
+    traction : (k, q, 2) traction along the plate, minus the force on the skin per reference area, over E.
+    pressure : (k, q) pressure of the plate over E, 0 where it does not touch.
+    slipping : (k, q) mask of the points that slipped.
+    anchor : (k, q, 2) displacement at which a point's spring carries the traction of the last state; default:
+        `displacement`.
+    slip_direction : (k, q, 2) unit vector of the traction where a point slips at Newton's last iterate, else 0; None
+        where there is no iterate yet.
     """
 
     mu: float
-    place: Array
+    displacement: Array
     traction: Array
     pressure: Array
     slipping: Mask
     anchor: Array | None = None
-    heading: Array | None = None
+    slip_direction: Array | None = None
 
     @property
     def touching(self) -> Mask:
-        """Points that were in contact."""
+        """Mask of the points that were in contact."""
         return self.pressure > 0
 
 
 @dataclass(frozen=True, slots=True)
-class Drag:
-    """What friction does at the points of a trial state.
+class FrictionTraction:
+    """Tractions of a trial state, and their derivatives.
 
     Attributes
     ----------
-    traction : (k, q, 2) along the plate.
-    by_place : (k, q, 2, 2) its derivative by the displacement along the plate.
+    traction : (k, q, 2) traction along the plate.
+    by_displacement : (k, q, 2, 2) its derivative by the displacement along the plate.
     by_pressure : (k, q, 2) its derivative by the pressure.
-    slipping : (k, q) mask.
-    slip : (k, q) length slipped since the last converged state.
+    slipping : (k, q) mask of the points that slip.
+    slip : (k, q) length of the slip since the last converged state.
     """
 
     traction: Array
-    by_place: Array
+    by_displacement: Array
     by_pressure: Array
     slipping: Mask
     slip: Array
 
 
 def at_rest(mu: float, points: tuple[int, int]) -> Friction:
-    """Before first touch."""
+    """Return the history before first touch, for `points` = (k, q) points."""
     pair = np.zeros((*points, 2))
     return Friction(mu, pair, pair, np.zeros(points), np.zeros(points, dtype=bool))
 
 
-def drag(f: Friction, place: Array, pressure: Array, active: Mask, et: float, *, frozen: bool = False) -> Drag:
-    """The return map at displacements `place` along the plate; `active` points touch it.
+def apply_return_map(
+    f: Friction, displacement: Array, pressure: Array, active: Mask, et: float, *, frozen: bool = False
+) -> FrictionTraction:
+    """Return the tractions of a trial state, by the return map of the module docstring.
 
-    frozen : points slip or stick as they did last, whatever their traction.
+    Parameters
+    ----------
+    displacement : (k, q, 2) trial displacement along the plate relative to the plate.
+    pressure : (k, q) trial pressure.
+    active : (k, q) mask of the points that touch the plate.
+    et : stiffness of the tangential springs.
+    frozen : keep each point slipping or sticking as in `f`, whatever its traction.
     """
-    trial = f.traction + et * (place - (f.place if f.anchor is None else f.anchor))
+    # elastic predictor: the trial traction of a point that sticks over the whole step
+    trial = f.traction + et * (displacement - (f.displacement if f.anchor is None else f.anchor))
     size = np.linalg.norm(trial, axis=-1)
     limit = f.mu * np.maximum(pressure, 0.0)
     slipping = active & (size > 0) & (f.slipping if frozen else size > limit)
-    if f.heading is not None:
-        slipping &= np.sum(trial * f.heading, axis=-1) >= 0
+    if f.slip_direction is not None:
+        slipping &= np.sum(trial * f.slip_direction, axis=-1) >= 0
     stretch = np.where(slipping, limit / np.where(size > 0, size, 1.0), active)
     n = trial / np.where(size > 0, size, 1.0)[..., None]
+    # a slipping point resists only across its slip, see the tangent in the module docstring
     across = np.eye(2) - np.where(slipping[..., None, None], n[..., :, None] * n[..., None, :], 0.0)
-    return Drag(
+    return FrictionTraction(
         traction=stretch[..., None] * trial,
-        by_place=(et * stretch)[..., None, None] * across,
+        by_displacement=(et * stretch)[..., None, None] * across,
         by_pressure=np.where((slipping & (pressure > 0))[..., None], f.mu * n, 0.0),
         slipping=slipping,
         slip=np.where(slipping, np.maximum(size - limit, 0.0), 0.0) / et,
     )
 
 
-def advanced(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Friction, Array]:
-    """The history after a step that has converged, and the energy (k, q) dissipated per area.
+def advance(f: Friction, displacement: Array, pressure: Array, et: float) -> tuple[Friction, Array]:
+    """Return the history after a converged step, and the energy (k, q) dissipated in it per area.
 
-    A point that has lifted off is taken to have done so half way.
+    A point that has lifted off is assumed to have done so half way through the step.
     """
     active = pressure > 0
-    now = drag(f, place, pressure, active, et)
+    now = apply_return_map(f, displacement, pressure, active, et)
     released = f.touching & ~active
-    slip = np.where(released, MIDWAY * np.linalg.norm(place - f.place, axis=-1), now.slip)
+    slip = np.where(released, MIDWAY * np.linalg.norm(displacement - f.displacement, axis=-1), now.slip)
     limit, size = f.mu * np.maximum(pressure, 0.0), np.linalg.norm(f.traction, axis=-1)
-    # a point that stuck far inside the cone slips only once its pressure has nearly gone
+    # a point that stuck far inside the cone slips only after its pressure has nearly vanished: its traction when it
+    # begins to slip is then below mu times the pressure before
     first = np.minimum(f.mu * f.pressure, np.maximum(size, limit))
     lost = (first + limit) / 2 * slip
-    after = Friction(f.mu, place, now.traction, np.where(active, pressure, 0.0), now.slipping)
+    after = Friction(f.mu, displacement, now.traction, np.where(active, pressure, 0.0), now.slipping)
     return after, lost
 
 
-def expecting(f: Friction, place: Array) -> Friction:
-    """The history for a step that is expected to end at `place`.
+def expect_motion(f: Friction, displacement: Array) -> Friction:
+    """Return the history for a step that is expected to end at `displacement`, (k, q, 2).
 
-    Points that do not touch yet are expected to do so half way: their springs are strained from there on. So the
-    error of a step is of second order in its length, and either way of ignoring the motion before makes it of first.
+    A point that does not touch yet is expected to touch half way, so its spring is strained from there on. The error
+    of a step is then of second order in its length; anchoring at the start or at the end makes it first order.
     """
-    return replace(f, anchor=np.where(f.touching[..., None], f.place, f.place + MIDWAY * (place - f.place)))
+    return replace(
+        f,
+        anchor=np.where(
+            f.touching[..., None], f.displacement, f.displacement + MIDWAY * (displacement - f.displacement)
+        ),
+    )
 
 
-def heading(f: Friction, place: Array, pressure: Array, et: float) -> tuple[Friction, bool]:
-    """The same for Newton's next iterate, and whether a point was held at this one.
+def hold_reversing_points(f: Friction, displacement: Array, pressure: Array, et: float) -> tuple[Friction, bool]:
+    """Return the history for Newton's next iterate, and whether it held any point at this iterate.
 
-    A point that slips one way at an iterate and the other way at the next is held at first: the traction of a
-    slipping point has no stiffness along the slip, so that Newton's method would throw it to and fro across the
-    narrow range in which it sticks.
+    A point that slips in one direction at an iterate and in the opposite direction at the next is held sticking for
+    one iterate. The traction of a slipping point has no stiffness along the slip, so Newton's method would otherwise
+    jump back and forth across the narrow range in which the point sticks.
     """
     active = pressure > 0
-    now, free = (drag(g, place, pressure, active, et) for g in (f, replace(f, heading=None)))
+    now, free = (
+        apply_return_map(g, displacement, pressure, active, et) for g in (f, replace(f, slip_direction=None))
+    )
     size = np.linalg.norm(now.traction, axis=-1)
-    way = np.where(
+    direction = np.where(
         (now.slipping & (size > 0))[..., None], now.traction / np.where(size > 0, size, 1.0)[..., None], 0.0
     )
-    return replace(f, heading=way), not np.array_equal(now.slipping, free.slipping)
+    return replace(f, slip_direction=direction), not np.array_equal(now.slipping, free.slipping)
 
 
-def turned_back(f: Friction) -> Friction:
-    """The same, with every point expected to stick at first: the plate is about to move another way."""
+def expect_sticking(f: Friction) -> Friction:
+    """Return the history with all points expected to stick at first, for a plate that changes its direction."""
     return replace(f, slipping=np.zeros_like(f.slipping))
 
 
-def revolved(f: Friction, points: Array) -> Friction:
-    """The history of a body of revolution, one point per angle of the same body's skin at `points` (k, q t, 3)."""
+def revolve(f: Friction, points: Array) -> Friction:
+    """Return the history of a solid of revolution from that of its section.
+
+    Parameters
+    ----------
+    f : history with one point (k, q) per point of the section's skin.
+    points : (k, q t, 3) the same points at t angles.
+    """
     turns = points.shape[1] // f.pressure.shape[1]
     along = points[..., :2] / np.linalg.norm(points[..., :2], axis=-1, keepdims=True)
 
@@ -168,7 +196,7 @@ def revolved(f: Friction, points: Array) -> Friction:
 
     return Friction(
         f.mu,
-        around(f.place[..., :1]) * along,
+        around(f.displacement[..., :1]) * along,
         around(f.traction[..., :1]) * along,
         around(f.pressure),
         np.repeat(f.slipping, turns, axis=1),
@@ -176,6 +204,6 @@ def revolved(f: Friction, points: Array) -> Friction:
 
 
 def slip_share(f: Friction, weights: Array) -> float | None:
-    """Share of the area in contact that slips; None where nothing touches."""
+    """Return the share of the contact area that slips; None where nothing touches."""
     area = float(np.sum(weights * f.touching))
     return float(np.sum(weights * (f.slipping & f.touching))) / area if area > 0 else None

@@ -1,22 +1,24 @@
 """Contact with a flat rigid plate, gluing and gripping, at the integration points of the skin.
 
-The plate's lower face passes through (0, 0, height) and its normal n points into the plate, z unless it is tilted. A
-skin point at x overlaps it by g = n . x - n . (0, 0, height), and the plate pushes back with a pressure en <g> per
-reference area (energy en <g>^2 / 2: the force is the derivative of an energy). A glued point keeps its normal spring
-for both signs of g and gains a tangential spring towards a target that moves with the plate; a gripped point has the
-tangential spring alone. Glued is every point within the contact radius, rather than every point with g > 0: on a
-coarse mesh some points inside the patch hang a little. Coulomb friction is in `fem.contact.coulomb_friction`; it has
-no energy, so that the force is the derivative of one only where every point sticks.
+The plate's lower face passes through (0, 0, height). Its normal n points into the plate: z, unless the plate is
+tilted. A skin point at x overlaps the plate by g = n . x - n . (0, 0, height), and the plate pushes back with a
+pressure en <g> per reference area. This is a penalty method: the force is the derivative of the energy en <g>^2 / 2.
+A glued point keeps its normal spring for both signs of g and gains a tangential spring towards a target that moves
+with the plate. A gripped point has the tangential spring alone. All points within the contact radius are glued, not
+only those with g > 0, because on a coarse mesh some points inside the contact area are slightly off the plate.
+Coulomb friction is in `fem.contact.coulomb_friction`. It has no energy, so the force is the derivative of an energy
+only while every point sticks.
 
-With en = kappa E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate, the
-overlap is about 0.57 d / kappa on a Hertz contact: the force comes out 0.85 / kappa too small, whatever the depth.
+The stiffness is en = kappa E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate
+at depth d. The overlap in a Hertz contact is then about 0.57 d / kappa, and the force is too small by the share 0.85
+/ kappa at any depth.
 
-The springs must also be stiff beside the elements of the skin. An element of edge h resists with a stiffness of about
-E / h per area; where en h is not large beside the pressure p over E, the pressure acts on the skin like a load of
-fixed direction, under which it wrinkles: elements lose stability, and the body does not. On sections that were graded
-to smaller depths this was found from en h = 0.3 (p = 0.3 E), 3 (0.5 E), 17 (0.9 E) and 60 (1.3 E) on. SECTION_KAPPA
-keeps en h above 100 on the sections of all accuracy levels, down to 0.55 D. Tetrahedra are larger; and with Coulomb
-friction stiffer springs would cost steps.
+The springs must also be stiff compared with the elements of the skin. An element of edge length h resists with a
+stiffness of about E / h per area. Where en h / E is not large beside p / E (p the pressure), the pressure acts on the
+skin like a load of fixed direction, under which the skin wrinkles: single elements become unstable although the body
+is stable. On sections graded to smaller depths this began at en h / E = 0.3 (p = 0.3 E), 3 (0.5 E), 17 (0.9 E) and 60
+(1.3 E). SECTION_KAPPA keeps en h / E above 100 on the sections of all accuracy levels, up to a depth of 0.55 D.
+Tetrahedra are larger, so KAPPA is enough for them; with Coulomb friction stiffer springs would need more load steps.
 """
 
 from __future__ import annotations
@@ -34,26 +36,27 @@ from fem.discretisation.elements import Surface
 from geometry.arrays import Array
 
 KAPPA, SECTION_KAPPA = 3e3, 3e4
-"""Numbers kappa of tetrahedra and of Coulomb friction, and of all else on sections."""
+"""Stiffness numbers kappa, see the module docstring: KAPPA for tetrahedra and for Coulomb friction, SECTION_KAPPA for
+all other sections."""
 SETTLED = 1e-9
-"""Relative change of a radius that ends its search."""
+"""Relative change of the contact radius at which its iteration ends: far below the error of the fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """Where the plate is and which skin points are tied to it.
+    """Position of the plate, and the skin points tied to it.
 
     Attributes
     ----------
-    height : z at which the plate meets the axis, or None where there is no plate (grip).
-    stiffness : penalty, force per area and length.
-    shear : (2,) sideways motion of plate or grip since the points were tied, in the plate's own plane.
+    height : z at which the plate meets the axis, over D; None where there is no plate (grip).
+    stiffness : penalty stiffness en, force per area and length, in units of E / D.
+    shear : (2,) sideways displacement of the plate or grip since the points were tied, in the plate's plane, over D.
     tilt : rotation of the plate about y that carries its normal from z towards x, rad.
     tied : (k, q) mask of the tied points, or None.
     targets : (k, q, 2) positions of the tied points along the plate at shear 0.
-    gap : (k, q) distance to the plate at which each tied point was glued (0 where it was pressed).
-    pressed : (k, q) mask of the points that count as pressed whatever their overlap, or None to go by the overlap;
-        with friction they also slip or stick as they did last.
+    gap : (k, q) distance to the plate at which each tied point was glued; 0 where it was pressed.
+    pressed : (k, q) mask of the points that count as pressed, whatever their overlap; with friction these points also
+        keep slipping or sticking as they did last. Default: the points with g > 0.
     friction : Coulomb friction and its history, or None.
     """
 
@@ -69,7 +72,7 @@ class Plate:
 
     @property
     def frame(self) -> Array:
-        """Rows: the two directions along the plate, and its normal."""
+        """(3, 3) directions as rows: the two along the plate, and its normal."""
         return _frame(self.tilt)
 
 
@@ -81,18 +84,21 @@ def _frame(tilt: float) -> Array:
     return frame
 
 
-def along(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
+def positions_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
     return np.asarray((surface.points + surface.displacement(u)) @ plate.frame[:2].T)
 
 
-def slid(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Displacements of the skin's points along the plate less the plate's own, shape (k, q, 2)."""
+def displacements_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the displacements of the skin's points along the plate relative to it, shape (k, q, 2)."""
     return np.asarray(surface.displacement(u) @ plate.frame[:2].T - plate.shear)
 
 
 def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Signed overlap with the plate, shape (k, q); the small difference is formed before u is added."""
+    """Return the signed overlap g of the skin's points with the plate, shape (k, q).
+
+    The height above the plate is subtracted before u is added: both are near L, and u may be a nanometre.
+    """
     if plate.height is None:
         return np.full(surface.weights.shape, -np.inf)
     n = plate.frame[2]
@@ -103,23 +109,26 @@ def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
 
 
 Stiffness = dict[tuple[int, int], NDArray[np.floating]]
-"""Entries (k, q) of the matrices (3, 3) of points of the skin that can differ from zero."""
+"""Entries (i, j) of the (3, 3) stiffness matrices of the skin's points, shape (k, q) each; absent entries are
+zero."""
 
 
 def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness, float]:
-    """Force of the plate's springs on the skin per reference area.
+    """Return the traction of the plate's springs, its stiffness, and the energy of the springs.
 
     Returns
     -------
-    residual : (k, q, 3) minus that traction, that is the derivative of the springs' energy by the displacement.
-    stiffness : its derivative in the plate's frame, unsymmetric where points slip.
-    energy : integral over the skin of what the springs store.
+    residual : (k, q, 3) derivative of the springs' energy by the displacement, that is, minus the force on the skin
+        per reference area.
+    stiffness : its derivative in the plate's frame; unsymmetric where points slip.
+    energy : stored in the springs, integrated over the skin.
     """
     residual, stiffness = np.zeros(surface.points.shape), Stiffness()
     en, energy = plate.stiffness, 0.0
     if plate.height is not None:
         g = overlap(surface, u, plate)
         active = g > 0 if plate.pressed is None else plate.pressed
+        # a glued point keeps the distance that it had when it was glued, and can be pulled
         if plate.tied is not None and plate.gap is not None:
             active = active | plate.tied
             g = np.where(plate.tied, g + plate.gap, g)
@@ -127,60 +136,72 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness
         stiffness[2, 2] = en * active
         energy = float(np.vdot(surface.weights * pressure, pressure)) / (2 * en)
     if plate.tied is not None and plate.targets is not None:
-        pull = en * (along(surface, u, plate) - plate.targets - plate.shear)
+        pull = en * (positions_along_plate(surface, u, plate) - plate.targets - plate.shear)
         residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
         stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
         energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
     if plate.friction is not None:
         et, frozen = coulomb_friction.STICK * en, plate.pressed is not None
-        rub = coulomb_friction.drag(
-            plate.friction, slid(surface, u, plate), residual[..., 2], active, et, frozen=frozen
+        friction = coulomb_friction.apply_return_map(
+            plate.friction, displacements_along_plate(surface, u, plate), residual[..., 2], active, et, frozen=frozen
         )
-        residual[..., :2] = rub.traction
+        residual[..., :2] = friction.traction
         for i, j in np.ndindex(2, 2):
-            stiffness[i, j] = rub.by_place[..., i, j]
+            stiffness[i, j] = friction.by_displacement[..., i, j]
         for i in range(2):
-            stiffness[i, 2] = en * rub.by_pressure[..., i]
-        energy += float(np.sum(surface.weights[..., None] * rub.traction**2) / (2 * et))
+            stiffness[i, 2] = en * friction.by_pressure[..., i]
+        energy += float(np.sum(surface.weights[..., None] * friction.traction**2) / (2 * et))
     return residual @ plate.frame, stiffness, energy
 
 
 def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
-    """Force per reference area of the base z = 0 on skin that bulges below it, and its derivative, (k, q), by u_z.
+    """Return the traction along z of the base z = 0 on skin that bulges below it, and its derivative by u_z.
 
-    None where nothing does. The base is wider than the beam and frictionless there; without it a deep press would
-    fold the skin at the clamp.
+    Both have shape (k, q); None where no skin is below the base. The base is wider than the beam, and frictionless
+    there. Without this contact the skin would fold at the clamp in a deep press.
     """
     depth = surface.points[..., 2] + surface.displacement(u)[..., 2]
     below = depth < 0
     return (np.where(below, stiffness * depth, 0.0), np.where(below, stiffness, 0.0)) if below.any() else None
 
 
-def rubbed(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
-    """History of friction after a converged step to this plate, and the energy dissipated in it."""
+def advance_friction(surface: Surface, u: Array, plate: Plate) -> tuple[Friction, float]:
+    """Return the history of friction after a step that converged with this plate, and the energy dissipated in it."""
     assert plate.friction is not None
     en = plate.stiffness
     pressure = en * overlap(surface, u, plate)
-    after, lost = coulomb_friction.advanced(
-        plate.friction, slid(surface, u, plate), pressure, coulomb_friction.STICK * en
+    after, lost = coulomb_friction.advance(
+        plate.friction, displacements_along_plate(surface, u, plate), pressure, coulomb_friction.STICK * en
     )
     return after, float(np.sum(surface.weights * lost))
 
 
-def watched(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Plate | None, bool]:
-    """The plate for Newton's next iterate, and whether friction held points at this one: see `friction.heading`."""
+def hold_reversing_points(surface: Surface | None, u: Array, plate: Plate | None) -> tuple[Plate | None, bool]:
+    """Return the plate for Newton's next iterate, and whether friction held any point at this one.
+
+    See `coulomb_friction.hold_reversing_points`.
+    """
     if surface is None or plate is None or plate.friction is None:
         return plate, False
     pressure = plate.stiffness * overlap(surface, u, plate)
-    place = slid(surface, u, plate)
-    after, held = coulomb_friction.heading(plate.friction, place, pressure, coulomb_friction.STICK * plate.stiffness)
+    displacement = displacements_along_plate(surface, u, plate)
+    after, held = coulomb_friction.hold_reversing_points(
+        plate.friction, displacement, pressure, coulomb_friction.STICK * plate.stiffness
+    )
     return replace(plate, friction=after), held
 
 
-def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -> tuple[Array, Array, float, bool]:
-    """Of plate and base: forces (k, f, fields), stiffness if wanted, energy, and whether the stiffness is symmetric.
+def assemble_springs(
+    surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
+) -> tuple[Array, Array, float, bool]:
+    """Return the nodal forces, stiffness and energy of the springs of plate and base.
 
-    Stiffness: shape (k, f fields, f fields), fields first.
+    Returns
+    -------
+    forces : (k, f, fields) forces on the nodes of each facet.
+    stiffness : (k, f fields, f fields) matrices, fields first; (k, 0, 0) without `tangent`.
+    energy : stored in the springs.
+    symmetric : whether the stiffness is symmetric.
     """
     residual, stiffness, energy = traction(surface, u, plate)
     base = base_traction(surface, u, plate.stiffness)
@@ -199,65 +220,70 @@ def springs(surface: Surface, u: Array, plate: Plate, *, tangent: bool = True) -
     return forces, blocks, energy, not slips
 
 
-def whole_facets(values: Array) -> Array:
-    """The mean of a facet's values (k, q) at all its points: a patch is made of whole facets.
+def average_over_facets(values: Array) -> Array:
+    """Return values (k, q) with each point's value replaced by the mean over its facet.
 
-    A facet that is tied in part follows the plate as a whole, so that the patch would be too large.
+    With it facets are tied as a whole. A facet that is tied in part follows the plate as a whole too, so the tied
+    area would come out too large.
     """
     return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
 
 
-def glued(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
-    """The plate with the facets glued to it whose middle lies within an undeformed radius, and above a height.
+def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
+    """Return the plate with the facets glued to it whose mean distance from the axis is below `radius`.
 
-    Without a radius: within the contact radius about the centre of pressure.
+    Parameters
+    ----------
+    radius : undeformed radius over D; None: the contact radius, measured from the centre of pressure.
+    above : only points above this undeformed height, over D, are glued.
     """
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
     if radius is None:
-        out, radius = from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
-    tied = (whole_facets(out) < radius) & (surface.points[..., 2] > above)
+        out, radius = distance_from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
+    tied = (average_over_facets(out) < radius) & (surface.points[..., 2] > above)
     gap = np.maximum(-overlap(surface, u, plate), 0.0)
-    return replace(plate, tied=tied, targets=along(surface, u, plate), gap=gap)
+    return replace(plate, tied=tied, targets=positions_along_plate(surface, u, plate), gap=gap)
 
 
-def from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
-    """Distance of the skin's points from the centre of pressure, along the plate, shape (k, q).
+def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the distance of the skin's points from the centre of pressure, along the plate, shape (k, q).
 
-    Where the surface is half a skin or one angle of it, the centre lies in its mirror plane or on its axis.
+    On half a skin the centre lies in the mirror plane, on a section it lies on the axis.
     """
-    x = along(surface, u, plate)
+    x = positions_along_plate(surface, u, plate)
     load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
     whole = (surface.points[..., 0].min() < 0, surface.points[..., 1].min() < -1e-9)
     centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if whole[i] else 0.0 for i in range(2)]
     return np.hypot(x[..., 0] - centre[0], x[..., 1] - centre[1])
 
 
-def material_radius(surface: Surface, u: Array, plate: Plate, radius: float) -> float:
-    """Undeformed radius of the skin's points that have come to a distance `radius` from the axis of a press."""
+def undeformed_radius(surface: Surface, u: Array, plate: Plate, radius: float) -> float:
+    """Return the undeformed radius of the skin's points that are now at a distance `radius` from a press's axis."""
     out = np.hypot(surface.points[..., 0], surface.points[..., 1]).ravel()
-    now = np.linalg.norm(along(surface, u, plate), axis=-1).ravel()
+    now = np.linalg.norm(positions_along_plate(surface, u, plate), axis=-1).ravel()
     dome = np.flatnonzero(surface.points[..., 2].ravel() > surface.points[..., 2].max() - out.max())
     order = dome[np.argsort(out[dome])]
+    # interpolation needs radii that increase outwards: skin that has folded back is left out
     ahead = np.maximum.accumulate(now[order])
     return float(np.interp(radius, ahead, out[order]))
 
 
 def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
-    """Radius of the patch in contact, from the opening of the gap around it.
+    """Return the radius of the contact area, extrapolated from the gap around it.
 
-    Beside a smooth contact the gap opens as (r - a)^(3/2), so gap^(2/3) is smooth there: a quadratic in r through
-    the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), is followed to its zero. That is
-    far less sensitive to the mesh than the last point under pressure. r is the distance from the centre of
-    pressure, over all directions. For the patch of a sheared tip see `patch_radius`.
+    Outside a smooth contact of radius a the gap opens as (r - a)^(3/2), so gap^(2/3) is smooth in r. A quadratic in r
+    is fitted to the points of the dome between a + 0.05 w and a + 0.35 w, w = min(a, 0.6 R), and its zero is the new
+    a. That is far less sensitive to the mesh than the outermost point under pressure. r is the distance from the
+    centre of pressure; points in all directions count. For the contact area of a sheared tip see `equal_area_radius`.
 
-    Where too few points lie there, the radius is that of a Hertz contact with the second moment of the pressure,
-    a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, 2 % too small at 0.43 D.
+    Where fewer than four radii lie in that range, the result is the radius of a Hertz contact with the same second
+    moment of the pressure, a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, and 2 % too small at 0.43 D.
     """
     g = overlap(surface, u, plate)
     pressed = g > 0
     if not pressed.any():
         return 0.0
-    r = from_pressure_centre(surface, u, plate)
+    r = distance_from_pressure_centre(surface, u, plate)
     radius, load = float(r[pressed].max()), surface.weights * np.maximum(g, 0.0)
     by_moment = math.sqrt(2.5 * np.vdot(load, r**2) / load.sum())
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
@@ -271,6 +297,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
             return by_moment
         opening = (-g[around]) ** (2 / 3)
         a2, a1, a0 = np.linalg.lstsq(np.vander(near / radius - 1, 3), opening / opening.max(), rcond=None)[0]
+        # this form of the smaller root does not cancel when the quadratic is nearly a line
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:
             return by_moment
@@ -280,14 +307,15 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     return radius
 
 
-def patch_radius(surface: Surface, u: Array, plate: Plate) -> float:
-    """Radius of the circle with the area of the patch under pressure, which is not round once the tip is sheared.
+def equal_area_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Return the radius of the circle that has the area of the contact; the contact of a sheared tip is not round.
 
-    The area is that of the convex hull of the points' places on the plate; half a skin has its mirror image beside.
+    The area is that of the convex hull of the positions on the plate of all points under pressure. The points of half
+    a skin are mirrored first.
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    x = along(surface, u, plate)[overlap(surface, u, plate) > 0]
+    x = positions_along_plate(surface, u, plate)[overlap(surface, u, plate) > 0]
     if surface.points[..., 1].min() > -1e-9:
         x = np.concatenate([x, x * [1, -1]])
     try:

@@ -46,8 +46,8 @@ def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
     if e.B is not None:
-        return np.asarray((_few(e, P).reshape(m, 1, -1) @ e.B[part].reshape(m, -1, f * a))[:, 0])
-    s = np.stack([_at_angles(P[:, J], t) @ _by_angles(V[:, :, J]) for J in range(3)], axis=1)
+        return np.asarray((_nonzero_components(e, P).reshape(m, 1, -1) @ e.B[part].reshape(m, -1, f * a))[:, 0])
+    s = np.stack([_flatten_points(P[:, J], t) @ _flatten_fields(V[:, :, J]) for J in range(3)], axis=1)
     return np.asarray((np.swapaxes(s.reshape(m, 3 * q, f), 1, 2) @ D.reshape(m, 3 * q, a)).reshape(m, f * a))
 
 
@@ -58,18 +58,18 @@ def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
     return np.asarray((along @ e.pressure_shape).reshape(m, -1))
 
 
-def _few(e: Elements, T: Array) -> Array:
+def _nonzero_components(e: Elements, T: Array) -> Array:
     """Of tensors (3, 3, m, q) the components that can differ from zero, shape (m, q, c)."""
     return T.reshape(9, *T.shape[2:])[e.components].transpose(1, 2, 0)
 
 
-def _at_angles(T: Array, t: int) -> Array:
+def _flatten_points(T: Array, t: int) -> Array:
     """Vectors (3, m, q t) at the points of the mesh, shape (m q, 3 t)."""
     return T.reshape(3, -1, t).transpose(1, 0, 2).reshape(-1, 3 * t)
 
 
-def _by_angles(V: Array) -> Array:
-    """What is summed over components and angles, (t, 3, ...), in the order of `_at_angles`, shape (3 t, f)."""
+def _flatten_fields(V: Array) -> Array:
+    """What is summed over components and angles, (t, 3, ...), in the order of `_flatten_points`, shape (3 t, f)."""
     return np.swapaxes(V, 0, 1).reshape(3 * len(V), -1)
 
 
@@ -110,7 +110,7 @@ def _solid_stiffness(D: Array, A: Array) -> Array:
     return np.concatenate([np.swapaxes(row, 1, 2) for row in rows], axis=1)
 
 
-def whole(e: Elements, K: Array) -> Array:
+def join_pieces(e: Elements, K: Array) -> Array:
     """Symmetric element matrices (m, f a, f a) of their pieces (m, s, k, k)."""
     if e.B is not None:
         return K[:, 0]
@@ -130,11 +130,11 @@ def coupling(e: Elements, part: slice, B: Array) -> Array:
     t, f = len(V), V.shape[-1]
     n, c = C.shape[1], M.shape[1]
     if e.B is not None:
-        own = (_few(e, B)[..., None] * M[:, None]).reshape(m, -1, c)
+        own = (_nonzero_components(e, B)[..., None] * M[:, None]).reshape(m, -1, c)
         return np.asarray(np.swapaxes(e.B[part].reshape(m, -1, f * a), 1, 2) @ own).reshape(m, f, 1, a, c)
     H = np.empty((m * q, 3, f * n))
     for J in range(3):
-        H[:, J] = _at_angles(B[:, J], t) @ _by_angles(np.einsum("tif,tn->tifn", V[:, :, J], C))
+        H[:, J] = _flatten_points(B[:, J], t) @ _flatten_fields(np.einsum("tif,tn->tifn", V[:, :, J], C))
     products = (D[..., :, None] * M[:, None, None, :]).reshape(m, 3 * q, a * c)
     K = np.swapaxes(H.reshape(m, 3 * q, f * n), 1, 2) @ products
     return np.asarray(K.reshape(m, f, n, a, c))

@@ -230,7 +230,7 @@ def orders(harmonics: int) -> range:
     return range(-2 if harmonics == 1 else -harmonics, harmonics + 1)
 
 
-def around(harmonics: int, count: int | None = None) -> Angles:
+def fourier_fields(harmonics: int, count: int | None = None) -> Angles:
     """Fields of a section of revolution, at `count` angles (if not told 2 N + 1, at least 4; one for N = 0)."""
     t = count or (1 if harmonics == 0 else max(2 * harmonics + 1, 4))
     theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
@@ -247,13 +247,13 @@ def around(harmonics: int, count: int | None = None) -> Angles:
     return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
 
 
-def turns(theta: Array) -> Array:
+def rotations(theta: Array) -> Array:
     """Rotations (3, 3, t) about z that carry components along r, theta, z at the angles (t,) to x, y, z."""
     c, s, zero = np.cos(theta), np.sin(theta), np.zeros_like(theta)
     return np.stack([np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])])
 
 
-def twisting() -> Angles:
+def torsion_fields() -> Angles:
     """Fields u_r, u_theta, u_z that do not depend on the angle: the axisymmetric model with torsion."""
     E = np.eye(3)[None]
     V = np.repeat(E[:, :, None, :], 3, axis=2)
@@ -262,7 +262,7 @@ def twisting() -> Angles:
     return Angles(np.zeros(1), np.full(1, 2 * np.pi), 0, E, V, np.ones((1, 1)))
 
 
-def cartesian(dim: int) -> Angles:
+def cartesian_fields(dim: int) -> Angles:
     """Fields of a solid, or of plane strain in x and z."""
     E = np.eye(3)[None] if dim == 3 else np.eye(3)[None, :, [0, 2]]
     one = np.ones(1)
@@ -315,7 +315,7 @@ def build(
         weights=weights,
         pressure_shape=np.stack([linear.lbasis(X, i)[0] for i in range(dim + 1)], axis=-1),
         shape=shape,
-        angles=angles or (around(harmonics) if axisymmetric else cartesian(dim)),
+        angles=angles or (fourier_fields(harmonics) if axisymmetric else cartesian_fields(dim)),
     )
 
 
@@ -340,8 +340,8 @@ def surface(
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     located = shape @ X
-    a = around(elements.angles.harmonics, angles) if axisymmetric and angles else elements.angles
-    turned = turns(a.theta)
+    a = fourier_fields(elements.angles.harmonics, angles) if axisymmetric and angles else elements.angles
+    turned = rotations(a.theta)
     t = len(a.theta)
     if dim == 2:
         located = np.stack([located[..., 0], np.zeros_like(weights), located[..., 1]], axis=-1)

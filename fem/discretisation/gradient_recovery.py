@@ -53,7 +53,7 @@ class Recovery:
         return found[0], found[1:].T
 
 
-def recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
+def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     """What is recovered at the point (0, 0, height).
 
     Parameters
@@ -61,7 +61,7 @@ def recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0.
     """
     if e.dim == 2:
-        nodes, points, turned = _around(e)
+        nodes, points, turned = _revolved_nodes(e)
     else:
         nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
     if mirrored or e.dim == 2:
@@ -70,7 +70,7 @@ def recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
         points = np.concatenate([points, points[other] * mirror])
         turned = np.concatenate([turned, turned[other] * mirror[:, None]])
         nodes = np.concatenate([nodes, nodes[other]])
-    near, weights = fit(points - [0, 0, height], PATCH * edge(e, height))
+    near, weights = fit(points - [0, 0, height], PATCH * mean_edge_length(e, height))
     return Recovery(nodes[near], np.einsum("kp,pif->kipf", weights, turned[near]))
 
 
@@ -99,22 +99,22 @@ def fit(points: Array, radius: float) -> tuple[Ints, Array]:
         radius *= WIDER
 
 
-def _around(e: Elements) -> tuple[Ints, Array, Array]:
+def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
     """A section's nodes in planes through the axis on the side y > 0, shape (n,).
 
     With them their positions (n, 3), and their displacements by their fields, (n, 3, fields). Twice as many planes,
     with their mirror images, tell all harmonics from those of the polynomial.
     """
     N, count = e.angles.harmonics, len(e.nodes)
-    angles = elements.around(N, 2 * N + DEGREE + 1)
-    turns = elements.turns(angles.theta)
+    angles = elements.fourier_fields(N, 2 * N + DEGREE + 1)
+    turns = elements.rotations(angles.theta)
     places = np.stack([e.nodes[:, 0], np.zeros(count), e.nodes[:, 1]], axis=1)
     points = np.einsum("ijt,nj->tni", turns, places).reshape(-1, 3)
     displacements = np.repeat(np.einsum("ijt,tjf->tif", turns, angles.E), count, axis=0)
     return np.tile(np.arange(count), len(angles.theta)), points, displacements
 
 
-def edge(e: Elements, height: float) -> float:
+def mean_edge_length(e: Elements, height: float) -> float:
     """Mean edge length of the cells nearest to a point on the axis."""
     corners = e.nodes[e.corners]
     point = np.zeros(e.dim)

@@ -60,7 +60,7 @@ class MeshSpecification:
                 fillet=self.fillet,
             )
         half = self.body == "half"
-        return symmetry_models.solid(*of_beam, half=half, rim=self.rim, push=self.push, given=self.mesh)
+        return symmetry_models.solid(*of_beam, half=half, rim=self.rim, push=self.push, mesh=self.mesh)
 
 
 def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:

@@ -124,19 +124,19 @@ class System:
         touches[glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
         order = np.argsort(at_magnet, kind="stable")
-        m, self._inner = len(order), int(len(order) - at_magnet.sum())
+        m, self._free_cells = len(order), int(len(order) - at_magnet.sum())
         self.elements = replace(
             elements, cells=elements.cells[order], D=elements.D[order], weights=elements.weights[order]
         )
         self.mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (m,))[order, None]
         self.inverse_K = np.broadcast_to(np.asarray(inverse_K, dtype=np.float64), (m,))[order, None]
         step = max(CHUNK // (elements.weights.shape[1] * len(elements.angles.theta)), 1)
-        cuts = [*range(0, self._inner, step), *range(self._inner, m, step), m]
+        cuts = [*range(0, self._free_cells, step), *range(self._free_cells, m, step), m]
         self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
-        self._number(fixed, held)
-        self._fill()
+        self._number_unknowns(fixed, held)
+        self._build_pattern()
 
-    def _number(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
+    def _number_unknowns(self, fixed: NDArray[np.bool_], held: Array | None) -> None:
         """Number the unknowns."""
         e = self.elements
         used = np.zeros(fixed.shape, dtype=bool)
@@ -162,9 +162,9 @@ class System:
         self.size = first + self.n_pressure
         self.free, self.eliminated, self._carried = free, used & ~free, carried
 
-    def _fill(self) -> None:
+    def _build_pattern(self) -> None:
         """Unknowns of each element, the sparse pattern, and the constant stiffness of the pressures."""
-        e, inner, nodes = self.elements, self._inner, len(self.elements.nodes)
+        e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
         motion = np.arange(self.n_free, self.n_free + self.n_rigid)
         cells, corners = e.cells, self._corners
         near, near_corners = cells[inner:], corners[inner:]
@@ -259,25 +259,25 @@ class System:
             if tangent:
                 Kuu.append(element_integrals.displacement_stiffness(e, part, A))
                 Kup.append(element_integrals.coupling(e, part, w * material.cofactor(k)))
-        forces, blocks, spring_energy, symmetric = self._springs(state, plate, tangent)
+        forces, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
         forces += np.bincount(e.places.ravel(), weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
         forces -= self.dead
         energy += spring_energy - float(np.vdot(self.dead, state.u))
         residual = np.zeros(self.size)
         residual[:] = np.bincount(self._p[self._kept], weights=fp[self._kept], minlength=self.size)
         residual[: self.n_free] = forces[self.free]
-        T = self._follow(state)
+        T = self._motion_derivative(state)
         if self.rigid:
             residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
             return Assembly(residual, energy, forces, None)
-        n = self._inner
+        n = self._free_cells
         K, C = np.concatenate(Kuu), np.concatenate(Kup)
         outer = self._with_motion(T, K[n:], C[n:])
         own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
         matrix = self.pattern.assemble([K[:n], C[:n], *outer, self._compliance, own, *blocks])
         if not symmetric and blocks[0] is not None:
-            matrix = self.pattern.unfolded(matrix, blocks[0])
+            matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
 
     def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
@@ -291,11 +291,11 @@ class System:
         e = self.elements
         at_rest = self.state(np.zeros(self.size))
         M = np.concatenate([element_integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
-        outer, _ = self._with_motion(self._follow(at_rest), M[self._inner :], None)
-        blocks = [M[: self._inner], None, outer, None, None, np.diag(magnet)]
+        outer, _ = self._with_motion(self._motion_derivative(at_rest), M[self._free_cells :], None)
+        blocks = [M[: self._free_cells], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
-    def pushes(self, points: Ints, plate: Plate) -> Array:
+    def normal_displacement_rows(self, points: Ints, plate: Plate) -> Array:
         """Rows (m, n) of the unknowns' shares in the motion of skin points (m,) along the plate's normal."""
         s = self.surface
         assert s is not None
@@ -307,7 +307,7 @@ class System:
         rows[np.nonzero(kept)[0], where[kept]] = along.reshape(len(points), -1)[kept]
         return rows
 
-    def _springs(
+    def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool
     ) -> tuple[Array, list[Array | None], float, bool]:
         """Nodal forces, matrices of the facets, energy of the plate's springs, and whether they are symmetric."""
@@ -317,11 +317,11 @@ class System:
             return nodal, [], 0.0, True
         if plate is None:
             return nodal, [None], 0.0, True
-        forces, blocks, energy, symmetric = plate_contact.springs(s, state.u, plate, tangent=tangent)
+        forces, blocks, energy, symmetric = plate_contact.assemble_springs(s, state.u, plate, tangent=tangent)
         np.add.at(nodal, s.nodes, forces)
         return nodal, [blocks], energy, symmetric
 
-    def _follow(self, state: State) -> Array:
+    def _motion_derivative(self, state: State) -> Array:
         """Derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""
         T = np.zeros((*self.fixed.shape, self.n_rigid))
         if self.rigid:
@@ -333,14 +333,14 @@ class System:
 
         Parameters
         ----------
-        T : derivative of the displacements by the motion, as of `_follow`.
+        T : derivative of the displacements by the motion, as of `_motion_derivative`.
         K, C : pieces of the elements' stiffness and of their coupling, if that is wanted.
         """
         if not len(K):
             return [None, None]
         e = self.elements
-        K, m = element_integrals.whole(e, K), len(K)
-        Te = np.swapaxes(T[e.cells[self._inner :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
+        K, m = element_integrals.join_pieces(e, K), len(K)
+        Te = np.swapaxes(T[e.cells[self._free_cells :]], 1, 2).reshape(m, K.shape[1], self.n_rigid)
         KT, TK = K @ Te, np.swapaxes(Te, 1, 2)
         bottom = np.concatenate([np.swapaxes(KT, 1, 2), TK @ KT], axis=2)
         bordered = np.concatenate([np.concatenate([K, KT], axis=2), bottom], axis=1)

@@ -91,7 +91,7 @@ def _functions(q: Array) -> tuple[Array, Array, Array]:
         first[: n - 1, : n - 1] = np.eye(n - 1)
         first[-2:, -1], second[-2:, -1, -1] = (c, -s), (-s, -c)
         return np.array([*q[:-1], s, -2 * np.sin(q[-1] / 2) ** 2]), first, second
-    turns = [_turn(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
+    turns = [_rotation(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
 
     def product(*orders: int) -> Array:
         a, b, c = (turn[order] for turn, order in zip(turns, orders, strict=True))
@@ -107,7 +107,7 @@ def _functions(q: Array) -> tuple[Array, Array, Array]:
     return np.concatenate([q[:3], product(0, 0, 0) - np.eye(3).ravel()]), first, second
 
 
-def _turn(angle: float, axis: int) -> tuple[Array, Array, Array]:
+def _rotation(angle: float, axis: int) -> tuple[Array, Array, Array]:
     """Rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     found = []
@@ -128,4 +128,4 @@ def axis(q: Array) -> Array:
         return np.array([0.0, 0.0, 1.0])
     if len(q) == 3:
         return np.array([np.sin(q[2]), 0.0, np.cos(q[2])])
-    return np.asarray(_turn(q[3], 1)[0] @ _turn(q[4], 0)[0] @ np.array([0.0, 0.0, 1.0]))
+    return np.asarray(_rotation(q[3], 1)[0] @ _rotation(q[4], 0)[0] @ np.array([0.0, 0.0, 1.0]))

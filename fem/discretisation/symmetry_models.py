@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fem.discretisation import elements, rigid_inclusion
 from fem.discretisation.elements import Elements
-from fem.discretisation.gradient_recovery import Recovery, recovery
+from fem.discretisation.gradient_recovery import Recovery, build_recovery
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import Law, lame, neo_hookean
 from geometry.arrays import Array
@@ -56,7 +56,7 @@ class Discretisation:
     @functools.cached_property
     def centre(self) -> Recovery:
         """Displacement and gradient where the magnet's centre is, in a beam that is all silicone."""
-        return recovery(self.elements, self.shape.H, mirrored=self.model != "full")
+        return build_recovery(self.elements, self.shape.H, mirrored=self.model != "full")
 
     @property
     def revolved(self) -> bool:
@@ -96,7 +96,7 @@ def section(
     )
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
-    dead = pushed(skin, fixed.shape, shape.H, push) if push else None
+    dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
@@ -112,7 +112,7 @@ def solid(
     half: bool,
     rim: tuple[float, float] | None = None,
     push: float = 0.0,
-    given: skfem.MeshTet2 | None = None,
+    mesh: skfem.MeshTet2 | None = None,
 ) -> Discretisation:
     """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D.
 
@@ -121,7 +121,7 @@ def solid(
     given : a mesh in units of D to take instead, with a hole for a rigid magnet; sizes and rim do not count then.
     """
     held = magnet == "rigid"
-    mesh = given or _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
+    mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -131,12 +131,12 @@ def solid(
     glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
     body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
     symmetry = 2.0 if half else 1.0
-    dead = pushed(skin, fixed.shape, shape.H, push / symmetry) if push else None
+    dead = distribute_push(skin, fixed.shape, shape.H, push / symmetry) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("half" if half else "full", mesh, system, symmetry, shape)
 
 
-def pushed(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
+def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
     """Nodal forces of a uniform dead traction along x on the skin above a height, with that resultant."""
     weights = np.where(skin.points[..., 2] > above, skin.weights, 0.0)
     along = np.einsum("kq,qf,qn->knf", weights * (force / weights.sum()), skin.E[:, 0], skin.shape)

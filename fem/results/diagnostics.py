@@ -14,7 +14,7 @@ from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
 from fem.results import material_stability
-from fem.results.lateral_stiffness import Margin, SidewaysModel, lateral, margin
+from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin, measure_lateral_stiffness
 from fem.solution import Facts, Remark, Solution, Status
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
@@ -45,12 +45,12 @@ def gather(
     stop : why the path ended before the load that was asked for; empty if it did not.
     sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
     """
-    onset, between = _onset(state, D)
+    onset, between = _onset_range(state, D)
     upright = not stop and not state.unstable and onset is None and solution.load.depth > 0
     upright = upright and solution.response.force[2] > 0
     looked = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
-    near = margin(looked, state) if looked and state.friction is None else None
-    gives_way = bool(near.unstable if near else looked and lateral(looked, state).unstable)
+    near = estimate_margin(looked, state) if looked and state.friction is None else None
+    gives_way = bool(near.unstable if near else looked and measure_lateral_stiffness(looked, state).unstable)
     remark = None if stop else _choose_remark(state, solution, D, near, gives_way=gives_way)
     # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
@@ -61,7 +61,7 @@ def gather(
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        inside_out_share=inside_out(state.d, state.u) if state.least_J < FLAT else 0.0,
+        inverted_share=inverted_share(state.d, state.u) if state.least_J < FLAT else 0.0,
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
@@ -83,7 +83,7 @@ def classify(facts: Facts) -> Status:
     return "ok"
 
 
-def inside_out(d: Discretisation, u: Array) -> float:
+def inverted_share(d: Discretisation, u: Array) -> float:
     """Share of the silicone's volume that is inside out (det F <= 0), on a grid of points in each element.
 
     Such spots lie between points of integration, where every J is positive.
@@ -102,7 +102,7 @@ def inside_out(d: Discretisation, u: Array) -> float:
     return folded / whole
 
 
-def _onset(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:
+def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:
     """What moved when the path turned unstable, and between which of its values, mm."""
     if state.onset is None:
         return None, None
@@ -113,7 +113,7 @@ def _onset(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None
 
 
 def _choose_remark(
-    state: PathState, solution: Solution, D: float, near: Margin | None, *, gives_way: bool
+    state: PathState, solution: Solution, D: float, near: StabilityMargin | None, *, gives_way: bool
 ) -> Remark | None:
     """What a user should know of an answer: first of all what it is not."""
     load, normal, sheared = solution.load, solution.response.force[2], state.sheared
@@ -126,7 +126,7 @@ def _choose_remark(
         return "touch_lost"
     if pressed and normal < 0:
         return "pulled"
-    if pressed and not sheared and not load.plate_tilt and _aside(solution.response, D) > BUCKLED:
+    if pressed and not sheared and not load.plate_tilt and _distance_from_axis(solution.response, D) > BUCKLED:
         return "leaning" if load.imperfection else "given_way"
     if load.shear and not sheared:
         return "slides_over"
@@ -140,6 +140,6 @@ def _choose_remark(
     return "idle_stick" if load.friction == "stick" and not sheared else None
 
 
-def _aside(response: Response, D: float) -> float:
+def _distance_from_axis(response: Response, D: float) -> float:
     """How far the magnet has left the axis: its sideways shift over D or its tilt, the larger one."""
     return max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))

@@ -55,12 +55,12 @@ class SidewaysModel:
 
     @functools.cached_property
     def stiffness_at_rest(self) -> float:
-        """Lateral stiffness of the beam that nothing presses, in units of E D."""
-        return _answer(self.d, np.zeros(self.d.system.size), None)[0]
+        """LateralStiffness stiffness of the beam that nothing presses, in units of E D."""
+        return _solve_lateral(self.d, np.zeros(self.d.system.size), None)[0]
 
 
 @dataclass(frozen=True, slots=True)
-class Lateral:
+class LateralStiffness:
     """The sideways answer of an axisymmetric state.
 
     Attributes
@@ -73,7 +73,7 @@ class Lateral:
     unstable: int | None
 
 
-def lateral(model: SidewaysModel, state: PathState, *, guided: bool = False) -> Lateral:
+def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided: bool = False) -> LateralStiffness:
     """Of the state of an axisymmetric press.
 
     Parameters
@@ -84,14 +84,14 @@ def lateral(model: SidewaysModel, state: PathState, *, guided: bool = False) -> 
     plate = high.plate
     if guided:
         tied = high.overlap > 0
-        plate = replace(plate, tied=tied, targets=plate_contact.along(high.skin, high.u, plate))
-    stiffness, negative = _answer(model.d, high.q, plate)
+        plate = replace(plate, tied=tied, targets=plate_contact.positions_along_plate(high.skin, high.u, plate))
+    stiffness, negative = _solve_lateral(model.d, high.q, plate)
     # directions in which the axisymmetric press is unstable are among them
-    return Lateral(stiffness, None if negative is None else negative - (state.unstable or 0))
+    return LateralStiffness(stiffness, None if negative is None else negative - (state.unstable or 0))
 
 
 @dataclass(frozen=True, slots=True)
-class Margin:
+class StabilityMargin:
     """How far a frictionless press is from giving way sideways.
 
     Attributes
@@ -106,27 +106,29 @@ class Margin:
     unstable: int | None
 
 
-def margin(model: SidewaysModel, state: PathState) -> Margin:
+def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
     """Of the state of a frictionless axisymmetric press whose tip is free to slide."""
-    now = lateral(model, state)
+    now = measure_lateral_stiffness(model, state)
     ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
-    growth = normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
+    growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
     near = PAST <= ratio <= FAR and growth > 0
-    return Margin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.unstable)
+    return StabilityMargin(ratio, depth * math.pow(1 - ratio, -1 / growth) if near else None, now.unstable)
 
 
-def normal_force(state: PathState) -> float:
+def integrate_normal_force(state: PathState) -> float:
     """Normal force of the plate over E D^2."""
     residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
     return float(np.sum(state.skin.weights * residual[..., 2]))
 
 
-def _answer(d: Discretisation, q: Array, plate: Plate | None) -> tuple[float, int | None]:
+def _solve_lateral(d: Discretisation, q: Array, plate: Plate | None) -> tuple[float, int | None]:
     """Stiffness against a force on the dome, and how many displacements are unstable."""
     system = d.system
     assert system.surface is not None
     force = np.zeros(system.size)
-    force[: system.n_free] = symmetry_models.pushed(system.surface, system.fixed.shape, d.shape.H, 1.0)[system.free]
+    force[: system.n_free] = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)[
+        system.free
+    ]
     solver = Solver()
     try:
         about = system.assemble(system.state(q), plate)

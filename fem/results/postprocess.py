@@ -43,8 +43,8 @@ def read(
     design, (x, y), friction = scene.design, scene.direction, state.friction
     turn, D, E = np.array([[x, -y], [y, x]]), design.D, design.E
     solution = Solution(
-        load=_carried(state, load, turn, D) if stop else load,
-        response=_respond(state, nodal, turn, design),
+        load=_reached_load(state, load, turn, D) if stop else load,
+        response=_read_response(state, nodal, turn, design),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
         dofs=d.system.size,
@@ -66,14 +66,14 @@ def read(
     return replace(solution, message=state_messages.describe(solution, design))
 
 
-def _carried(state: PathState, load: Load, turn: Array, D: float) -> Load:
+def _reached_load(state: PathState, load: Load, turn: Array, D: float) -> Load:
     """The part of a load to which a path has come that stopped on the way."""
     shear = turn @ state.position[1:] * D
     moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.shears_tip else {}
     return replace(load, depth=float(state.position[0]) * D, **moved)
 
 
-def _respond(state: PathState, nodal: State, turn: Array, design: Design) -> Response:
+def _read_response(state: PathState, nodal: State, turn: Array, design: Design) -> Response:
     """Force and motion of the magnet in the user's frame and units.
 
     Parameters
@@ -84,14 +84,14 @@ def _respond(state: PathState, nodal: State, turn: Array, design: Design) -> Res
     d, D = state.d, design.D
     residual, _, _ = plate_contact.traction(state.skin, nodal.u, state.plate)
     total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
-    shift, tilt = pose(d, nodal.u, state.q)
+    shift, tilt = read_pose(d, nodal.u, state.q)
     # what symmetry forbids is left of radial tractions and of rounding
     if d.model == "axisymmetric":
         total[0] = shift[0] = tilt[0] = 0.0
     if d.model != "full":
         total[1] = shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    radius = plate_contact.patch_radius if state.sheared else plate_contact.contact_radius
+    radius = plate_contact.equal_area_radius if state.sheared else plate_contact.contact_radius
     return Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
@@ -101,7 +101,7 @@ def _respond(state: PathState, nodal: State, turn: Array, design: Design) -> Res
     )
 
 
-def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
+def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
     """Displacement (3,) of the magnet's centre, and its rotation (2,) as angles that carry z towards x and y.
 
     Without a rigid magnet: the material point at the centre, and the rotation of the polar decomposition there.
@@ -112,18 +112,18 @@ def pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         place = {1: [2], 3: [0, 2], 6: [0, 1, 2]}[len(motion)]
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
-        return shift, _angles(rigid_inclusion.axis(motion))
+        return shift, _tilt_angles(rigid_inclusion.axis(motion))
     shift, G = d.centre(u)
-    return shift, np.zeros(2) if d.model == "axisymmetric" else _angles(_rotation(G)[:, 2])
+    return shift, np.zeros(2) if d.model == "axisymmetric" else _tilt_angles(_polar_rotation(G)[:, 2])
 
 
-def _rotation(G: Array) -> Array:
+def _polar_rotation(G: Array) -> Array:
     """Rotation (3, 3) of the polar decomposition of 1 + G."""
     U, _, Vt = np.linalg.svd(np.eye(3) + G)
     return np.asarray(U @ Vt)
 
 
-def _angles(axis: Array) -> Array:
+def _tilt_angles(axis: Array) -> Array:
     """Rotation (2,) that carries z to a direction (3,): towards x, towards y."""
     across = float(np.hypot(axis[0], axis[1]))
     return np.zeros(2) if across == 0 else np.arctan2(across, axis[2]) * axis[:2] / across

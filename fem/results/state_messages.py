@@ -15,33 +15,33 @@ FOLDED = 1e-6
 
 def describe(solution: Solution, design: Design) -> str:
     """The facts of a solution in words, with what to try; empty where all is well."""
-    facts, weak = solution.facts, _weak(solution.facts, design)
+    facts, weak = solution.facts, _describe_weakness(solution.facts, design)
     parts = []
     if facts.stop:
         remedy = weak or "try a smaller load or another accuracy"
-        parts.append(f"stopped at {_place(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
+        parts.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
     if facts.onset or (solution.status == "unstable" and facts.unstable_directions):
-        parts.append(_instability(facts))
+        parts.append(_describe_instability(facts))
     if weak and not facts.stop:
         parts.append(weak)
     if facts.remark:
-        parts.append(_remark_text(facts.remark, solution))
-    if facts.inside_out_share >= FOLDED:
+        parts.append(_describe_remark(facts.remark, solution))
+    if facts.inverted_share >= FOLDED:
         parts.append(
-            f"{100 * facts.inside_out_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
+            f"{100 * facts.inverted_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
             "at edges such as the clamp's: forces and the magnet's shift are reliable, "
             "displacements at these edges are not"
         )
     return "; ".join(parts)
 
 
-def _place(load: Load) -> str:
+def _describe_load(load: Load) -> str:
     """Where the load is."""
     shear = load.shear
     return f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
 
 
-def _instability(facts: Facts) -> str:
+def _describe_instability(facts: Facts) -> str:
     """Where the first unstable direction appeared, and how many there are."""
     n = facts.unstable_directions
     count = f"{n} unstable direction{'s' if n != 1 else ''}" if n else "past it now"
@@ -54,7 +54,7 @@ def _instability(facts: Facts) -> str:
     )
 
 
-def _weak(facts: Facts, design: Design) -> str:
+def _describe_weakness(facts: Facts, design: Design) -> str:
     """Where the law itself loses stability in the present state or just beyond it: what is to be said of it."""
     if facts.weak_at is None:
         return ""
@@ -68,7 +68,7 @@ def _weak(facts: Facts, design: Design) -> str:
     )
 
 
-def _remark_text(remark: Remark, solution: Solution) -> str:
+def _describe_remark(remark: Remark, solution: Solution) -> str:
     """A remark in words."""
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)

@@ -31,7 +31,7 @@ MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
 or two; rounds, and exchanges in each."""
 
 
-def settled(
+def settle_contact(
     system: System,
     solver: Solver,
     state: State,
@@ -65,10 +65,10 @@ def settled(
             break
         if len(points) + len(new) > (MOST_POINTS if system.elements.dim == 2 else MOST_SOLID):
             return step
-        rows = system.pushes(new, plate)
+        rows = system.normal_displacement_rows(new, plate)
         points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
         own = B.any(axis=0)
-        force = _exchanged(B[:, own] @ Z[own], plain[points], was[points], hard[points])
+        force = _exchange(B[:, own] @ Z[own], plain[points], was[points], hard[points])
         if force is None:
             return step
         better = step - Z @ force
@@ -76,7 +76,7 @@ def settled(
     return better
 
 
-def _exchanged(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Array | None:
+def _exchange(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Array | None:
     """Forces e (m,) of the springs that flip, from the compliance (m, m).
 
     None if the set goes on changing, or the body would give way without the springs that go.

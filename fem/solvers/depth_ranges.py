@@ -22,7 +22,7 @@ of the ranges below, whose meshes are graded to the lower one. Depths that miss 
 those of similar designs may by rounding, count as on it."""
 
 
-def parts(scene: Scene) -> list[tuple[Load, ...]]:
+def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
     """The loads of a scene in a row that one path on one mesh follows, each part from the unloaded state on.
 
     A press without friction, also one before a glued plate shears, can be reached straight from the unloaded state.
@@ -31,7 +31,7 @@ def parts(scene: Scene) -> list[tuple[Load, ...]]:
 
     >>> from geometry.design import paper
     >>> scene = Scene(paper(), tuple(Load(depth=d) for d in (0.05, 0.1, 1, 2)), model="harmonic")
-    >>> [[load.depth for load in part] for part in parts(scene)]
+    >>> [[load.depth for load in part] for part in split_by_mesh(scene)]
     [[0.05], [0.1], [1, 2]]
     """
     D = scene.design.D

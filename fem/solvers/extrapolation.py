@@ -15,7 +15,7 @@ ON_LINE = 1e-9
 """Distance over D from a line up to which a position counts as on it: rounding is far below, increments far above."""
 
 
-def aligned(state: PathState, position: Array) -> PathState:
+def drop_past_at_corner(state: PathState, position: Array) -> PathState:
     """The state without its past where that does not lie on the line from a position (3,) backwards.
 
     A curve through states around a corner says nothing of what follows.
@@ -23,17 +23,17 @@ def aligned(state: PathState, position: Array) -> PathState:
     ahead = position - state.position
     length = float(np.linalg.norm(ahead))
     for before in state.past:
-        back = _back(state, before.position, position)
+        back = _coordinate(state, before.position, position)
         off_line = back * ahead / length - (before.position - state.position)
         if not (back < 0 and np.abs(off_line).max() < ON_LINE):
             return replace(state, past=())
     return state
 
 
-def unknowns(state: PathState, position: Array) -> Array:
+def extrapolate_unknowns(state: PathState, position: Array) -> Array:
     """Unknowns at a position (3,): of the polynomial through the past states and the present one."""
     ahead = float(np.linalg.norm(position - state.position))
-    at = np.array([*(_back(state, before.position, position) for before in state.past), 0.0])
+    at = np.array([*(_coordinate(state, before.position, position) for before in state.past), 0.0])
     # Lagrange's polynomials
     *shares, present = (np.prod([(ahead - u) / (t - u) for u in at if u != t]) for t in at)
     guess = present * state.q
@@ -42,7 +42,7 @@ def unknowns(state: PathState, position: Array) -> Array:
     return np.asarray(guess)
 
 
-def contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
+def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
     """Points of the skin (k, q) in contact at a position (3,): where the gap, followed further, is closed.
 
     At first touch Hertz's patch, the points that a plate at half the depth would cut. None for a grip.
@@ -60,7 +60,7 @@ def contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
     return overlap > 0
 
 
-def _back(state: PathState, past: Array, position: Array) -> float:
+def _coordinate(state: PathState, past: Array, position: Array) -> float:
     """Coordinate of a past position (3,) along the line to the next one; the present one is at 0."""
     ahead = position - state.position
     return float((past - state.position) @ ahead) / float(np.linalg.norm(ahead))

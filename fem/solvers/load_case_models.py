@@ -9,7 +9,7 @@ from typing import Literal
 import skfem
 
 from fem.accuracy import QUICK
-from fem.contact.contact_extent import contact_end
+from fem.contact.contact_extent import find_contact_edge
 from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.scene import Scene
 from fem.solvers.depth_ranges import graded_depth
@@ -50,7 +50,7 @@ def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
         return press(scene)
     if scene.grip is not None:
         return grip(scene)
-    return glued_plate(scene) if scene.coulomb is None else rubbing_plate(scene)
+    return glued_plate(scene) if scene.coulomb is None else friction_plate(scene)
 
 
 def press(scene: Scene) -> PathModels:
@@ -78,7 +78,7 @@ def grip(scene: Scene) -> PathModels:
     return PathModels(high, predictor=_predictor(high))
 
 
-def rubbing_plate(scene: Scene) -> PathModels:
+def friction_plate(scene: Scene) -> PathModels:
     """A plate with Coulomb friction: an axisymmetric press, then a model with all harmonics, without a predictor."""
     section = _section(scene, scene.accuracy.section_size)
     return PathModels(section, raised=replace(section, harmonics=scene.accuracy.harmonics))
@@ -89,7 +89,7 @@ def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
     size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
     body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
     solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=mesh)
-    radius = None if mesh is not None else _patch_radius(scene)
+    radius = None if mesh is not None else _sheared_radius(scene)
     if radius is None:
         fine = scene.sideways or scene.plate_tilt
         return PathModels(replace(solid, tip_size=patch) if fine else solid)
@@ -122,7 +122,7 @@ def _predictor(high: MeshSpecification) -> MeshSpecification | None:
     return replace(high, harmonics=1, skin_harmonics=high.harmonics) if high.harmonics > 1 else None
 
 
-def _patch_radius(scene: Scene) -> float | None:
+def _sheared_radius(scene: Scene) -> float | None:
     """Undeformed radius over D of the patch that shears the tip, None where it is not known or all of the dome."""
     if not scene.sideways:
         return None
@@ -144,4 +144,4 @@ def _glued_radius(scene: Scene) -> float:
     sheared = scene.sheared
     assert sheared is not None
     rough = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
-    return contact_end(rough, scene.accuracy.section_patch, sheared.depth / scene.design.D)
+    return find_contact_edge(rough, scene.accuracy.section_patch, sheared.depth / scene.design.D)

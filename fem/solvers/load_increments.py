@@ -82,22 +82,22 @@ class Segment:
     iterations: int
 
 
-def segment(
-    solver: Solver, state: PathState, goal: Array, *, passing: bool = False, friction_factor: float = 1.0
+def follow_segment(
+    solver: Solver, state: PathState, goal: Array, *, passing: bool = False, friction_step_factor: float = 1.0
 ) -> Segment:
     """Go straight to a position (3,) in increments.
 
     Parameters
     ----------
     passing : the goal itself need only be solved roughly.
-    friction_factor : increments with Coulomb friction are at most so many times their usual length.
+    friction_step_factor : increments with Coulomb friction are at most so many times their usual length.
     """
     start, iterations = state.position, 0
     length = float(np.linalg.norm(goal - start))
     if length == 0:
         return Segment(state, "", 0)
-    state = _turned(state, (goal - start) / length)
-    longest = _longest(state, max(start[0], goal[0]), friction_factor) / length
+    state = _set_direction(state, (goal - start) / length)
+    longest = _longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
     # places and steps count in shares of the segment
     place, step = 0.0, min(longest, 1.0)
     while place < 1:
@@ -105,7 +105,7 @@ def segment(
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
         tolerance = _tolerance(state, passed=passing or target < 1)
-        tried = increment(solver, state, position, tolerance, sure=step * length <= SURE)
+        tried = apply_increment(solver, state, position, tolerance, sure=step * length <= SURE)
         iterations += tried.iterations
         if tried.state is not None:
             state, place = tried.state, target
@@ -116,24 +116,26 @@ def segment(
         if tried.stop and step * length < SHORTEST * min(length, 1.0):
             if state.friction is not None or passing:
                 return Segment(state, tried.stop, iterations)
-            state, more = _settled(solver, state)
+            state, more = _solve_fully(solver, state)
             return Segment(state, tried.stop, iterations + more)
     return Segment(state, "", iterations)
 
 
-def increment(solver: Solver, state: PathState, position: Array, tolerance: float, *, sure: bool) -> Increment:
+def apply_increment(solver: Solver, state: PathState, position: Array, tolerance: float, *, sure: bool) -> Increment:
     """Go to a position (3,) at once.
 
     Parameters
     ----------
     sure : believe it if the increment is the first to meet an unstable direction or to crush silicone.
     """
-    state = extrapolation.aligned(state, position)
-    guess, plate = extrapolation.unknowns(state, position), state.plate_at(position)
+    state = extrapolation.drop_past_at_corner(state, position)
+    guess, plate = extrapolation.extrapolate_unknowns(state, position), state.plate_at(position)
     if state.friction is not None:
-        moved = plate_contact.slid(state.skin, state.d.system.state(guess).u, plate if state.past else state.plate)
-        plate = replace(plate, friction=coulomb_friction.expecting(state.friction, moved))
-    expected = extrapolation.contact(state, position)
+        moved = plate_contact.displacements_along_plate(
+            state.skin, state.d.system.state(guess).u, plate if state.past else state.plate
+        )
+        plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
+    expected = extrapolation.extrapolate_contact(state, position)
     answer = newton(state.d.system, solver, guess, plate, expected, tolerance=tolerance)
     crushed = least_J(answer) < CRUSHED <= state.least_J
     doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
@@ -141,16 +143,16 @@ def increment(solver: Solver, state: PathState, position: Array, tolerance: floa
         return Increment(None, answer.reason, answer.iterations, easy=False)
     onset, more = state.onset, 0
     if answer.unstable and not state.unstable and onset is None:
-        onset, more = _onset(solver, replace(state, friction=plate.friction), answer, position)
-    after = replace(_reached(state, answer, position, plate), onset=onset)
+        onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
+    after = replace(_accept(state, answer, position, plate), onset=onset)
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
 
 
-def _reached(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
+def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
     """The state after an increment to a position (3,), where Newton's method has answered for the plate."""
     friction, dissipated = state.friction, state.dissipated
     if friction is not None:
-        friction, lost = plate_contact.rubbed(state.skin, answer.state.u, plate)
+        friction, lost = plate_contact.advance_friction(state.skin, answer.state.u, plate)
         dissipated += lost
     return replace(
         state,
@@ -170,21 +172,21 @@ def least_J(answer: Equilibrium) -> float:
     return 1 + min((float(strain.Jm1.min()) for strain in answer.state.strains), default=0.0)
 
 
-def _turned(state: PathState, direction: Array) -> PathState:
+def _set_direction(state: PathState, direction: Array) -> PathState:
     """The state about to move in a direction (3,): in a new one, all that touches is expected to stick at first."""
     if state.friction is None:
         return state
     if direction @ state.direction < 1 - 1e-9:
-        state = replace(state, friction=coulomb_friction.turned_back(state.friction))
+        state = replace(state, friction=coulomb_friction.expect_sticking(state.friction))
     return replace(state, direction=direction)
 
 
-def _longest(state: PathState, depth: float, friction_factor: float) -> float:
+def _longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
     """Longest increment over D, down to a depth."""
     if state.friction is None:
         return LONGEST if state.d.revolved else SOLID_LONGEST
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * depth)
-    return friction_factor * (press if state.direction[0] else FRICTION_SHEAR)
+    return friction_step_factor * (press if state.direction[0] else FRICTION_SHEAR)
 
 
 def _tolerance(state: PathState, *, passed: bool) -> float:
@@ -194,7 +196,7 @@ def _tolerance(state: PathState, *, passed: bool) -> float:
     return PASSED_TOLERANCE if state.d.revolved else SOLID_PASSED_TOLERANCE
 
 
-def _settled(solver: Solver, state: PathState) -> tuple[PathState, int]:
+def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
     """A state that was only to be passed, solved to the end, and Newton's iterations."""
     answer = newton(state.d.system, solver, state.q, state.plate)
     if answer.converged:
@@ -202,7 +204,9 @@ def _settled(solver: Solver, state: PathState) -> tuple[PathState, int]:
     return state, answer.iterations
 
 
-def _onset(solver: Solver, state: PathState, answer: Equilibrium, position: Array) -> tuple[tuple[Array, Array], int]:
+def _bracket_onset(
+    solver: Solver, state: PathState, answer: Equilibrium, position: Array
+) -> tuple[tuple[Array, Array], int]:
     """Positions between which an increment's first unstable direction appeared, and Newton's iterations."""
     stable, unstable, q, iterations = state.position, position, state.q, 0
     for _ in range(ONSET_HALVINGS):

@@ -14,10 +14,10 @@ import numpy as np
 
 from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import Segment, segment
+from fem.solvers.load_increments import Segment, follow_segment
 from fem.solvers.newton import Stop
-from fem.solvers.path_state import PathState, at_rest, glued, with_harmonics, with_predictor
-from fem.solvers.predictor import predicted
+from fem.solvers.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
+from fem.solvers.predictor import predict
 from geometry.arrays import Array
 
 
@@ -33,7 +33,7 @@ class Path:
         shear begins.
     rim : undeformed radius of the patch that is glued then; default: the contact radius.
     mu : coefficient of Coulomb friction, which takes the place of gluing, or None.
-    friction_factor : increments with Coulomb friction are at most so many times their usual length.
+    friction_step_factor : increments with Coulomb friction are at most so many times their usual length.
     predictor : builds the model with one harmonic, and the same points on the skin, that goes ahead of one with more;
         without Coulomb friction only.
     kappa : number of the plate's stiffness on a section without Coulomb friction, see `fem.contact.plate_contact`;
@@ -54,11 +54,11 @@ class Path:
         raised: Callable[[], Discretisation] | None = None,
         rim: float | None = None,
         mu: float | None = None,
-        friction_factor: float = 1.0,
+        friction_step_factor: float = 1.0,
         predictor: Callable[[], Discretisation] | None = None,
         kappa: float | None = None,
     ) -> None:
-        self.raised, self._predictor, self._rim, self._friction_factor = raised, predictor, rim, friction_factor
+        self.raised, self._predictor, self._rim, self._friction_factor = raised, predictor, rim, friction_step_factor
         # factorisations of the model and of its predictor: their patterns are kept, and nothing else
         self._solver, self._reduced_solver = Solver(), Solver()
         state = at_rest(d, grip, tilt, mu, kappa)
@@ -68,7 +68,7 @@ class Path:
 
     def go(self, depth: float, shear: Array) -> Stop:
         """Move to a depth, then to a shear (2,); returns why it stopped on the way, empty if it did not."""
-        reached = self._followed(depth, shear)
+        reached = self._follow_load(depth, shear)
         self.state, self.iterations = reached.state, reached.iterations
         return reached.stop
 
@@ -77,24 +77,24 @@ class Path:
         self._solver.close()
         self._reduced_solver.close()
 
-    def _followed(self, depth: float, shear: Array) -> Segment:
+    def _follow_load(self, depth: float, shear: Array) -> Segment:
         """Where a load leads."""
-        pressed = self._straight(self.state, np.array([depth, *self.state.position[1:]]))
+        pressed = self._follow_straight(self.state, np.array([depth, *self.state.position[1:]]))
         if pressed.stop or np.array_equal(shear, pressed.state.position[1:]):
             return pressed
-        moved = self._straight(self._ready_to_shear(pressed.state), np.array([depth, *shear]))
+        moved = self._follow_straight(self._prepare_shear(pressed.state), np.array([depth, *shear]))
         return replace(moved, iterations=pressed.iterations + moved.iterations)
 
-    def _straight(self, state: PathState, goal: Array) -> Segment:
+    def _follow_straight(self, state: PathState, goal: Array) -> Segment:
         """Where a straight segment to a position (3,) leads."""
         if not np.linalg.norm(goal - state.position):
             return Segment(state, "", 0)
-        state, before = predicted(self._solver, self._reduced_solver, state, goal)
+        state, before = predict(self._solver, self._reduced_solver, state, goal)
         # there is nothing left to do if the prediction holds
-        reached = segment(self._solver, state, goal, friction_factor=self._friction_factor)
+        reached = follow_segment(self._solver, state, goal, friction_step_factor=self._friction_factor)
         return replace(reached, iterations=before + reached.iterations)
 
-    def _ready_to_shear(self, state: PathState) -> PathState:
+    def _prepare_shear(self, state: PathState) -> PathState:
         """The state with harmonics, and glued to the plate, where a shear needs that."""
         low, state = state, replace(state, sheared=True)
         if self.raised is not None and state.d.model == "axisymmetric":
@@ -105,5 +105,5 @@ class Path:
             if self._predictor is not None:
                 state = with_predictor(state, self._predictor(), low)
         if state.bond is None and state.friction is None:
-            state = glued(state, self._rim)
+            state = glue(state, self._rim)
         return state

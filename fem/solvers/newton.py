@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.contact.plate_contact import Plate, watched
+from fem.contact.plate_contact import Plate, hold_reversing_points
 from fem.discretisation.nonlinear_system import Assembly, State, System
-from fem.solvers.active_set import settled
+from fem.solvers.active_set import settle_contact
 from fem.solvers.direct_solver import SingularMatrixError, Solver
-from fem.solvers.nonlinear_elimination import patch
+from fem.solvers.nonlinear_elimination import find_patch
 from geometry.arrays import Array
 
 TOLERANCE = 1e-9
@@ -89,42 +89,42 @@ def newton(
     state = system.admissible(q)
     if state is None:
         state = system.state(q)
-        return Equilibrium(state, _empty(system), 0, "guess_inverted")
+        return Equilibrium(state, _assemble_at_rest(system), 0, "guess_inverted")
     first = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, first)
     rate = 1.0
     for iteration in range(most):
-        size = _size(system, state, assembly)
+        size = _reference_size(system, state, assembly)
         left = size.share(assembly)
         # the points `pressed` are a guess, and those that friction held may slip: such a balance is none yet
         balanced = left <= tolerance and (iteration > 0 or first is plate)
-        plate, held = watched(system.surface, state.u, plate)
+        plate, held = hold_reversing_points(system.surface, state.u, plate)
         try:
             if balanced and not held:
                 if unstable:  # the tangent that told so may be that of an iterate far from here
                     here = assembly if assembly.matrix is not None else system.assemble(state, plate)
-                    unstable = _unstable(system, solver, here)
+                    unstable = _count_unstable(system, solver, here)
                 return Equilibrium(state, assembly, iteration, "", unstable)
             if assembly.matrix is not None:
-                unstable = _unstable(system, solver, assembly)
+                unstable = _count_unstable(system, solver, assembly)
             step = solver.solve(assembly.residual)
             # flips of contact are settled about a tangent of this iterate only
             if assembly.matrix is not None:
-                step = settled(system, solver, state, step, plate, pressed if iteration == 0 else None)
+                step = settle_contact(system, solver, state, step, plate, pressed if iteration == 0 else None)
         except SingularMatrixError:
             return Equilibrium(state, assembly, iteration, "singular")
-        trial = _search(system, state, step)
+        trial = _backtrack(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
         full, before = state.q - trial.q, size.merit(assembly)
-        state, assembly, rate = _taken(system, plate, trial, size, before, rate, left, tolerance)
+        state, assembly, rate = _evaluate_step(system, plate, trial, size, before, rate, left, tolerance)
         if iteration >= PATIENCE and rate > 1 / 2:
-            state, assembly = _damped(system, plate, state, assembly, full, size)
+            state, assembly = _damp_step(system, plate, state, assembly, full, size)
     return Equilibrium(state, assembly, most, "no_convergence")
 
 
 @dataclass(frozen=True, slots=True)
-class _Size:
+class _ReferenceSize:
     """What residuals at an iterate are held against.
 
     Attributes
@@ -148,16 +148,16 @@ class _Size:
         return force / (self.reaction or 1.0) + volume / (self.reach or 1.0)
 
 
-def _size(system: System, state: State, assembly: Assembly) -> _Size:
-    reaction, reach = _length(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
-    return _Size(system.n_free + system.n_rigid, reaction, reach)
+def _reference_size(system: System, state: State, assembly: Assembly) -> _ReferenceSize:
+    reaction, reach = _norm(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
+    return _ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
 
 
-def _taken(
+def _evaluate_step(
     system: System,
     plate: Plate | None,
     trial: State,
-    size: _Size,
+    size: _ReferenceSize,
     before: float,
     rate: float,
     left: float,
@@ -169,7 +169,7 @@ def _taken(
     ----------
     before : merit of the residual before the step.
     rate : share that the last step left.
-    left : residual before the step, as `_Size.share`.
+    left : residual before the step, as `_ReferenceSize.share`.
     """
 
     def share(after: Assembly) -> float:
@@ -177,45 +177,49 @@ def _taken(
 
     # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
     likely = rate**2
-    fresh = not _goes_on(likely, likely * left, tolerance)
+    fresh = not _keeps_factorisation(likely, likely * left, tolerance)
     state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
     rate = share(assembly)
-    relaxed = None if _goes_on(rate, rate * left, tolerance) else _relaxed(system, state, assembly, plate, size.n)
+    relaxed = (
+        None
+        if _keeps_factorisation(rate, rate * left, tolerance)
+        else _relax_patch(system, state, assembly, plate, size.n)
+    )
     if relaxed is not None:
         (state, assembly), fresh = relaxed, False
         rate = share(assembly)
-    if not fresh and not _goes_on(rate, rate * left, tolerance):
+    if not fresh and not _keeps_factorisation(rate, rate * left, tolerance):
         assembly = system.assemble(state, plate)
     return state, assembly, rate
 
 
-def _unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
+def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
     """Factorise a tangent; the number of its unstable directions, None where that is not known."""
     solver.factorise(assembly.tangent, symmetric=assembly.symmetric)
     negative = solver.negative()
     return None if negative is None else negative - system.n_pressure
 
 
-def _goes_on(rate: float, left: float, tolerance: float) -> bool:
+def _keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:
     """Whether steps that leave a share `rate` of the residual `left` are worth more than a new factorisation."""
     return rate <= CHORD or rate**CHORDS * left <= tolerance
 
 
-def _length(x: Array) -> float:
+def _norm(x: Array) -> float:
     """Euclidean norm of numbers (n,), as `numpy.linalg.norm` but quicker for few."""
     return math.sqrt(x @ x)
 
 
 def _norms(assembly: Assembly, n: int) -> tuple[float, float]:
     """Norms of the residual forces, the first n, and of the residual volumes."""
-    return _length(assembly.residual[:n]), _length(assembly.residual[n:])
+    return _norm(assembly.residual[:n]), _norm(assembly.residual[n:])
 
 
-def _relaxed(
+def _relax_patch(
     system: System, state: State, assembly: Assembly, plate: Plate | None, n: int
 ) -> tuple[State, Assembly] | None:
     """State and residual once the few cells that the residual hangs on are in balance; None if that leads nowhere."""
-    part = patch(system, state, assembly, plate)
+    part = find_patch(system, state, assembly, plate)
     if part is None:
         return None
     solver = Solver()
@@ -223,15 +227,15 @@ def _relaxed(
         local = newton(part.system, solver, part.q, part.plate, most=MOST_LOCAL, tolerance=LOCAL)
     finally:
         solver.close()
-    calmer = system.admissible(part.into(system, state, local.state)) if local.converged else None
+    calmer = system.admissible(part.merge_into(system, state, local.state)) if local.converged else None
     if calmer is None:
         return None
     after = system.assemble(calmer, plate, tangent=False)
     return (calmer, after) if _norms(after, n)[0] < _norms(assembly, n)[0] else None
 
 
-def _damped(
-    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: _Size
+def _damp_step(
+    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: _ReferenceSize
 ) -> tuple[State, Assembly]:
     """The best of a full step and of its half and quarter, by the residual."""
     tried = [(size.merit(assembly), state)]
@@ -243,7 +247,7 @@ def _damped(
     return best, assembly if best is state else system.assemble(best, plate)
 
 
-def _search(system: System, state: State, step: Array) -> State | None:
+def _backtrack(system: System, state: State, step: Array) -> State | None:
     """The longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
     scale = 1.0
     for _ in range(7):
@@ -254,6 +258,6 @@ def _search(system: System, state: State, step: Array) -> State | None:
     return None
 
 
-def _empty(system: System) -> Assembly:
+def _assemble_at_rest(system: System) -> Assembly:
     zero = system.state(np.zeros(system.size))
     return system.assemble(zero, None)

@@ -38,27 +38,27 @@ class Patch:
     plate: Plate
     q: Array
 
-    def into(self, whole: System, state: State, part: State) -> Array:
+    def merge_into(self, whole: System, state: State, part: State) -> Array:
         """Unknowns of the whole body at its state, with those of the patch from `part`."""
-        u, p = state.u.copy(), _at_nodes(whole, state)
+        u, p = state.u.copy(), _nodal_pressures(whole, state)
         u[self.system.free] = part.u[self.system.free]
         p[self.system.corner_nodes] = part.p
         return whole.unknowns(u, p[whole.corner_nodes], whole.motion(state.q))
 
 
-def patch(system: System, state: State, assembly: Assembly, plate: Plate | None) -> Patch | None:
+def find_patch(system: System, state: State, assembly: Assembly, plate: Plate | None) -> Patch | None:
     """The patch of a solid body that its residual hangs on, if there is one; none with Coulomb friction."""
     e, s = system.elements, system.surface
     if e.dim == 2 or system.size < LEAST_SIZE or s is None or plate is None or plate.friction is not None:
         return None
-    nodes = _worst(system, assembly)
+    nodes = _worst_nodes(system, assembly)
     if nodes is None:
         return None
     inside = np.zeros(len(e.nodes), dtype=bool)
     inside[nodes] = True
     inside[e.cells[inside[e.cells].any(axis=1)]] = True
     cells, facets = inside[e.cells].any(axis=1), inside[s.nodes].any(axis=1)
-    p = _at_nodes(system, state)
+    p = _nodal_pressures(system, state)
     part = System(
         replace(e, cells=e.cells[cells], D=e.D[cells], weights=e.weights[cells]),
         replace(s, nodes=s.nodes[facets], weights=s.weights[facets], points=s.points[facets]),
@@ -80,7 +80,7 @@ def patch(system: System, state: State, assembly: Assembly, plate: Plate | None)
     return Patch(part, here, part.unknowns(state.u, p[part.corner_nodes], np.zeros(0)))
 
 
-def _worst(system: System, assembly: Assembly) -> NDArray[np.int64] | None:
+def _worst_nodes(system: System, assembly: Assembly) -> NDArray[np.int64] | None:
     """The nodes that carry SHARE of the squared residual forces, None if they are many."""
     forces = np.zeros(system.free.shape)
     forces[system.free] = assembly.residual[: system.n_free]
@@ -90,7 +90,7 @@ def _worst(system: System, assembly: Assembly) -> NDArray[np.int64] | None:
     return order[: enough[0] + 1] if len(enough) else None
 
 
-def _at_nodes(system: System, state: State) -> Array:
+def _nodal_pressures(system: System, state: State) -> Array:
     """Pressures at all nodes, shape (nodes, pressures), 0 where there is none."""
     p = np.zeros((len(system.elements.nodes), state.p.shape[1]))
     p[system.corner_nodes] = state.p

@@ -136,7 +136,7 @@ def at_rest(
     skin, bond, friction = d.system.surface, None, None
     assert skin is not None
     if grip is not None:
-        tied = plate_contact.whole_facets(skin.points[..., 2]) >= d.shape.L - grip
+        tied = plate_contact.average_over_facets(skin.points[..., 2]) >= d.shape.L - grip
         bond = Bond(tied, skin.points[..., :2])
     if mu is not None:
         friction = coulomb_friction.at_rest(mu, skin.weights.shape)
@@ -154,7 +154,7 @@ def with_harmonics(state: PathState, d: Discretisation) -> PathState:
     q, friction = raise_harmonics(state.d.system, d.system, state.q), state.friction
     if friction is not None:
         assert d.system.surface is not None
-        friction = coulomb_friction.revolved(friction, d.system.surface.points)
+        friction = coulomb_friction.revolve(friction, d.system.surface.points)
     # the past has other unknowns
     return replace(state, d=d, q=q, friction=friction, past=())
 
@@ -173,9 +173,9 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
     return replace(state, reduced=reduced)
 
 
-def glued(state: PathState, radius: float | None) -> PathState:
+def glue(state: PathState, radius: float | None) -> PathState:
     """The state with the patch within an undeformed radius glued to the plate; None: within the contact radius."""
-    plate = plate_contact.glued(state.skin, state.u, state.plate, radius, state.d.shape.H)
+    plate = plate_contact.glue(state.skin, state.u, state.plate, radius, state.d.shape.H)
     assert plate.tied is not None
     assert plate.targets is not None
     return replace(state, bond=Bond(plate.tied, plate.targets - state.position[1:], plate.gap))

@@ -14,7 +14,7 @@ import numpy as np
 from fem.contact import plate_contact
 from fem.discretisation.symmetry_models import raise_harmonics
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import CRUSHED, least_J, segment
+from fem.solvers.load_increments import CRUSHED, follow_segment, least_J
 from fem.solvers.newton import newton
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
@@ -23,7 +23,7 @@ MOST_ITERATIONS = 12
 """For correcting the prediction: more cost as much as the increments that it is to save."""
 
 
-def predicted(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
+def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
     """Go to a position (3,) by correcting what the predictor says of it.
 
     Returns
@@ -35,17 +35,17 @@ def predicted(solver: Solver, reduced_solver: Solver, state: PathState, goal: Ar
     if before is None or not np.array_equal(before.position, state.position):
         return state, 0
     added = state.q - raise_harmonics(before.d.system, state.d.system, before.q)
-    ahead = segment(reduced_solver, replace(before, bond=state.bond), goal, passing=True)
+    ahead = follow_segment(reduced_solver, replace(before, bond=state.bond), goal, passing=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions is another branch
     if ahead.stop or (ahead.state.unstable or 0) != (state.unstable or 0):
         return state, ahead.iterations
     guess = added + raise_harmonics(ahead.state.d.system, state.d.system, ahead.state.q)
-    after, iterations = _corrected(solver, state, guess, goal)
+    after, iterations = _correct(solver, state, guess, goal)
     return after, ahead.iterations + iterations
 
 
-def _corrected(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
+def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
     """The state at a position (3,) from a first guess; unchanged if it is not found or not to be trusted."""
     plate, system = state.plate_at(goal), state.d.system
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > 0

@@ -87,7 +87,7 @@ class _Layout:
     diagonal: Ints
 
 
-def _layout(keys: Ints, sizes: Ints) -> _Layout:
+def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     """The layout of a matrix in which the pairs of blocks `keys` (one number each, see `_pair_keys`) are coupled."""
     count, first = len(sizes), np.cumsum(sizes) - sizes
     # sorted keys are rows of blocks, and in each row the columns in rising order
@@ -125,14 +125,14 @@ class Pattern:
         count = len(sizes)
         pairs = [_pair_keys(row.blocks[:, :, None], column.blocks[:, None, :], count) for row, column in groups]
         # every block is coupled with itself, so that no row of the matrix is empty
-        layout = _layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
+        layout = _build_layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
         self._empty, self.size = layout.empty, len(layout.inside)
         self._places: list[Ints] = []
         entries, done = [], count
         for (row, column), pair in zip(groups, pairs, strict=True):
             offset = layout.offset[done : done + pair.size].reshape(pair.shape)
             done += pair.size
-            places, numbers = _placed(row, column, offset, layout)
+            places, numbers = _place_entries(row, column, offset, layout)
             self._places.append(places)
             entries.append(numbers)
         self._entries = np.concatenate(entries)
@@ -149,7 +149,7 @@ class Pattern:
         upper.data = np.bincount(self._entries, weights=values, minlength=self._empty.nnz)
         return upper
 
-    def unfolded(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
+    def unfold(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
         """All of the matrix whose upper triangle is given, where the last group's element matrices are unsymmetric.
 
         Parameters
@@ -176,7 +176,7 @@ class Pattern:
         return whole.data.astype(np.int64) - 1, rows > whole.indices, whole.indices, whole.indptr
 
 
-def _placed(row: Side, column: Side, offset: Ints, layout: _Layout) -> tuple[Ints, Ints]:
+def _place_entries(row: Side, column: Side, offset: Ints, layout: _Layout) -> tuple[Ints, Ints]:
     """Which numbers of a group's element matrices count, and to which entries of the matrix they are added.
 
     Parameters

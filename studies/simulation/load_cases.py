@@ -281,7 +281,7 @@ def _facts_record(facts: Facts) -> dict[str, Any]:
         "unstable_directions": facts.unstable_directions,
         **onsets,
         "unstable_stretches": None if facts.weak_at is None else list(facts.weak_at),
-        "inside_out_share": facts.inside_out_share,
+        "inside_out_share": facts.inverted_share,
         "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
         "critical_depth_mm_estimate": facts.critical_depth,
     }

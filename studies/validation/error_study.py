@@ -168,7 +168,7 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
 def key(trial: Trial, accuracy: Accuracy) -> str:
     """What a solve depends on beside the code, as text; the end of a contact is found on sections of level quick."""
     used = replace(accuracy, name="")
-    used = replace(used, section_patch=0) if trial.scene == "friction" else replace(used, rub=0)
+    used = replace(used, section_patch=0) if trial.scene == "friction" else replace(used, friction_step_factor=0)
     if trial.model == "auto":
         used = replace(used, solid_size=0, solid_patch=0)
     if trial.scene in ("press", "deep"):

@@ -132,7 +132,7 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
         size, patch = ((0.045, 0.002), (0.028, 0.001), (0.02, 0.0007))[fineness]
         return Accuracy(name, size, 0.05, patch, 0.02, 1)
     if scene == "friction":
-        size, harmonics, rub = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]
-        return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, rub)
+        size, harmonics, friction_step_factor = ((0.09, 3, 1.0), (0.06, 4, 0.5), (0.045, 5, 0.35))[fineness]
+        return Accuracy(name, size, 0.05, 0.001, 0.02, harmonics, friction_step_factor)
     size, patch, harmonics = ((0.09, 0.003, 3), (0.06, 0.0015, 5), (0.045, 0.00075, 6))[fineness]
     return Accuracy(name, size, 0.05, patch, 0.02, harmonics)

@@ -187,7 +187,7 @@ def _rule(case: Case, mesh: skfem.Mesh, e: Elements) -> _Rule:
     if not case.harmonics:
         one = np.ones((len(N), 1))
         return _Rule(points, weights, N, N1, np.repeat(np.eye(case.dim)[None], len(N), axis=0), one)
-    a = elements.around(case.harmonics, ANGLES)
+    a = elements.fourier_fields(case.harmonics, ANGLES)
     c, s = np.cos(a.theta), np.sin(a.theta)
     r, z = np.moveaxis(points, -1, 0)[..., None]
     solid = np.stack([r * c, r * s, np.broadcast_to(z, (*z.shape[:-1], ANGLES))], axis=-1)

@@ -248,7 +248,7 @@ def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
 def folded(_: Case, states: Sequence[Solution]) -> Measurement:
     """The share of the silicone that is inverted (J <= 0) on 45 points in every triangle, beyond what is told."""
     last = states[-1]
-    beyond = folded_share(last) - WIDE * last.facts.inside_out_share
+    beyond = folded_share(last) - WIDE * last.facts.inverted_share
     return Measurement(last, f"share inside out beyond {WIDE:g} times what the state says", max(beyond, 0.0))
 
 
