@@ -80,7 +80,7 @@ def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
     import build123d as bd
 
     view = View("")
-    view.seen(bd.Solid.make_box(1, 2, 3, bd.Plane((4, 5, 0))))
+    view.projection(bd.Solid.make_box(1, 2, 3, bd.Plane((4, 5, 0))))
     assert view.box == pytest.approx((4, 5, 5, 7), abs=1e-9)
 
 

@@ -1,12 +1,12 @@
-"""Bodies of the Hall parts that a base must hold, and where a design puts them. Lengths mm.
+"""Bodies of the Hall parts in the base, and their positions in a design. All lengths are in mm.
 
 | part | body | source | unchecked |
 |---|---|---|---|
-| SS495A | flat, three leads in line | Honeywell SS400 and SS490 charts: thickness 0.062 in, height 0.118 in, leads 0.050 in apart, 0.015 in thick | width 0.160 in; the plate lies 0.5 mm under the marked face, in its middle |
-| TMAG5273 | SOT-23-6 | Texas Instruments DBV outline | all of it; the plates lie 0.6 mm above the board |
-| TLE493D-P2B6 | PG-TSOP6 | Infineon outline | all of it; the plates lie 0.6 mm above the board |
+| SS495A | flat, three leads in line | Honeywell SS400 and SS490 charts: thickness 0.062 in, height 0.118 in, leads 0.050 in apart, 0.015 in thick | width 0.160 in; Hall plate 0.5 mm under the centre of the marked face |
+| TMAG5273 | SOT-23-6 | Texas Instruments DBV outline | all dimensions; Hall plates 0.6 mm above the board |
+| TLE493D-P2B6 | PG-TSOP6 | Infineon outline | all dimensions; Hall plates 0.6 mm above the board |
 
-Unchecked figures are quoted from memory and want checking against the data sheet before a series is built.
+Unchecked dimensions were not compared with the data sheet: compare them before you build a series.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Leaded:
-    """A flat part with leads in line, seen on its marked face: width across the leads, height along them.
+    """A flat part with three leads in line, mm.
 
     Attributes
     ----------
-    width, height, thickness : of the body.
-    depth : of the plate under the marked face; it lies in the middle of width and height.
-    pitch, lead : distance between the three leads, and side of their square section.
+    width, height, thickness : size of the body across the leads, along the leads, and normal to the marked face.
+    depth : depth of the Hall plate under the centre of the marked face.
+    pitch, lead : distance between neighbouring leads, and side of their square section.
     """
 
     width: float
@@ -44,13 +44,19 @@ class Leaded:
 
     @property
     def leads(self) -> float:
-        """Width of the three leads together."""
+        """Overall width of the three leads."""
         return 2 * self.pitch + self.lead
 
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A chip on a board: its footprint with leads, height over the board, and that of its plates."""
+    """A chip on a board, mm.
+
+    Attributes
+    ----------
+    length, width : footprint, leads included.
+    height, plate : height of the chip and of its Hall plates above the board.
+    """
 
     length: float
     width: float
@@ -66,11 +72,11 @@ CHIPS = {
 }
 
 LEAD = 6.0
-"""Length of the leads as drawn, mm."""
+"""Length of the leads in drawings and solids, mm; a maker cuts them to the length needed."""
 
 
 def places(design: Design) -> dict[str, Vector]:
-    """Centre of the plate of each part in the sensor's frame, mm."""
+    """Return the centre of each part's Hall plate in the sensor's frame, mm."""
     s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
     if design.hall_layout != "three":
         return {design.hall_layout: (design.chip_x, 0.0, s1)}
@@ -78,7 +84,7 @@ def places(design: Design) -> dict[str, Vector]:
 
 
 def heights(design: Design) -> tuple[float, float]:
-    """Top of the highest part's body, and the lowest end of leads or bodies, in the sensor's frame, mm."""
+    """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
     if design.hall_layout != "three":
         chip, (_, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
@@ -89,7 +95,10 @@ def heights(design: Design) -> tuple[float, float]:
 
 
 def bodies(design: Design) -> dict[str, Solid]:
-    """The parts in the sensor's frame: S1's marked face up, those of S2 and S3 towards the beam; leads cut short."""
+    """Return the solids of the parts in the sensor's frame, with leads of length `LEAD`.
+
+    The marked face of S1 points up; those of S2 and S3 point towards the beam.
+    """
     if design.hall_layout != "three":
         chip, (x, _, z) = CHIPS[design.hall_layout], places(design)[design.hall_layout]
         corner = (x - chip.length / 2, -chip.width / 2, z - chip.plate)
@@ -97,15 +106,15 @@ def bodies(design: Design) -> dict[str, Solid]:
     import build123d as bd
 
     part = _leaded()
-    # upright: leads down, marked face towards -x, then towards -y
+    # S2 and S3 stand with their leads down, the marked face of S2 towards -x and that of S3 towards -y
     upright = part.rotate(bd.Axis.Y, -90)
-    turned = {"S1": part, "S2": upright, "S3": upright.rotate(bd.Axis.Z, 90)}
-    # copies: a name in a STEP file belongs to all that shares the same faces
-    return {name: moved(copy.deepcopy(turned[name]), place) for name, place in places(design).items()}
+    rotated = {"S1": part, "S2": upright, "S3": upright.rotate(bd.Axis.Z, 90)}
+    # deep copies: solids that share faces would share one name in a STEP file
+    return {name: moved(copy.deepcopy(rotated[name]), place) for name, place in places(design).items()}
 
 
 def _leaded() -> Solid:
-    """A part as S1 lies, its plate in the origin: marked face up, leads along -x."""
+    """Return a part in the pose of S1: Hall plate at the origin, marked face up, leads along -x."""
     p = SS495A
     top = p.depth
     body = _box((-p.height / 2, -p.width / 2, top - p.thickness), p.height, p.width, p.thickness)

@@ -1,7 +1,8 @@
-"""The mould's checks: what is measured on the solids and on the triangles, and what each figure must keep to.
+"""Checks of the mould, measured on its solids and on their triangles.
 
-They take any two parts, so that a wrong mould can be put to them. Parting is a translation: A with its pins off B and
-off the cast, straight up; then the cast out of B, straight up, or the halves of a split B off it, sideways.
+The checks take any parts A and B, so that tests can also pass them a wrong mould. Parting is a translation: A with
+its pins moves straight up, off B and off the cast. Then the cast moves straight up out of B, or the halves of a split
+B move sideways off the cast.
 """
 
 from __future__ import annotations
@@ -24,25 +25,26 @@ NOTHING = 1e-9
 """Share of the cavity's volume below which an overlap or a difference counts as none."""
 
 LARGEST_GRIP = 0.15
-"""Largest stretch of a pocket that grips its magnet."""
+"""Largest interference of a pocket that grips its magnet, as a fraction of the magnet's radius."""
 
 LARGEST_PLAY = 0.05
-"""Largest gap between magnet and pocket, as a fraction of D: so far off the axis the magnet may end up."""
+"""Largest gap between magnet and pocket, as a fraction of D: the magnet may end up off the axis by this gap."""
 
 UP = (0.0, 0.0, 1.0)
 
 
 def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Solid] = ()) -> list[Check]:
-    """Measure parts A and B, closed and in the mould frame, and the halves of a split B."""
+    """Measure parts A and B of the closed mould, in the mould's frame, and the halves of a split B."""
     s = sizes(design, mold)
-    # the outline runs inside the walls, so that only a hole through a wall could add to the cavity
+    # the boundary of this block lies within the walls and the floor: it adds to the cavity only where a wall has a
+    # hole
     outline = slab(s, s.R + s.wall / 2, -s.L - s.floor / 2, 0.0)
     casts = outline.cut(B, A, *_plugs(s, mold)).solids()
     cast = max(casts, key=lambda piece: float(piece.volume))
     nominal = pours(design, mold)[0]
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
     travel, closed = s.free + s.skirt + s.lid, overlap(A, B)
-    found = [
+    results = [
         _none("overlap of A and B in the closed mould", closed / nominal),
         Check("cavity volume against beam minus pin", error, f"|.| <= {NOTHING:g}", "1", abs(error) <= NOTHING),
         _none("overlap while A leaves B", largest_overlap(A, B, travel, UP, closed) / nominal),
@@ -50,92 +52,101 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     ]
     for half, side in zip(halves, (1.0, -1.0), strict=False):
         share = largest_overlap(half, cast, 2 * s.rim, (0.0, side, 0.0)) / nominal
-        found.append(_none(f"overlap while B{2 - (side > 0)} leaves the cast", share))
+        results.append(_none(f"overlap while B{2 - (side > 0)} leaves the cast", share))
     if not halves:
-        found.append(_none("overlap while the cast leaves B", largest_overlap(cast, B, travel, UP) / nominal))
-    found += _walls(s, A, B, cast)
-    return found + _clearances(design, s, mold, A, B, outline)
+        results.append(_none("overlap while the cast leaves B", largest_overlap(cast, B, travel, UP) / nominal))
+    results += _walls(s, A, B, cast)
+    return results + _clearances(design, s, mold, A, B)
 
 
 def printable(name: str, mesh: Any, process: Process) -> list[Check]:
-    """What overhangs on a part, a trimesh that stands as it is printed; a roof is named only where there is one."""
+    """Check the overhangs of a part and, if it has a level roof, its widest bridge.
+
+    mesh : a trimesh of the part in the pose in which it is printed, mm.
+    """
     area, bridge = overhangs(mesh)
-    found = [at_most(f"overhang of {name}, as printed", area, 0.0, "mm2")]
-    return found + ([at_most(f"widest bridge of {name}", bridge, process.bridge, "mm")] if bridge > 0 else [])
+    results = [at_most(f"overhang of {name}, as printed", area, 0.0, "mm2")]
+    return results + ([at_most(f"widest bridge of {name}", bridge, process.bridge, "mm")] if bridge > 0 else [])
 
 
 def _none(name: str, share: float) -> Check:
+    """Check that a share of a volume is zero up to rounding."""
     return at_most(name, share, NOTHING, "1")
 
 
 def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
-    """Least distance from the cast to the faces of a part that do not touch it, mm.
+    """Check the least wall of A and of B around the cavity, mm.
 
-    Of A only its lid lies over the cavity: faces that reach below the base plane are left out.
+    The wall is the least distance from the cast to the faces of a part that do not touch the cast. Of A only the lid
+    lies over the cavity, so faces of A that reach below the base plane (skirt and pins) do not count.
     """
     box = cast.bounding_box(optimal=False)
     middle = (box.min.X + box.max.X) / 2, (box.min.Y + box.max.Y) / 2
     axis = min(s.centres, key=lambda centre: math.dist(centre, middle))
     lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > -1e-6]
-    found = []
+    results = []
     for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
         least = least_gap(cast, faces, axis, touching=False)
-        found.append(at_least(f"least wall of {name} around the cavity", least if least < math.inf else 0.0, bound))
-    return found
+        results.append(at_least(f"least wall of {name} around the cavity", least if least < math.inf else 0.0, bound))
+    return results
 
 
-def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid, outline: Solid) -> list[Check]:
-    """Silicone round the pin, the magnet in its pocket, and the vents' distance to pin and cavity wall, mm."""
+def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid) -> list[Check]:
+    """Check the silicone around the pin, the magnet in its pocket, and the vents' distance to pin and cavity, mm."""
     import build123d as bd
 
     x, y = s.centres[0]
     holes = vents(s, mold)
     mouths = [hole.edges().sort_by(bd.Axis.Z)[0] for hole in holes[: mold.vents]]
-    found, near = [], [mouth.distance_to(B) for mouth in mouths]
+    results, distances = [], [mouth.distance_to(B) for mouth in mouths]
     if s.pin_radius > 0:
         column = moved(turned([(0, s.bottom, 0), (s.R, s.bottom, 0), (s.R, 0, 0), (0, 0, 0)]), (x, y, 0.0))
         pins = common(A, column)
         pin = max(pins, key=lambda piece: float(piece.volume), default=None)
         wall = 0.0 if pin is None else least_gap(pin, B.faces(), s.centres[0])
-        found.append(at_least("silicone between pin and cavity", wall, LEAST_WALL))
-        found.append(at_least("the same, with A shifted by the fit", wall - s.fit, 0.0))
+        results.append(at_least("silicone between pin and cavity", wall, LEAST_WALL))
+        results.append(at_least("the same, with A shifted by the fit", wall - s.fit, 0.0))
         if pin is not None:
-            near += [mouth.distance_to(pin) for mouth in mouths]
-            found += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
-    # one cut with all of them is faster than one overlap for each
+            distances += [mouth.distance_to(pin) for mouth in mouths]
+            results += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
+    # material of A within the vents means a closed vent; one cut with all vents is faster than one overlap for each
     closed = float(A.volume) - sum(float(piece.volume) for piece in A.cut(*holes).solids())
-    clearance = 0.0 if closed > NOTHING else min(near)
-    found.append(
+    clearance = 0.0 if closed > NOTHING else min(distances)
+    results.append(
         at_least("distance from vents to pin and cavity wall", clearance, (1 - LARGEST_VENT) / 2 * (s.R - s.pin_top))
     )
-    return found
+    return results
 
 
 def _pocket(design: Design, mold: Mold, pin: Solid) -> list[Check]:
-    """How the magnet fits the pocket that a pin leaves once the silicone has shrunk."""
+    """Check how the magnet fits the pocket that the pin leaves after the silicone has shrunk.
+
+    pin : one pin, on the axis of the mould's frame.
+    """
     import build123d as bd
 
     pocket = pin.scale(1 - mold.shrink, about=(0, 0, 0))
     radius = design.magnet_diameter / 2
     body = magnet(design).mirror(bd.Plane.XY)
     deep = design.H + design.magnet_height / 2 + min(vertex.Z for vertex in pocket.vertices())
+    # the part of a ray from the axis that lies within the pocket is the pocket's radius at the magnet's centre
     ray = bd.Edge.make_line((0, 0, -design.H), (design.D, 0, -design.H))
-    seen = pocket.intersect(ray)
-    width = sum(float(edge.length) for edge in (seen if isinstance(seen, list) else [seen] if seen else []))
+    inside = pocket.intersect(ray)
+    width = sum(float(edge.length) for edge in (inside if isinstance(inside, list) else [inside] if inside else []))
     gap = width - radius
     low, high = -LARGEST_GRIP * radius, LARGEST_PLAY * design.D
-    found = [
+    results = [
         Check("distance of the magnet's end from the pocket's", deep, "|.| <= 1e-06", "mm", abs(deep) <= 1e-6),
         Check("gap around the magnet in its pocket", gap, f"{low:.3g} to {high:.3g}", "mm", low <= gap <= high),
     ]
     if mold.pocket_gap >= 0:
         outside = sum(float(piece.volume) for piece in body.cut(pocket).solids()) / float(body.volume)
-        found.append(_none("share of the magnet outside its pocket", outside))
-    return found
+        results.append(_none("share of the magnet outside its pocket", outside))
+    return results
 
 
 def _plugs(s: Sizes, mold: Mold) -> list[Solid]:
-    """What fills the holes at the tips up to the cavities."""
+    """Return plugs that fill the vents at the tips up to the surfaces of the cavities."""
     cavity = turned(s.cavity)
     forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
     return [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]

@@ -1,4 +1,4 @@
-"""The mould's parts A and B as solids, in the mould frame of `geometry.mold`; lengths mm."""
+"""Parts A and B of the mould as solids, in the mould's frame of `geometry.mold`. All lengths are in mm."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ if TYPE_CHECKING:
 
 
 def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid, Solid]:
-    """Parts A (lid, skirt, pins, vents) and B (cup and foot), closed, in the mould frame, mm; B not yet split.
+    """Return parts A (lid, skirt, pins, vents) and B (cup and foot) of the closed mould, mm; B is not split.
 
     Parameters
     ----------
-    beam : the design's, if it is at hand: without shrinkage the cavity shares its faces and their triangles.
+    beam : the solid of the design's beam, if it exists already. Without shrinkage the cavity is made from it, so that
+        beam and cavity share faces and their triangles.
 
     Raises
     ------
@@ -43,10 +44,11 @@ def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid,
 
 
 def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
-    """A split B by name: the half at y > 0 and the one at y < 0, with holes for dowels in the foot at either end.
+    """Return the halves of B by name: first the half at y > 0, then the half at y < 0.
 
-    The dowels stand upright in the plane of the split: they keep the halves from sliding along it. The bench keeps
-    them level, and A's skirt, with a rubber band round the foot, together.
+    The foot gets a hole for a dowel at both ends. The dowels stand upright in the plane of the split and keep the
+    halves from sliding along it. The bench keeps the halves level; A's skirt and a rubber band around the foot hold
+    them together.
     """
     import build123d as bd
 
@@ -62,7 +64,7 @@ def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
 
 
 def vents(s: Sizes, mold: Mold) -> list[Solid]:
-    """The holes through the lid of all cavities."""
+    """Return the holes through the lid, those of all cavities, as cylinders."""
     import build123d as bd
 
     turns = [2 * math.pi * k / mold.vents for k in range(mold.vents)]
@@ -75,21 +77,27 @@ def vents(s: Sizes, mold: Mold) -> list[Solid]:
 
 
 def tip_vents(s: Sizes, mold: Mold) -> list[Solid]:
-    """The holes through the floor, from inside the cavity."""
+    """Return the holes through the floor at the tips as cylinders, each from the foot's underside into the cavity."""
     import build123d as bd
 
     if not mold.tip_vent > 0:
         return []
+    # up to the centre of the hemisphere, so that the whole curved opening is cut
     length = -s.L + s.R - s.bottom
     return [bd.Solid.make_cylinder(mold.tip_vent / 2, length, bd.Plane((x, y, s.bottom))) for x, y in s.centres]
 
 
 def slab(s: Sizes, radius: float, low: float, high: float) -> Solid:
-    """All points within `radius` of the rectangle of the cavities' axes, between two heights."""
+    """Return the solid of all points between two heights whose distance from the rectangle of the axes is <=
+    `radius`.
+
+    The corners of the rectangle are the axes of the outermost cavities.
+    """
     import build123d as bd
 
     x, y = (max(centre[k] for centre in s.centres) for k in (0, 1))
     if x == y == 0:
+        # one cavity: faces of revolution, whose gaps `part_separation.least_gap` measures fast
         return turned([(0, low, 0), (radius, low, 0), (radius, high, 0), (0, high, 0)])
     points: list[tuple[float, float, float]] = []
     edges: list[Any] = []

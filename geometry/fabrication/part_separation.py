@@ -1,11 +1,12 @@
-"""How solids part: what one meets when it leaves another along an axis, and how far faces are apart. Lengths mm.
+"""Separation of solids: collisions when one leaves another along an axis, and distances of faces. Lengths in mm.
 
-A solid leaves another freely along w if every face of it that looks along w lies beyond all faces of the other that
-look back, or beside them: on a line along w, the end of one solid cannot meet the start of another that it has
-passed. Only where they overlap before, or the boxes of two such faces leave it open, are they moved in steps and
-intersected, just after two faces may begin to meet and in between.
+A solid moves freely along a direction w if each of its faces whose normal points along w lies beyond, or beside, all
+faces of the other solid whose normals point along -w: such a face can meet only faces that lie ahead of it. Bounding
+boxes of faces decide this in most cases. Where the boxes leave it open, or the solids overlap at the start, the solid
+is moved in steps and intersected with the other one, just behind each position at which two faces may begin to meet,
+and in between.
 
-Faces of revolution about one axis are as far apart as their meridians in the half plane (r, z).
+The distance of two faces of revolution about one axis is the distance of their meridians in the half-plane (r, z).
 """
 
 from __future__ import annotations
@@ -21,64 +22,65 @@ if TYPE_CHECKING:
     from build123d import Edge, Face, Solid
 
 TURNED = ("CYLINDER", "CONE", "SPHERE", "TORUS")
-"""Kinds of faces that turn about an axis."""
+"""Kinds of faces of revolution, as build123d names them."""
 
 STEPS = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
-"""Where parting is looked at, as fractions of the travel."""
+"""Positions at which the solids are intersected, as fractions of the travel; dense at the start."""
 
 CLOSE = 1e-6
-"""Boxes and distances are trusted to this, mm; and so much of a face's extent is not looked at, at either end."""
+"""Accuracy of bounding boxes and distances, mm; also the fraction of a face's extent that is skipped at both ends."""
 
 NEAR = 1e-9
-"""Axes that are no further apart than this are one, mm."""
+"""Axes that are no further apart than this count as one, mm."""
 
 UPRIGHT = 1e-9
-"""A face whose normal has less than this along an axis is parallel to it."""
+"""A face is parallel to an axis if the component of its unit normal along the axis is at most this."""
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]
-Way = tuple[float, float, float]
+Direction = tuple[float, float, float]
 
 
-def largest_overlap(moving: Solid, still: Solid, travel: float, way: Way, start: float = 0.0) -> float:
-    """Largest volume that two solids share while one moves, mm³.
+def largest_overlap(moving: Solid, still: Solid, travel: float, direction: Direction, start: float = 0.0) -> float:
+    """Return the largest volume that two solids share while one of them moves, mm³.
 
     Parameters
     ----------
-    travel : how far it moves, mm.
-    way : a unit vector along x, y or z, to either side.
-    start : volume that they share before, mm³.
+    travel : distance by which it moves, mm.
+    direction : unit vector of the motion: plus or minus x, y or z.
+    start : volume that the solids share before the motion, mm³.
     """
-    contacts = _contacts(moving, still, way)
+    contacts = _contacts(moving, still, direction)
     if not start > 0 and not contacts:
         return 0.0
-    x, y, z = way
+    x, y, z = direction
     shifts = {travel * step for step in STEPS} | {at + travel * step for at in contacts for step in STEPS[:3]}
     return max(overlap(moved(moving, (t * x, t * y, t * z)), still) for t in sorted(shifts) if t <= travel)
 
 
-def _contacts(moving: Solid, still: Solid, way: Way) -> set[float]:
-    """Where on the way two faces may begin to meet, mm; none if the faces alone tell that nothing is met."""
-    axis = max(range(3), key=lambda k: abs(way[k]))
-    ahead = [_box(face) for face in moving.faces() if _looks(face, axis, way[axis])]
-    back = [_box(face) for face in still.faces() if _looks(face, axis, -way[axis])]
-    found = set()
-    for (low, high), (start, end) in itertools.product(ahead, back):
+def _contacts(moving: Solid, still: Solid, direction: Direction) -> set[float]:
+    """Return the travels, mm, at which two faces may begin to meet; none if the boxes exclude every collision."""
+    axis = max(range(3), key=lambda k: abs(direction[k]))
+    ahead = [_box(face) for face in moving.faces() if _may_face(face, axis, direction[axis])]
+    opposed = [_box(face) for face in still.faces() if _may_face(face, axis, -direction[axis])]
+    travels = set()
+    for (low, high), (start, end) in itertools.product(ahead, opposed):
         past, before = (low[axis] - end[axis], start[axis] - high[axis])
-        if way[axis] < 0:
+        if direction[axis] < 0:
             past, before = start[axis] - high[axis], low[axis] - end[axis]
+        # faces that are past each other, or side by side, never meet
         if past <= CLOSE and all(low[k] < end[k] and start[k] < high[k] for k in range(3) if k != axis):
-            found.add(round(max(before, 0.0), 6))
-    return found
+            travels.add(round(max(before, 0.0), 6))
+    return travels
 
 
-def _looks(face: Face, axis: int, sense: float) -> bool:
-    """Whether a face may look to this side of an axis somewhere."""
+def _may_face(face: Face, axis: int, sense: float) -> bool:
+    """Return True if the face's normal may point along `sense` times the axis at some point of the face."""
     kind, surface = face.geom_type.name, face.geom_adaptor()
     if kind == "PLANE":
         places = [0.5]
     elif kind in TURNED and abs(surface.Axis().Direction().Coord()[axis]) > 1 - 1e-12:
-        # the normal's part along the axis of revolution is the same all round, and no other than at the ends of the
-        # meridian or, on a ring, at its top and bottom
+        # the normal's component along the axis of revolution is constant around it, and its extremes are at the ends
+        # of the meridian or, on a torus, at its top and bottom
         _, _, low, high = face._uv_bounds()
         turns = [k * math.pi / 2 for k in range(-8, 9)] if kind == "TORUS" else []
         places = [CLOSE, 1 - CLOSE, *((v - low) / (high - low) for v in turns if low < v < high)]
@@ -93,12 +95,13 @@ def _box(face: Face) -> Box:
 
 
 def least_gap(body: Solid, faces: Iterable[Face], axis: tuple[float, float], *, touching: bool = True) -> float:
-    """Least distance from a body to faces, mm; infinite without any.
+    """Return the least distance from a body to faces, mm; infinity without faces.
 
     Parameters
     ----------
-    axis : x and y of the upright axis about which faces of revolution are told; others may be anywhere.
-    touching : False to leave out the faces that touch the body.
+    axis : (x, y) of the vertical axis of faces of revolution, whose distances are found fast; other faces are
+        allowed.
+    touching : False to ignore the faces that touch the body.
     """
     import build123d as bd
 
@@ -108,11 +111,11 @@ def least_gap(body: Solid, faces: Iterable[Face], axis: tuple[float, float], *, 
     bounds = []
     for face in faces:
         line, exact = meridian(face, axis) if outline else (None, False)
-        # neither the boxes' distance nor the meridians' is more than the faces': most need no closer look
+        # the distances of boxes and of meridians are lower bounds: most faces need no exact distance, which is slow
         bound = float(outline.distance_to(line)) if outline and line else 0.0
         bounds.append((max(bound, distance(box, face.bounding_box(optimal=False))), exact, face))
     least = math.inf
-    for bound, exact, face in sorted(bounds, key=lambda known: known[0]):
+    for bound, exact, face in sorted(bounds, key=lambda entry: entry[0]):
         if bound >= least:
             break
         gap = bound if exact else float(body.distance_to(face))
@@ -122,10 +125,13 @@ def least_gap(body: Solid, faces: Iterable[Face], axis: tuple[float, float], *, 
 
 
 def meridian(face: Face, axis: tuple[float, float]) -> tuple[Edge | None, bool]:
-    """Where a face lies in the half plane of the distance from an upright axis, x, and height, z; and if that is all.
+    """Return a face's meridian about a vertical axis, and whether it describes the face exactly.
 
-    A line and True for a full turn about the axis (holes in a level face are taken as filled); a line that reaches
-    too far and False for any other level face; None and False for all other faces.
+    The meridian lies in the half-plane of the distance r from the axis (as x) and the height z.
+
+    - A full turn about the axis: the meridian and True. Holes in a level face count as filled.
+    - Any other level face: a line that covers at least the face's range of r, and False.
+    - Any other face: None and False.
     """
     import build123d as bd
 
@@ -144,16 +150,17 @@ def meridian(face: Face, axis: tuple[float, float]) -> tuple[Edge | None, bool]:
     seams = [edge for edge in edges if _ring(edge, x, y) is None]
     if kind not in TURNED or len(seams) != 1:
         return None, False
-    place, way = face.geom_adaptor().Axis().Location(), face.geom_adaptor().Axis().Direction()
-    if math.hypot(place.X() - x, place.Y() - y) > NEAR or abs(way.Z()) < 1 - 1e-12:
+    place, direction = face.geom_adaptor().Axis().Location(), face.geom_adaptor().Axis().Direction()
+    if math.hypot(place.X() - x, place.Y() - y) > NEAR or abs(direction.Z()) < 1 - 1e-12:
         return None, False
+    # the only edge that is no circle about the axis is the seam, which is a meridian: turn it into the half-plane
     middle = seams[0] @ 0.5
     turn = math.degrees(math.atan2(middle.Y - y, middle.X - x))
     return seams[0].moved(bd.Location((-x, -y, 0.0))).rotate(bd.Axis.Z, -turn), True
 
 
 def _ring(edge: Edge, x: float, y: float) -> float | None:
-    """The radius of a full level circle about the upright axis; None for any other edge."""
+    """Return the radius of a full level circle about the vertical axis; None for any other edge."""
     if edge.geom_type.name != "CIRCLE" or not edge.is_closed:
         return None
     centre = edge.arc_center

@@ -1,8 +1,8 @@
-"""What a printer can make, and a maker may choose: process, ranges, printed side, overhangs. Lengths mm, areas mm².
+"""Limits of printing: processes, ranges of a maker's choices, overhangs and bridges. Lengths in mm, areas in mm².
 
-Parts are printed without supports: a face that looks down may lean by 45° from the vertical at most, unless it lies
-on the printer's bed or is the flat roof of a pocket narrow enough to be bridged. The figures are rules of thumb of
-filament (fdm) and resin (sla) printing, not of a certain machine.
+Parts are printed without supports. A face that points downwards may lean by at most 45° from the vertical, unless it
+lies on the printer's bed or is the level roof of a pocket that is narrow enough to be bridged. The limits are rules
+of thumb for filament (fdm) and resin (sla) printing; they do not describe a certain machine.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ class Process:
 
     Attributes
     ----------
+    name : name of the printed material in texts.
     fit : gap between surfaces that slide into each other.
-    wall : of a mould.
-    bridge : widest flat roof that prints without support.
-    detail : thinnest pin or wall that comes out.
+    wall : wall thickness of a mould.
+    bridge : width of the widest level roof that prints without support.
+    detail : least thickness of a pin or a wall.
     """
 
     name: str
@@ -43,18 +44,25 @@ PROCESSES = {
 }
 
 STEEPEST = math.cos(math.radians(45))
-"""Downward part of a facet's unit normal from which on it overhangs."""
+"""A facet overhangs if the downward component of its unit normal exceeds this value."""
 
 TURNS = [math.radians(15 * k) for k in range(12)]
-"""Directions in which a bridge is looked for."""
+"""Directions of the lines along which bridges are measured, rad."""
 
 FLAT = 1e-4
-"""A facet is level, and lies on the bed, within this much of its normal and this share of the part's height."""
+"""Tolerance of the unit normal of a level facet; also tolerance of heights, as a fraction of the part's height."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """What a maker's choice must lie between, both ends included, in its unit; whether it counts something."""
+    """The range of a maker's choice, both ends included.
+
+    Attributes
+    ----------
+    low, high : ends of the range, in `unit`.
+    unit : unit in messages; empty for a pure number.
+    whole : True for a count, which must be an int.
+    """
 
     low: float
     high: float
@@ -62,7 +70,7 @@ class Range:
     whole: bool = False
 
     def check(self, name: str, value: object) -> None:
-        """Raise a BadInput that names the range for a value outside it, or of another kind."""
+        """Raise a BadInput that names the range if the value lies outside it or has the wrong type."""
         unit = f" {self.unit}" if self.unit else ""
         if isinstance(value, bool) or not isinstance(value, int if self.whole else (int, float)):
             kind = "whole number" if self.whole else "number"
@@ -73,7 +81,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A figure that was measured, and what it must keep to."""
+    """The result of one check: a measured value, its bound as text, its unit, and whether the check passed."""
 
     name: str
     value: float
@@ -83,15 +91,17 @@ class Check:
 
 
 def at_most(name: str, value: float, bound: float, unit: str) -> Check:
+    """Check that a value does not exceed its bound."""
     return Check(name, value, f"<= {bound:g}", unit, value <= bound)
 
 
 def at_least(name: str, value: float, bound: float, unit: str = "mm") -> Check:
+    """Check that a value is at least its bound, less 1e-6 of the bound for the rounding of the CAD kernel."""
     return Check(name, value, f">= {bound:g}", unit, value >= bound - 1e-6 * abs(bound))
 
 
 def standing(solid: Solid, *, upside_down: bool = False) -> Solid:
-    """The solid as it is printed: on z = 0, turned over about x if it is printed upside down."""
+    """Return the solid in the pose in which it is printed: on z = 0, rotated by 180° about x if `upside_down`."""
     import build123d as bd
 
     turned = solid.rotate(bd.Axis.X, 180) if upside_down else solid
@@ -102,10 +112,10 @@ def standing(solid: Solid, *, upside_down: bool = False) -> Solid:
 
 
 def overhangs(mesh: Any) -> tuple[float, float]:
-    """Area that overhangs, mm², and the widest bridge, mm, of a trimesh that is printed as it stands, z upwards.
+    """Return the overhanging area, mm², and the width of the widest bridge, mm, of a trimesh in its printed pose.
 
-    A level roof is bridged along the shortest line from wall to wall at each of its points; where every line ends at
-    a free edge it hangs in the air, and its width is infinite.
+    A level roof is bridged, at each of its points, along the shortest line from wall to wall. Where every line
+    through a point has a free end, nothing supports the roof and its width is infinite.
     """
     import numpy as np
 
@@ -118,9 +128,10 @@ def overhangs(mesh: Any) -> tuple[float, float]:
 
 
 def _widest_bridge(mesh: Any, level: Any) -> float:
+    """Return the width of the widest bridge under the level facets, mm; `level` is a mask, shape (faces,)."""
     import numpy as np
 
-    # an edge of a roof has a wall under it if its other face reaches down
+    # an edge of a roof stands on a wall if the other facet at this edge lies lower than the edge
     inside = level[mesh.face_adjacency]
     rims = inside.any(axis=1) & ~inside.all(axis=1)
     ends = mesh.vertices[mesh.face_adjacency_edges[rims]]
@@ -139,7 +150,16 @@ def _widest_bridge(mesh: Any, level: Any) -> float:
 
 
 def _span(a: Any, along: Any, walled: Any, turn: float) -> float:
-    """Length of the line through the origin between the nearest edges a + s along; infinite if one has no wall."""
+    """Return the length of the line through the origin between the closest edges on both sides.
+
+    Parameters
+    ----------
+    a, along : start points and vectors of the edges, shape (n, 2), mm; an edge is a + s along with 0 <= s <= 1.
+    walled : mask of the edges that stand on a wall, shape (n,).
+    turn : angle of the line from the x axis, rad.
+
+    The length is infinite if a side has no edge, or if its closest edge has no wall.
+    """
     import numpy as np
 
     c, s = math.cos(turn), math.sin(turn)
@@ -147,6 +167,7 @@ def _span(a: Any, along: Any, walled: Any, turn: float) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         where = (a[:, 1] * c - a[:, 0] * s) / -cross
         reach = (a[:, 0] * along[:, 1] - a[:, 1] * along[:, 0]) / cross
+    # edges parallel to the line divide by zero above; they never end a bridge
     hit = (np.abs(cross) > 1e-12) & (where >= 0) & (where <= 1)
     total = 0.0
     for side in (1, -1):

@@ -1,6 +1,7 @@
-"""Solids as files: STEP for CAD, STL and 3MF for printing; lengths mm.
+"""Files of solids: STEP for CAD, STL and 3MF for printing. All lengths are in mm.
 
-Triangles keep within an absolute tolerance of the surface, and their volume within 1e-3 of the solid's.
+The triangles of STL and 3MF stay within an absolute tolerance of the surface. Their volume differs from that of the
+solid by at most 1e-3.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ LARGEST_ERROR = 1e-3
 """Largest relative volume error of an exported mesh."""
 
 TOLERANCE = 0.004
-"""Largest distance of a facet from the surface unless told otherwise, mm; printers make 0.05 mm."""
+"""Default of the largest distance of a facet from the surface, mm: far below the 0.05 mm that printers resolve."""
 
 TOLERANCES = (1e-5, 1.0)
-"""Least and greatest tolerance that may be asked for, mm."""
+"""Least and greatest allowed tolerance, mm."""
 
 ANGLE = 0.3
-"""Largest angle between neighbouring facets, rad, at first."""
+"""Largest angle between neighbouring facets in the first triangulation, rad."""
 
 TRIALS = 4
-"""How often a mesh is made, finer each time, before its volume is given up."""
+"""Most triangulations of a solid, each finer than the one before, until the volume is accurate enough."""
 
 FACET = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-"""A triangle of a binary STL file, after 80 bytes of header and a count of 4."""
+"""Layout of one triangle in a binary STL file; before the triangles are 80 bytes of header and a count of 4 bytes."""
 
 FORMATS = ("step", "stl", "3mf")
 
@@ -56,7 +57,7 @@ PACKAGE = {
 </Relationships>
 """,
 }
-"""What a 3MF file holds beside its model, by path."""
+"""Contents of the package parts that a 3MF file needs besides its model, by path."""
 
 MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xmlns="{_3MF}/core/2015/02">
@@ -73,15 +74,16 @@ MODEL = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What `export` wrote for one part.
+    """Files and volumes of one part that `export` wrote.
 
     Attributes
     ----------
     name : name of the part; the files are name.step, name.stl and name.3mf.
-    file : the STL file, to which the figures below belong; the 3MF file holds the same triangles.
+    file : name of the STL file that the values below describe; the 3MF file holds the same triangles.
     volume_mm3 : exact volume of the solid.
-    stl_volume_mm3, relative_error : volume enclosed by the triangles as read back, and its error.
-    watertight : the triangles enclose a volume; always true, since `facets` refuses anything else.
+    stl_volume_mm3, relative_error : volume enclosed by the triangles in single precision, and its relative error.
+    watertight : True if the triangles enclose a volume; always True, because `facets` refuses all others.
+    triangles : number of triangles.
     """
 
     name: str
@@ -95,13 +97,13 @@ class Exported:
 
 @dataclass(frozen=True, slots=True)
 class Facets:
-    """A solid's surface as triangles, mm, closed.
+    """The closed surface of a solid as triangles, mm.
 
     Attributes
     ----------
     text : the bytes of a binary STL file.
-    mesh : the same as a trimesh, in single precision.
-    error : of the volume, relative to the solid's.
+    mesh : the same triangles as a trimesh, in single precision.
+    error : relative error of the enclosed volume.
     """
 
     text: bytes
@@ -110,19 +112,19 @@ class Facets:
 
 
 def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
-    """The surface of a part as triangles, finer than asked where the volume misses by more than 1e-3.
+    """Triangulate the surface of a part, finer than requested if the volume would be wrong by more than 1e-3.
 
     Parameters
     ----------
-    name : of the part, for messages.
-    tolerance : largest distance from the surface, mm.
+    name : name of the part in messages.
+    tolerance : largest distance of a facet from the surface, mm.
 
     Raises
     ------
     BadInput
         The tolerance lies outside `TOLERANCES`.
     RuntimeError
-        The triangles are not watertight, or miss the volume by more than 1e-3.
+        The triangles are not watertight, or their volume is wrong by more than 1e-3.
     """
     check_tolerance(tolerance)
     exact = float(solid.volume)
@@ -135,7 +137,7 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
         error = mesh.volume / exact - 1
         if abs(error) <= LARGEST_ERROR:
             return Facets(text, mesh, float(error))
-        # the error goes with the distance, and with the square of the angle
+        # the error is proportional to the distance and to the square of the angle; 1.2 is a margin
         finer *= 1.2 * abs(error) / LARGEST_ERROR
     raise RuntimeError(
         f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
@@ -144,7 +146,7 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
 
 
 def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGLE) -> Any:
-    """A trimesh of the solid's surface, mm, in single precision as an STL file has it; its volume is not looked at.
+    """Return a trimesh of the solid's surface, mm, in the single precision of STL; its volume is not checked.
 
     Parameters
     ----------
@@ -155,9 +157,10 @@ def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGL
 
 
 def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
-    """The solid's triangles as the bytes of a binary STL file.
+    """Return the solid's triangles as the bytes of a binary STL file.
 
-    Faces that have been given finer triangles before keep them, in this solid or in another made from it.
+    The CAD kernel stores the triangles with the faces. A face that already has finer triangles keeps them, also if it
+    got them as part of another solid.
     """
     import numpy as np
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -172,13 +175,14 @@ def stl(solid: Solid, tolerance: float, angle: float) -> bytes:
             raise OSError(None, "the CAD kernel could not write triangles", file.name)
         text = file.read()
     facets = np.frombuffer(text, dtype=FACET, offset=84)
-    # a sphere's pole gives triangles with two corners in one point; they would leave the mesh open
+    # at the pole of a sphere two corners of a triangle coincide: such triangles would leave the mesh open
     a, b, c = np.moveaxis(facets["corners"], 1, 0)
     kept = facets[(a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)]
     return bytes(text[:80] + np.uint32(len(kept)).tobytes() + kept.tobytes())
 
 
 def _read(text: bytes) -> Any:
+    """Return the trimesh of a binary STL file."""
     import numpy as np
     import trimesh
 
@@ -189,15 +193,15 @@ def _read(text: bytes) -> Any:
 def export(
     parts: Mapping[str, tuple[Solid, Facets]], folder: str | Path, *, colours: Mapping[str, str] | None = None
 ) -> list[Exported]:
-    """Write NAME.step, NAME.stl and NAME.3mf into an existing folder for every part; units mm.
+    """Write NAME.step, NAME.stl and NAME.3mf of every part into an existing folder; lengths in mm.
 
-    All files are written to a temporary folder inside `folder` and moved only once all are complete, so a failure
-    leaves nothing half-written.
+    All files are first written to a temporary folder inside `folder`, and moved when all are complete. A failure
+    while they are written leaves no incomplete file.
 
     Parameters
     ----------
     parts : solids by name, each with its facets.
-    colours : of the parts in their STEP files, by name, as CSS knows them.
+    colours : CSS colour names for the STEP files, by the name of the part.
 
     Raises
     ------
@@ -208,12 +212,12 @@ def export(
         written = []
         for name, (solid, surface) in parts.items():
             mesh = surface.mesh
-            made = {
+            contents = {
                 "step": step(named(solid, name, (colours or {}).get(name, ""))),
                 "stl": surface.text,
                 "3mf": _packed(name, mesh),
             }
-            for suffix, content in made.items():
+            for suffix, content in contents.items():
                 Path(temporary, f"{name}.{suffix}").write_bytes(content)
             figures = (float(solid.volume), float(mesh.volume), surface.error, True, len(mesh.faces))
             written.append(Exported(name, f"{name}.stl", *figures))
@@ -224,47 +228,47 @@ def export(
 
 
 def check_tolerance(tolerance: float) -> None:
-    """Raise a BadInput for a tolerance outside `TOLERANCES`."""
+    """Raise BadInput for a tolerance outside `TOLERANCES`; mm."""
     low, high = TOLERANCES
     if not low <= tolerance <= high:
         raise BadInput(f"tolerance must lie between {low:g} and {high:g} mm; got {tolerance:g} mm")
 
 
 def step(shape: Any) -> bytes:
-    """The text of a STEP file, with the labels and colours of a shape and its children.
+    """Return the bytes of a STEP file of a shape and its children, with their labels and colours.
 
-    It is made in memory: a disk that is full is then found by whoever writes it, as an OSError.
+    The kernel writes to memory, not to a file: so a full disk raises an OSError where the bytes are written.
     """
     import build123d as bd
 
     text = BytesIO()
-    # curves on surfaces can be had from the surfaces: without them the file is half as long, and as exact
+    # readers can compute the parametric curves from the surfaces: without them the file is half as long and as exact
     bd.export_step(shape, text, write_pcurves=False)
     return text.getvalue()
 
 
 def named(solid: Solid, label: str, colour: str) -> Solid:
-    """A copy of a solid with a name and a colour (one that CSS knows, or none) for a STEP file."""
+    """Return a copy of a solid with a label and a colour for a STEP file; `colour` is a CSS name, or "" for none."""
     import copy
 
     import build123d as bd
 
-    # the part may belong to something of another name
-    found = copy.copy(solid)
-    found.label = label
-    found.color = bd.Color(colour) if colour else None
-    return found
+    # a copy, since the same solid may belong to another assembly under another label
+    labelled = copy.copy(solid)
+    labelled.label = label
+    labelled.color = bd.Color(colour) if colour else None
+    return labelled
 
 
 def assembly(name: str, parts: Mapping[str, tuple[Solid, str]]) -> Any:
-    """Solids by name, each with its colour, as one labelled compound."""
+    """Return one labelled compound of solids, each with its name and its colour."""
     import build123d as bd
 
     return bd.Compound(label=name, children=[named(solid, label, colour) for label, (solid, colour) in parts.items()])
 
 
 def _packed(name: str, mesh: Any) -> bytes:
-    """The bytes of a 3MF file (core specification 1.3) of one object, mm; coordinates in single precision."""
+    """Return the bytes of a 3MF file (core specification 1.3) with one object, mm, in single precision."""
     import numpy as np
 
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
@@ -274,6 +278,6 @@ def _packed(name: str, mesh: Any) -> bytes:
     text = BytesIO()
     with zipfile.ZipFile(text, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for path, content in {**PACKAGE, "3D/3dmodel.model": model}.items():
-            # without a time of its own the file depends on the part alone
+            # a ZipInfo with its default date, not the current time: equal parts then give equal files
             file.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
     return text.getvalue()

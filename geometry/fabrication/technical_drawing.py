@@ -1,7 +1,8 @@
-"""Drawings of solids: exact sections and views as lines and arcs, with dimension lines, on an A4 sheet in SVG.
+"""Technical drawings of solids on an A4 sheet in SVG: exact sections and views, with dimension lines.
 
-A view has its own plane, mm, x to the right and y upwards. A sheet puts its views side by side at one standard scale.
-Lengths on paper are mm too: the SVG's unit is the millimetre.
+Sections and views consist of lines and arcs. Each view has its own plane, mm, with x to the right and y upwards. A
+sheet shows its views side by side at one standard scale. Lengths on paper are in mm too: the SVG's unit is the
+millimetre.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ Side = Literal["below", "above", "left", "right"]
 Dimension = tuple[Point, Point, Side, int, str]
 
 WIDTH, HEIGHT, MARGIN, BLOCK = 297.0, 210.0, 10.0, 18.0
-"""The sheet, its margin, and the height of its title block, mm."""
+"""Width and height of the sheet (A4, landscape), its margin, and the height of its title block, mm."""
 
 SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2, 1)]
-"""Standard scales, the largest first."""
+"""Standard scales in the series 5, 2, 1 of ISO 5455, the largest first."""
 
 TEXT, TITLE, NEAR, NEXT, ARROW = 3.2, 5.0, 8.0, 6.5, 2.4
-"""Height of text; room of a view's title; distance of the first dimension line, of the next ones; arrow; mm."""
+"""Lengths on paper, mm: height of text, height for a view's title, distance of the first dimension line from the
+view, distance of each further one, and length of an arrow."""
 
 HALO = "halo"
 STYLE = """
@@ -55,7 +57,7 @@ PATTERNS = """<defs>
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One piece of a path: a line, or an arc through a middle point."""
+    """One piece of a path, mm: a line from `start` to `end`, or an arc through `middle`."""
 
     start: Point
     end: Point
@@ -69,9 +71,11 @@ class View:
 
     Attributes
     ----------
-    paths : loops or open paths, each with the class of its style.
-    dims : from, to, side of the view on which the dimension line lies, its number from the view outwards, text.
-    labels : point that is named, text, and offset of the text from it on paper, mm.
+    title : text above the view.
+    paths : loops or open paths, each with the name of its CSS class.
+    dims : dimensions: start, end, side of the view where the dimension line lies, its rank from the view outwards (0,
+        1, ...), and text.
+    labels : labelled point, text, and offset of the text from the point on paper, mm.
     """
 
     title: str
@@ -80,50 +84,52 @@ class View:
     labels: list[tuple[Point, str, Point]] = field(default_factory=list)
 
     def section(self, solid: Solid, style: str, *, y: float = 0.0) -> None:
-        """Add the section of a solid with a plane of constant y, seen along +y: x to the right, z upwards."""
+        """Add the section of a solid with a plane of constant y, viewed along +y: x to the right, z upwards."""
         import build123d as bd
 
         box = solid.bounding_box(optimal=False)
         if not box.min.Y < y < box.max.Y:
             return
         reach = 4 * max(map(abs, (*box.min, *box.max)))
-        found = solid.intersect(
+        common = solid.intersect(
             bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
         )
-        shapes = [] if found is None else found if isinstance(found, list) else [found]
+        # build123d returns None, one shape or a list of shapes
+        shapes = [] if common is None else common if isinstance(common, list) else [common]
         for face in (face for shape in shapes for face in shape.faces()):
             loops = [face.outer_wire(), *face.inner_wires()]
             self.paths.append(([_pieces(loop.edges(), 0, 2) for loop in loops], style))
 
-    def seen(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
-        """Add the visible edges of a solid, seen from above (x to the right, y upwards) or from below."""
+    def projection(self, solid: Solid, *, below: bool = False, style: str = "outline") -> None:
+        """Add the visible edges of a solid, viewed from above (x to the right, y upwards) or from below."""
         side = -1.0 if below else 1.0
         far = 10 * max(solid.bounding_box(optimal=False).size)
         edges, _ = solid.project_to_viewport((0, 0, side * far), (0, 1, 0), (0, 0, 0))
         self.paths.append(([_pieces([edge], 0, 1) for edge in edges], style))
 
     def circle(self, centre: Point, radius: float, style: str) -> None:
+        """Add a circle, as two half-circle arcs."""
         (x, y), r = centre, radius
         left, right, top, low = (x - r, y), (x + r, y), (x, y + r), (x, y - r)
         self.paths.append(([[Piece(left, right, top, r), Piece(right, left, low, r)]], style))
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Least and greatest x and y."""
+        """Bounding box of the paths: least x, greatest x, least y, greatest y, mm."""
         points = [p for loops, _ in self.paths for loop in loops for piece in loop for p in _ends(piece)]
         x, y = zip(*points, strict=True)
         return min(x), max(x), min(y), max(y)
 
     def room(self, side: Side) -> float:
-        """Paper that the dimensions on a side take, mm."""
+        """Return the width on paper of the dimensions on one side of the view, mm."""
         levels = [level for _, _, where, level, _ in self.dims if where == side]
         return NEAR + NEXT * (max(levels) + 0.6) if levels else NEAR / 2
 
 
 def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -> str:
-    """The SVG text of a sheet at the largest standard scale at which everything fits.
+    """Return the SVG text of a sheet at the largest standard scale at which all views fit.
 
-    Columns stand side by side; the views of a column stand above each other, their origins in line.
+    The columns stand side by side. The views of a column are stacked, with their origins on one vertical line.
     """
     space_x, space_y = WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN - BLOCK
 
@@ -160,19 +166,19 @@ def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -
 
 
 def _sides(column: Sequence[View], scale: float) -> tuple[float, float]:
-    """Paper that a column takes to the left and to the right of its origin, mm."""
+    """Return the width of a column on paper to the left and to the right of its origin, mm."""
     left = max(view.room("left") - scale * view.box[0] for view in column)
     return left, max(view.room("right") + scale * view.box[1] for view in column)
 
 
 def _height(column: Sequence[View], scale: float) -> float:
-    """Paper that a column takes, mm."""
+    """Return the height of a column on paper, mm."""
     rooms = (view.room("above") + view.room("below") + TITLE for view in column)
     return sum(rooms) + scale * sum(view.box[3] - view.box[2] for view in column)
 
 
 def number(value: float) -> str:
-    """A length as a drawing shows it.
+    """Format a length for a drawing: four significant digits, or three below 1.
 
     >>> number(8.0), number(1.23456), number(0.0125)
     ('8', '1.235', '0.0125')
@@ -181,22 +187,27 @@ def number(value: float) -> str:
 
 
 def _pieces(edges: Iterable[Any], first: int, second: int) -> list[Piece]:
-    """Edges of the CAD kernel in the plane of two of their coordinates, as lines and arcs."""
-    found = []
+    """Project edges of the CAD kernel to the plane of two coordinates; return lines and arcs.
+
+    first, second : indices (0 to 2) of the coordinates that become x and y.
+    """
+    pieces = []
     for edge in edges:
         circle = edge.geom_type.name == "CIRCLE"
+        # an arc needs one middle point; any other curve is drawn as 32 short lines
         steps = 2 if circle else 1 if edge.geom_type.name == "LINE" else 32
         places = [tuple(edge.position_at(k / steps)) for k in range(steps + 1)]
         points = [(place[first], place[second]) for place in places]
         if not circle:
-            found += [Piece(a, b) for a, b in itertools.pairwise(points)]
+            pieces += [Piece(a, b) for a, b in itertools.pairwise(points)]
         elif math.dist(points[0], points[2]) < 1e-9:
+            # SVG cannot draw a full circle as one arc: two halves
             quarter, three = (tuple(edge.position_at(k)) for k in (0.25, 0.75))
-            found.append(Piece(points[0], points[1], (quarter[first], quarter[second]), edge.radius))
-            found.append(Piece(points[1], points[0], (three[first], three[second]), edge.radius))
+            pieces.append(Piece(points[0], points[1], (quarter[first], quarter[second]), edge.radius))
+            pieces.append(Piece(points[1], points[0], (three[first], three[second]), edge.radius))
         else:
-            found.append(Piece(points[0], points[2], points[1], edge.radius))
-    return found
+            pieces.append(Piece(points[0], points[2], points[1], edge.radius))
+    return pieces
 
 
 def _ends(piece: Piece) -> list[Point]:
@@ -204,7 +215,7 @@ def _ends(piece: Piece) -> list[Point]:
 
 
 def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
-    """A view's elements, its origin at (x0, y0) on paper."""
+    """Return the SVG elements of a view whose origin is at (x0, y0) on paper, mm."""
 
     def on(point: Point) -> Point:
         return x0 + scale * point[0], y0 - scale * point[1]
@@ -224,11 +235,12 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(f'<circle class="arrow" cx="{x:.3f}" cy="{y:.3f}" r=".5"/>')
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
     out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
-    # text comes last, after its halos, which keep lines off it
+    # SVG draws in order: first the lines, then the halos that cover lines behind text, then the text
     return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", HALO not in line)))
 
 
 def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
+    """Return the path data of loops; `on` maps a point of the view to paper."""
     words = []
     for loop in loops:
         last: Point | None = None
@@ -242,7 +254,7 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
                 p, q = on(piece.middle)
                 turn = (p - x) * (v - y) - (q - y) * (u - x)
                 r = scale * piece.radius
-                # an arc that bulges beyond half a circle: its middle is farther from the chord than the centre
+                # more than half a circle: the arc's middle is farther from the middle of the chord than one radius
                 deep = math.dist((p, q), ((x + u) / 2, (y + v) / 2)) > r * (1 + 1e-9)
                 words.append(f"A{r:.4f} {r:.4f} 0 {int(deep)} {int(turn > 0)} {u:.4f} {v:.4f}")
             last = (u, v)
@@ -250,21 +262,29 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
 
 
 def _chained(loop: Iterable[Piece]) -> list[Piece]:
-    """The pieces as they hang together, each turned so that it starts where the one before ended."""
+    """Return the pieces in order along the loop, reversed where needed: each starts where the last one ends."""
+    # the CAD kernel returns the edges of a wire in no order, and with either sense
     left = list(loop)
-    found = [left.pop(0)]
+    chain = [left.pop(0)]
     while left:
-        last = found[-1].end
+        last = chain[-1].end
         piece = min(left, key=lambda piece: min(math.dist(last, piece.start), math.dist(last, piece.end)))
         left.remove(piece)
         if math.dist(last, piece.end) < math.dist(last, piece.start):
             piece = Piece(piece.end, piece.start, piece.middle, piece.radius)
-        found.append(piece)
-    return found
+        chain.append(piece)
+    return chain
 
 
 def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
-    """Extension lines, dimension line, arrows and text; on paper."""
+    """Return extension lines, dimension line, arrows and text of one dimension.
+
+    Parameters
+    ----------
+    a, b : the measured points on paper, mm.
+    side : side of the view where the dimension line lies.
+    at : y of a horizontal dimension line, or x of a vertical one, on paper, mm.
+    """
     upright = side in ("left", "right")
     k = 1 if upright else 0
     (p, q), (e, f) = sorted((a[k], b[k])), (a[1 - k], b[1 - k])
@@ -273,7 +293,7 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     beyond = 1.2 if side in ("below", "right") else -1.2
     span, wide = q - p, 0.56 * TEXT * len(text)
     inside = span > wide + 2 * ARROW + 1
-    # beside the right of a view text goes up, or it would meet that of a short line below
+    # on the right of a view, text outside a short line goes above it: below, it could meet that of another line
     room = (p, q) if inside else (p - 5 - wide, q + 4) if side == "right" else (p - 4, q + 5 + wide)
     lines = [((p, e), (p, at + beyond)), ((q, f), (q, at + beyond)), ((room[0], at), (room[1], at))]
     way = 1 if inside else -1
@@ -297,6 +317,9 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
 
 
 def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", more: str = "") -> str:
-    """A text on a white halo of its own; few programs know SVG 2's paint-order, which would do with one element."""
+    """Return a text above its own white halo, as two elements.
+
+    One element with SVG 2's paint-order would suffice, but few programs support paint-order.
+    """
     where = f'x="{x:.3f}" y="{y:.3f}" text-anchor="{anchor}"{more}>{escape(text)}</text>'
     return f'<text class="{HALO} {kind}" aria-hidden="true" {where}\n<text class="{kind}" {where}'

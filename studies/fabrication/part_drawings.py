@@ -26,7 +26,7 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     """
     side, above = View("Section y = 0"), View("From above")
     side.section(parts["base"], "rigid")
-    above.seen(parts["base"])
+    above.projection(parts["base"])
     # both sheets begin with the same lines
     own = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
@@ -65,7 +65,7 @@ def _sensor_sheet(
     for name, body in bodies.items():
         x, y, _ = where[name]
         if x or y:
-            above.seen(body)
+            above.projection(body)
             beside = (9.0, -3.0 if y else -7.0) if "S2" in where else (-4.0, -16.0)
             above.labels.append(((x, y), name, beside))
     if "S2" in where:
@@ -96,7 +96,7 @@ def _sensor_sheet(
 def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
     """The base: section and view from above, begun with its lines, and from below."""
     below = View("From below")
-    below.seen(base, below=True)
+    below.projection(base, below=True)
     p = plan
     side.dims.append(((-p.half, -p.thickness), (-p.half, 0), "left", 0, number(p.thickness)))
     top = max((post.corner[2] + post.sides[2] for post in p.posts.values()), default=0.0)
@@ -136,7 +136,7 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         side.section(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
     side.section(A, "lid", y=y)
     for piece in pieces:
-        above.seen(piece)
+        above.projection(piece)
     x = max(centre[0] for centre in s.centres)
     left = -x
     side.dims += [
