@@ -36,12 +36,12 @@ def field(
     out
         CSV file for the points with Bx_T,By_T,Bz_T added; default: standard output.
     """
-    from studies.sensing import field_readings
+    from studies.sensing import field_tables
 
     given = design_of(source, sets)
     atomic_files.check_apart([out], [source, points])
     with atomic_files.sole_writer(out):
-        field_readings.add_field(given, points, pose, level, out)
+        field_tables.add_field(given, points, pose, level, out)
     return GOOD
 
 
@@ -79,15 +79,15 @@ def readings(
     sensing = field_readings.sensing_of(given, level, mode, ambient, seed)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)
-        print_record(field_readings.at(given, shift, tilt, sensing), "Readings", (), as_json=as_json)
+        print_record(field_readings.read_pose(given, shift, tilt, sensing).row(), "Readings", (), as_json=as_json)
         return GOOD
     if pose != Pose():
         raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
     from studies.sensing import state_readings
 
-    rows = state_readings.of_states(given, responses, sensing)
-    state_readings.show(rows, as_json=as_json, wide=wide)
-    return GOOD if any(row["status"] == "ok" for row in rows) else FAILED
+    states = state_readings.of_states(given, responses, sensing)
+    state_readings.show(states, as_json=as_json, wide=wide)
+    return GOOD if any(state.status == "ok" for state in states) else FAILED
 
 
 def decode(

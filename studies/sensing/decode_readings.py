@@ -16,7 +16,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from studies.inputs import input_warnings, state_files, user_input
 from studies.output import atomic_files, console
-from studies.sensing.field_readings import read_rows
+from studies.sensing.field_tables import read_rows
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder

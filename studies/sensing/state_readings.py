@@ -1,61 +1,93 @@
-"""What the Hall elements read in each state of a file: what `magtip readings --responses` gives, a row for each."""
+"""Readings of the Hall elements in each state of a file: the rows of `magtip readings --responses`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from geometry.design import BadInput, Design
 from studies.inputs import state_files
 from studies.inputs.state_files import State
-from studies.output import console
+from studies.output import console, records
+from studies.output.records import FlatRow
 from studies.sensing import field_readings
-from studies.sensing.field_readings import Sensing
-
-Row = dict[str, Any]
+from studies.sensing.field_readings import PoseReadings, Sensing
 
 MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
-"""Keys that tell the states apart."""
+"""Columns that distinguish the states of a path."""
 SHOWN = ("status", *MOVED, "shift_mm", "rotation_rad", "readings_T", "readings_V", "output_T", "saturated")
-"""Keys that a table shows unless it is wide."""
+"""Columns of a table that is not wide."""
 
 
-def of_states(design: Design, file: Path, sensing: Sensing) -> list[Row]:
-    """A row for each state, in order, with the state's own status; without readings where it has no pose.
+@dataclass(frozen=True, slots=True)
+class StateReadings:
+    """Readings in one state, with the status and the message of the state itself.
+
+    Attributes
+    ----------
+    readings : None if the state has no pose.
+    """
+
+    readings: PoseReadings | None = field(metadata={"prefix": ""})
+    status: str
+    message: str
+    depth_mm: float | None = None
+    shear_mm: float | None = None
+    shear_y_mm: float | None = None
+
+    @property
+    def warnings(self) -> list[str]:
+        """Saturated elements and collisions, in sentences."""
+        return [] if self.readings is None else self.readings.warnings
+
+    def row(self) -> FlatRow:
+        """Return the flat row for tables and JSON."""
+        if self.readings is not None:
+            return records.flat(self)
+        missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad"))
+        return {"status": self.status, "message": self.message} | missing | {"warnings": []}
+
+
+def of_states(design: Design, file: Path, sensing: Sensing) -> list[StateReadings]:
+    """Return the readings of each state, in the order of the file.
 
     Raises
     ------
     BadInput
-        What `responses.read` refuses, no states, or a pose of the magnet in which there is no field to read.
+        `state_files.read` refuses the file, the file contains no states, or the field at a pose is unknown.
     """
-    found = state_files.read(file, design)
-    if not found:
+    states = state_files.read(file, design)
+    if not states:
         raise BadInput(f"{file} contains no states: give the output of `magtip solve --json`")
-    return [_row(design, state, sensing, f"{file}, line {state.line}") for state in found]
+    return [_read_state(design, state, sensing, f"{file}, line {state.line}") for state in states]
 
 
-def _row(design: Design, state: State, sensing: Sensing, where: str) -> Row:
-    row: Row = {"status": state.status, "message": state.message}
+def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> StateReadings:
+    """Return the readings of one state; `where` names its line in messages."""
     if state.load is None or state.response is None:
-        missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad"))
-        return row | missing | {"warnings": []}
+        return StateReadings(None, state.status, state.message)
     load, response = state.load, state.response
-    row |= dict(zip(MOVED, (load.depth, load.shear_x, load.shear_y), strict=True))
     try:
-        return field_readings.at(design, response.shift, response.rotation, sensing) | row
+        readings = field_readings.read_pose(design, response.shift, response.rotation, sensing)
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
+    return StateReadings(readings, state.status, state.message, load.depth, load.shear_x, load.shear_y)
 
 
-def show(rows: Sequence[Row], *, as_json: bool, wide: bool) -> None:
-    """Print the rows, and on standard error what is wrong with their poses."""
+def show(states: Sequence[StateReadings], *, as_json: bool, wide: bool) -> None:
+    """Print the rows on standard output, and warnings about poses and states on standard error."""
+    rows = [state.row() for state in states]
     keys = list(dict.fromkeys([*SHOWN, *(key for row in rows for key in row if wide)]))
     printed = [row if as_json else {key: row.get(key) for key in keys} for row in rows]
     console.report(printed, as_json=as_json, title="Readings", first=SHOWN[:4], wide=wide)
-    told = [{key: row[key] for key in MOVED} | {"message": text} for row in rows for text in row["warnings"]]
-    for remark in console.remarks(told, MOVED, rows):
+    messages = [
+        {key: row[key] for key in MOVED} | {"message": warning}
+        for state, row in zip(states, rows, strict=True)
+        for warning in state.warnings
+    ]
+    for remark in console.remarks(messages, MOVED, rows):
         console.warn(remark)
-    failed = [row for row in rows if row["status"] != "ok"]
+    failed = [state for state in states if state.status != "ok"]
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} states failed; the last status is {failed[-1]['status']}")
+        console.say(f"magtip: {len(failed)} of {len(states)} states failed; the last status is {failed[-1].status}")
