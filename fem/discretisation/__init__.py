@@ -1,1 +1,1 @@
-"""From the continuum to unknowns: elements and their integrals, the rigid magnet, symmetries, residual, tangent."""
+"""Elements and their integrals, the rigid magnet, symmetries, and the discrete residual and tangent."""

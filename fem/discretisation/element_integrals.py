@@ -1,8 +1,8 @@
 """Integrals over a range of elements: displacement gradients, forces, stiffness and mass, in batches of arrays.
 
-What is integrated is given at the points of integration, already times their weights; these are the m elements of a
-slice with q points in the mesh and t angles each. An element's unknowns have the fields first, (f, a), then come its
-pressures, (n, c). See `fem.discretisation.elements` for D, V, E and C.
+Integrands are passed at the integration points, already multiplied by the weights of these points. A batch is the m
+elements of a slice, with q points on the mesh and t angles each. The unknowns of an element are ordered with the
+fields first: displacements (f, a), then pressures (n, c). `fem.discretisation.elements` defines D, V, E and C.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from geometry.arrays import Array
 
 
 def gradient(e: Elements, part: slice, u: Array) -> Array:
-    """Displacement gradients G, shape (3, 3, m, q t), of nodal fields (n, fields)."""
+    """Return the displacement gradients G, shape (3, 3, m, q t), of nodal fields u (n, fields)."""
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
@@ -31,17 +31,17 @@ def gradient(e: Elements, part: slice, u: Array) -> Array:
 
 
 def pressure(e: Elements, part: slice, p: Array) -> Array:
-    """Pressures, shape (m, q t), of those at the corners of the elements (m, dim + 1, n)."""
+    """Return the pressures at the points, shape (m, q t), from those at the corners (m, dim + 1, n)."""
     return np.asarray((e.pressure_shape @ p[part] @ e.angles.C.T).reshape(len(p[part]), -1))
 
 
 def volumes(e: Elements, part: slice) -> Array:
-    """Weights of the integration points, shape (m, q t)."""
+    """Return the weights of the integration points, shape (m, q t)."""
     return np.asarray((e.weights[part][..., None] * e.angles.weights).reshape(len(e.weights[part]), -1))
 
 
 def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
-    """Integral of P : dG/du, shape (m, f a), for weighted stresses P (3, 3, m, q t)."""
+    """Return the integral of P : dG/du, shape (m, f a), for weighted stresses P (3, 3, m, q t)."""
     D, V = e.D[part], e.angles.V
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
@@ -52,33 +52,36 @@ def displacement_forces(e: Elements, part: slice, P: Array) -> Array:
 
 
 def pressure_forces(e: Elements, part: slice, v: Array) -> Array:
-    """Integral of v dp, shape (m, n c), for weighted values v (m, q t)."""
+    """Return the integral of v dp, shape (m, n c), for weighted values v (m, q t)."""
     m, q = e.weights[part].shape
     along = np.swapaxes(v.reshape(m, q, -1) @ e.angles.C, 1, 2)
     return np.asarray((along @ e.pressure_shape).reshape(m, -1))
 
 
 def _nonzero_components(e: Elements, T: Array) -> Array:
-    """Of tensors (3, 3, m, q) the components that can differ from zero, shape (m, q, c)."""
+    """Return the components of tensors (3, 3, m, q) that can differ from zero, shape (m, q, c)."""
     return T.reshape(9, *T.shape[2:])[e.components].transpose(1, 2, 0)
 
 
 def _flatten_points(T: Array, t: int) -> Array:
-    """Vectors (3, m, q t) at the points of the mesh, shape (m q, 3 t)."""
+    """Reshape vectors (3, m, q t) to one row per point of the mesh, shape (m q, 3 t)."""
     return T.reshape(3, -1, t).transpose(1, 0, 2).reshape(-1, 3 * t)
 
 
 def _flatten_fields(V: Array) -> Array:
-    """What is summed over components and angles, (t, 3, ...), in the order of `_flatten_points`, shape (3 t, f)."""
+    """Reshape functions of the angle (t, 3, ...) to the row order of `_flatten_points`, shape (3 t, f)."""
     return np.swapaxes(V, 0, 1).reshape(3 * len(V), -1)
 
 
 def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
-    """Integral of dG/du : A : dG/du for weighted tangents A (9, 9, m, q t) or (c, c, m, q), in pieces (m, s, k, k).
+    """Return the integral of dG/du : A : dG/du, in pieces (m, s, k, k).
 
-    There is a piece (a, a) for each pair of fields of `e.angles.pairs`, what is not there follows from the symmetry
-    of A; or where components of G are few one piece of all fields, (f a, f a). First over the angles, H_JL of the
-    derivatives of the fields, then over the section: K = sum D_J D_L H_JL. In a solid there is nothing to sum first.
+    A holds the weighted tangents (9, 9, m, q t), or (c, c, m, q) where few components of G differ from zero.
+
+    With all components there is one piece (a, a) for each pair of fields in `e.angles.pairs`; the other pairs follow
+    from the symmetry of A. With few components there is one piece of all fields, (f a, f a). The integral over the
+    angles comes first and gives H_JL for each pair of derivatives; the integral over the section follows, K = sum D_J
+    D_L H_JL. A solid has no angles to integrate over.
     """
     m, q, _, a = e.D[part].shape
     t, f = len(e.angles.theta), e.angles.fields
@@ -88,6 +91,7 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
     if e.dim == 3:
         return _solid_stiffness(e.D[part], A)
     A, D, done = A.reshape(3, 3, 3, 3, m * q, t), e.D_products[part], 0
+    # matrix products over long axes replace one einsum; components that a family does not carry are skipped
     K = np.empty((m, sum(len(pairs.first) for pairs in e.angles.pairs), a * a))
     for pairs in e.angles.pairs:
         s = len(pairs.first)
@@ -101,7 +105,7 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
 
 
 def _solid_stiffness(D: Array, A: Array) -> Array:
-    """Pieces K_ik, i <= k, of a solid: T_iJk = sum_L A_iJkL D_L at each point, then K_ik = sum D_J T_iJk."""
+    """Return the pieces K_ik, i <= k, of a solid: T_iJk = sum_L A_iJkL D_L at each point, K_ik = sum D_J T_iJk."""
     m, q, _, a = D.shape
     A = np.ascontiguousarray(A.reshape(81, m * q).T).reshape(m * q, 27, 3)
     T = (A @ D.reshape(m * q, 3, a)).reshape(m, q, 3, 3, 3, a)
@@ -111,7 +115,7 @@ def _solid_stiffness(D: Array, A: Array) -> Array:
 
 
 def join_pieces(e: Elements, K: Array) -> Array:
-    """Symmetric element matrices (m, f a, f a) of their pieces (m, s, k, k)."""
+    """Return the symmetric element matrices (m, f a, f a) that are given in pieces (m, s, k, k)."""
     if e.B is not None:
         return K[:, 0]
     (m, _, a, _), n, done = K.shape, e.angles.fields, 0
@@ -124,7 +128,7 @@ def join_pieces(e: Elements, K: Array) -> Array:
 
 
 def coupling(e: Elements, part: slice, B: Array) -> Array:
-    """Integral of B : dG/du dp, shape (m, f, n, a, c), for weighted derivatives dP/dp = B (3, 3, m, q t)."""
+    """Return the integral of B : dG/du dp, shape (m, f, n, a, c), for weighted dP/dp = B (3, 3, m, q t)."""
     D, V, C, M = e.D[part], e.angles.V, e.angles.C, e.pressure_shape
     m, q, _, a = D.shape
     t, f = len(V), V.shape[-1]
@@ -141,7 +145,7 @@ def coupling(e: Elements, part: slice, B: Array) -> Array:
 
 
 def mass(e: Elements, part: slice, density: Array) -> Array:
-    """Integral of density du . du for densities (m,), in pieces as those of the stiffness."""
+    """Return the integral of density du . du for densities (m,), in the pieces of `displacement_stiffness`."""
     E = np.einsum("t,tif,tig->fg", e.angles.weights, e.angles.E, e.angles.E)
     section = np.swapaxes(e.shape, 0, 1) @ ((e.weights[part] * density[:, None])[..., None] * e.shape)
     if e.B is not None:
@@ -152,7 +156,7 @@ def mass(e: Elements, part: slice, density: Array) -> Array:
 
 
 def pressure_stiffness(e: Elements, part: slice, v: Array) -> Array:
-    """Integral of v dp dp, shape (m, n c, n c), for weighted values v (m, q t)."""
+    """Return the integral of v dp dp, shape (m, n c, n c), for weighted values v (m, q t)."""
     C, M = e.angles.C, e.pressure_shape
     m, q = e.weights[part].shape
     n, c = C.shape[1], M.shape[1]

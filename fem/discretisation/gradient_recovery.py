@@ -1,13 +1,14 @@
 """Displacement and its gradient at a point on the axis, recovered from the nodes around it.
 
-The gradient of second-order elements jumps between cells and converges an order more slowly than their
-displacements. So a cubic polynomial is fitted by least squares to the nodal displacements within PATCH local edge
-lengths of the point, and its value and gradient are taken there (polynomial-preserving recovery: Zhang and Naga 2005,
-SIAM J. Sci. Comput. 26, 1192). It is exact for cubic displacements. With edges of length h errors of the value fall
-like h^4, of the gradient like h^3 (h^4 too where the patch is symmetric about the point).
+The gradient of second-order elements jumps between cells and converges one order more slowly than their
+displacements. A cubic polynomial is therefore fitted by least squares to the nodal displacements within PATCH local
+edge lengths of the point, and evaluated with its gradient at the point (polynomial-preserving recovery: Zhang and
+Naga 2005, SIAM J. Sci. Comput. 26, 1192). The recovery is exact for cubic displacements. With edges of length h the
+error of the value falls like h^4, and that of the gradient like h^3 (h^4 where the patch is symmetric about the
+point).
 
-Half bodies are mirrored at y = 0, and sections turned around the axis, so that the patch is round, and it is cut only
-where the body ends.
+Half bodies are mirrored at y = 0, and sections rotated around the axis, so that the patch is a full ball except where
+the body ends.
 """
 
 from __future__ import annotations
@@ -22,42 +23,44 @@ from fem.discretisation.elements import Elements
 from geometry.arrays import Array, Ints
 
 DEGREE = 3
+"""Degree of the polynomial: one more than that of the elements."""
 PATCH = 1.5
 """Radius of the patch over the mean edge length of the NEAREST cells around the point."""
 NEAREST = 12
 WORST, WIDER = 1e3, 1.25
-"""Greatest condition number of a fit, and by what factor a patch grows whose nodes are too few for it."""
+"""Largest condition number of a fit, and factor by which the patch grows while the fit has too few nodes."""
 ON_PLANE = 1e-9
-"""Nodes this near to y = 0, in units of D, are their own mirror images."""
+"""Distance to y = 0, over D, up to which a node is its own mirror image."""
 POWERS = np.array([e for e in itertools.product(range(DEGREE + 1), repeat=3) if sum(e) <= DEGREE])
 FIRST = [int(np.flatnonzero((row == POWERS).all(axis=1))[0]) for row in (np.zeros(3), *np.eye(3))]
-"""Where 1, x, y, z are among them."""
+"""Positions of the terms 1, x, y, z among POWERS."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Value and gradient at a point as sums over the fields of the nodes around it.
+    """Value and gradient at a point as weighted sums over the fields of the nodes around it.
 
     Attributes
     ----------
-    nodes : (m,) those nodes; one that is seen several times, as its image too, comes as often.
-    shares : (4, 3, m, fields) of the displacement and of its derivatives by x, y, z.
+    nodes : (m,) numbers of the nodes; a node whose images are in the patch too occurs several times.
+    shares : (4, 3, m, fields) weights for the displacement, then for its derivatives by x, y, z.
     """
 
     nodes: Ints
     shares: Array
 
     def __call__(self, u: Array) -> tuple[Array, Array]:
-        """Displacement u_i (3,) and its gradient du_i/dX_j (3, 3), of nodal fields u (n, fields)."""
-        found = np.tensordot(self.shares, u[self.nodes], axes=2)
-        return found[0], found[1:].T
+        """Return the displacement u_i (3,) and its gradient du_i/dX_j (3, 3), for nodal fields u (n, fields)."""
+        recovered = np.tensordot(self.shares, u[self.nodes], axes=2)
+        return recovered[0], recovered[1:].T
 
 
 def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
-    """What is recovered at the point (0, 0, height).
+    """Return the recovery of displacement and gradient at the point (0, 0, height).
 
     Parameters
     ----------
+    height : over D.
     mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0.
     """
     if e.dim == 2:
@@ -75,35 +78,37 @@ def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
 
 
 def fit(points: Array, radius: float) -> tuple[Ints, Array]:
-    """Value and derivatives by x, y, z at the origin of the polynomial nearest to values at points (n, 3).
+    """Fit a polynomial to values at points (n, 3); return the weights of its value and derivatives at the origin.
 
     Residuals at a distance d are weighted by 1 - (d / radius)^2.
 
     Returns
     -------
-    near : (m,) the points that count.
-    weights : (4, m) what their values are multiplied by.
+    near : (m,) numbers of the points in the fit.
+    weights : (4, m) factors on the values at these points.
     """
     distance = np.linalg.norm(points, axis=1)
     while True:
         near = np.flatnonzero(distance < radius)
+        # the weight falls to zero at the rim: the fit does not jump when a node enters or leaves the patch
         weights = 1 - (distance[near] / radius) ** 2
         x = points[near] / radius
         powers = np.stack([np.ones_like(x), x, x * x, x * x * x])
         terms = np.prod([powers[POWERS[:, i], :, i].T for i in range(3)], axis=0)
+        # a singular value decomposition also gives the condition number, which decides whether nodes are enough
         U, sizes, Vt = np.linalg.svd(weights[:, None] * terms, full_matrices=False)
         if (len(near) >= len(POWERS) and sizes[0] < WORST * sizes[-1]) or len(near) == len(points):
-            found = (Vt.T[FIRST] / sizes) @ U.T * weights
-            found[1:] /= radius
-            return near, found
+            shares = (Vt.T[FIRST] / sizes) @ U.T * weights
+            shares[1:] /= radius
+            return near, shares
         radius *= WIDER
 
 
 def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
-    """A section's nodes in planes through the axis on the side y > 0, shape (n,).
+    """Return a section's nodes in planes through the axis at y > 0, shape (n,).
 
-    With them their positions (n, 3), and their displacements by their fields, (n, 3, fields). Twice as many planes,
-    with their mirror images, tell all harmonics from those of the polynomial.
+    Also return their positions (n, 3) and their displacements by their fields (n, 3, fields). There are enough planes
+    to separate all harmonics of the section from those of the polynomial.
     """
     N, count = e.angles.harmonics, len(e.nodes)
     angles = elements.fourier_fields(N, 2 * N + DEGREE + 1)
@@ -115,7 +120,7 @@ def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
 
 
 def mean_edge_length(e: Elements, height: float) -> float:
-    """Mean edge length of the cells nearest to a point on the axis."""
+    """Return the mean edge length of the cells nearest to a point on the axis."""
     corners = e.nodes[e.corners]
     point = np.zeros(e.dim)
     point[-1] = height

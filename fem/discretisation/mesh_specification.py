@@ -1,4 +1,4 @@
-"""What a mesh and its unknowns are made with, in units of D: a value that is varied field by field and then built."""
+"""Specification of a mesh and its model, in units of D: callers vary its fields and then build the model."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from geometry.meshing.section_grading import FILLET
 
 @dataclass(frozen=True, slots=True)
 class MeshSpecification:
-    """A section of revolution or a solid of tetrahedra, and what it carries. Lengths are over D.
+    """A section of revolution or a solid of tetrahedra, its material and its loads. Lengths are over D.
 
     Attributes
     ----------
-    shape, nu, magnet, law : the beam, Poisson's ratio, "rigid" or "ignored", and the law with stresses over E.
+    shape, nu, magnet, law : shape of the beam, Poisson's ratio, "rigid" or "ignored", and the law with stresses over
+        E.
     size, tip_size : edge lengths of the mesh, and at its tip.
-    body : "section", or tetrahedra of "half" the solid (y >= 0) or of its "full" extent.
-    fillet : edge length at the magnet's fillet over its radius, on a section.
-    rim : undeformed radius at which the patch of contact will end, and the edge length there; None for no refinement.
-    push : dead force along x, spread over the dome, over E D^2.
+    body : "section", or tetrahedra of "half" the solid (y >= 0) or of the "full" solid.
+    fillet : edge length at the magnet's fillet over the fillet's radius, on a section.
+    rim : undeformed radius at which the contact area will end, and edge length there; None for no refinement.
+    push : dead force along x, distributed over the dome, over E D^2.
     harmonics : number of harmonics on a section; 0 is axisymmetric.
-    skin_harmonics : number that the skin's angles of integration are enough for, if it is more than `harmonics`.
-    mesh : tetrahedra in units of D to take; sizes and rim do not count then.
+    skin_harmonics : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
+    mesh : tetrahedral mesh in units of D to use instead of a new one; sizes and rim are then ignored.
     """
 
     shape: Shape
@@ -48,7 +49,7 @@ class MeshSpecification:
     mesh: skfem.MeshTet2 | None = None
 
     def build(self) -> Discretisation:
-        """The meshed model; equal sizes share a mesh."""
+        """Build the model; specifications with equal sizes share one mesh."""
         of_beam = self.shape, self.nu, self.magnet, self.size, self.tip_size, self.law
         if self.body == "section":
             return symmetry_models.section(
@@ -64,5 +65,5 @@ class MeshSpecification:
 
 
 def specification(scene: Scene, size: float, tip_size: float) -> MeshSpecification:
-    """A section of a scene's beam with these edge lengths over D."""
+    """Return the specification of a section of a scene's beam with these edge lengths over D."""
     return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, scene.law, size, tip_size)

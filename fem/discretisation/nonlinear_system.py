@@ -1,16 +1,16 @@
-"""The nonlinear system of one scene: unknowns, residual and tangent.
+"""The discrete nonlinear system of one scene: unknowns, residual and tangent.
 
-Unknowns q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped, prescribed
-or lie on the axis or mirror plane are eliminated; those on the magnet's face follow its rigid motion exactly,
-element by element: an element with such nodes sees the magnet's unknowns beside its own. On a section of revolution
+The unknowns are q = [free displacements, motion of the rigid magnet, pressures]. Displacements that are clamped,
+prescribed, or zero by symmetry (axis, mirror plane) are eliminated. Nodes on the magnet's surface follow its rigid
+motion exactly: an element with such nodes has the magnet's unknowns beside its own. On a section of revolution
 "displacements" are the fields of `fem.discretisation.elements`, components of the harmonics.
 
 The residual is the derivative of the potential
 
-    Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs - work of dead loads,
+    Pi(q) = int W(F) + p (J - 1) - p^2 / (2 K) dV + energy of the plate's springs - work of dead loads.
 
-which is stationary, not least, at a solution. Where the skin slips on the plate there is no potential, and
-the tangent is unsymmetric.
+Solutions are stationary points of it (saddle points, because of the pressure), not minima. Where the skin slips on
+the plate there is no potential, and the tangent is unsymmetric.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ from fem.solvers.sparse_pattern import Pattern, Side
 from geometry.arrays import Array, Ints
 
 CHUNK = 4096
-"""Integration points that are treated at a time, so that their tensors stay in the processor's cache."""
+"""Integration points per batch, so that their tensors stay in the processor's cache."""
 
 
 NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
+"""Radius over D below which a node lies on the axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One point of the space of unknowns, spelled out.
+    """Displacements, pressures and strains of given unknowns.
 
     Attributes
     ----------
     q : (n,) unknowns.
     u : (nodes, fields) displacements.
-    p : (corners, pressures) pressures; where a section has harmonics, those that vanish on its axis are 0.
-    strains : for each part of the elements those at its points, where they are known.
+    p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
+    strains : strains at the integration points, one entry per batch of elements; empty where not yet computed.
     """
 
     q: Array
@@ -59,9 +60,9 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """Residual, energy and tangent at a state; forces are the nodal ones before elimination.
+    """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
 
-    The tangent is the upper triangle of a symmetric matrix, or with slipping contact all of an unsymmetric one.
+    The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
     """
 
     residual: Array
@@ -72,7 +73,7 @@ class Assembly:
 
     @property
     def tangent(self) -> sp.csr_matrix:
-        """The tangent, if it was asked for."""
+        """The tangent; `assemble` must have been called with `tangent`."""
         assert self.matrix is not None
         return self.matrix
 
@@ -84,19 +85,19 @@ class System:
     ----------
     elements, surface : interior and skin.
     mu, inverse_K : shear modulus and inverse bulk modulus, numbers or one per element.
-    fixed : (nodes, fields) mask of the displacements that are prescribed, as zero if nothing else is said.
-    glued : nodes on the magnet's face (empty without a rigid magnet).
-    rigid : how they move.
+    fixed : (nodes, fields) mask of the prescribed displacements, which are zero unless `prescribed` is given.
+    glued : nodes on the magnet's surface (empty without a rigid magnet).
+    rigid : motion of these nodes with the magnet.
     dead : (nodes, fields) nodal forces that do not change with the deformation.
-    law : the silicone's, isochoric.
-    prescribed : (nodes, fields) what the fixed displacements are; read there only.
-    held : (nodes, pressures) pressures that are prescribed, nan where they are unknowns; or None.
+    law : isochoric law of the silicone.
+    prescribed : (nodes, fields) values of the fixed displacements; entries that are not fixed are ignored.
+    held : (nodes, pressures) prescribed pressures, nan where they are unknowns; or None.
 
     Attributes
     ----------
     size, n_free, n_rigid, n_pressure : numbers of unknowns.
-    free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and
-        of those that are fixed or follow the magnet.
+    free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
+        follow the magnet.
     corner_nodes : nodes that carry pressures.
     """
 
@@ -123,6 +124,7 @@ class System:
         touches = np.zeros(len(elements.nodes), dtype=bool)
         touches[glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
+        # elements at the magnet come last: only they have the unknowns of its motion
         order = np.argsort(at_magnet, kind="stable")
         m, self._free_cells = len(order), int(len(order) - at_magnet.sum())
         self.elements = replace(
@@ -163,7 +165,7 @@ class System:
         self.free, self.eliminated, self._carried = free, used & ~free, carried
 
     def _build_pattern(self) -> None:
-        """Unknowns of each element, the sparse pattern, and the constant stiffness of the pressures."""
+        """Build the sparse pattern from the unknowns of each element, and the constant stiffness of the pressures."""
         e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
         motion = np.arange(self.n_free, self.n_free + self.n_rigid)
         cells, corners = e.cells, self._corners
@@ -192,7 +194,7 @@ class System:
         )
 
     def _stiffness_sides(self, cells: Ints) -> tuple[Side, Side]:
-        """Rows and columns of the pieces of `integrals.displacement_stiffness`."""
+        """Return rows and columns of the pieces of `element_integrals.displacement_stiffness`."""
         e = self.elements
         if e.B is not None:
             return (Side.whole(self._reduced, cells),) * 2
@@ -200,7 +202,7 @@ class System:
         return Side.pieces(self._reduced, cells, first), Side.pieces(self._reduced, cells, second)
 
     def _coupling_sides(self, cells: Ints, corners: Ints) -> tuple[Side, Side]:
-        """Rows and columns of the pieces of `integrals.coupling`, for each field of displacement and pressure."""
+        """Return rows and columns of the pieces of `element_integrals.coupling`, for each pair of fields."""
         a = self.elements.angles
         fields, numbers = np.divmod(np.arange(a.fields * a.pressures), a.pressures)
         return (
@@ -209,7 +211,7 @@ class System:
         )
 
     def state(self, q: Array) -> State:
-        """Displacements and pressures of unknowns q."""
+        """Return displacements and pressures of unknowns q."""
         u = np.where(self.fixed, self.prescribed, 0.0)
         u[self.free] = q[: self.n_free]
         if self.rigid:
@@ -219,15 +221,15 @@ class System:
         return State(q, u, p)
 
     def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
-        """Unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
+        """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
         return np.concatenate([u[self.free], motion, p[self._carried]])
 
     def motion(self, q: Array) -> Array:
-        """Unknowns of the rigid magnet."""
+        """Return the unknowns of the rigid magnet."""
         return q[self.n_free : self.n_free + self.n_rigid]
 
     def admissible(self, q: Array) -> State | None:
-        """The state of unknowns q with its strains, or None where it turns the silicone inside out."""
+        """Return the state of unknowns q with its strains, or None where any silicone is inverted (J <= 0)."""
         if not np.isfinite(q).all():
             return None
         state = self.state(q)
@@ -240,7 +242,7 @@ class System:
         )
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
-        """Residual and, if wanted, tangent at a state with all J > 0."""
+        """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
         e = self.elements
         corner = state.p[self._corners]
         m, fields, a = len(e.cells), e.angles.fields, e.cells.shape[1]
@@ -250,7 +252,7 @@ class System:
         for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
             k = material.kinematics(strain, e.angles.components, tangent=tangent)
             p, w = element_integrals.pressure(e, part, corner), element_integrals.volumes(e, part)
-            # a law is linear in its modulus and the pressure, so that they carry the weights of the points
+            # laws are linear in modulus and pressure: weighting these two is cheaper than weighting the tensors
             W, P, A = self.law(k, w * self.mu[part], w * p)
             soft = self.inverse_K[part]
             energy += float(W.sum() - np.vdot(w * p * soft, p) / 2)
@@ -274,6 +276,7 @@ class System:
         n = self._free_cells
         K, C = np.concatenate(Kuu), np.concatenate(Kup)
         outer = self._with_motion(T, K[n:], C[n:])
+        # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
         own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
         matrix = self.pattern.assemble([K[:n], C[:n], *outer, self._compliance, own, *blocks])
         if not symmetric and blocks[0] is not None:
@@ -281,11 +284,11 @@ class System:
         return Assembly(residual, energy, forces, matrix, symmetric)
 
     def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
-        """Consistent mass matrix about the undeformed state (upper triangle); pressures have none.
+        """Return the consistent mass matrix about the undeformed state (upper triangle); pressures have no mass.
 
         Parameters
         ----------
-        density : of the silicone.
+        density : density of the silicone.
         magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
         """
         e = self.elements
@@ -296,7 +299,10 @@ class System:
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
     def normal_displacement_rows(self, points: Ints, plate: Plate) -> Array:
-        """Rows (m, n) of the unknowns' shares in the motion of skin points (m,) along the plate's normal."""
+        """Return the derivatives (m, n) of skin points' displacements along the plate's normal by the unknowns.
+
+        points : (m,) numbers of the points.
+        """
         s = self.surface
         assert s is not None
         facet, point = np.divmod(points, s.weights.shape[1])
@@ -310,7 +316,7 @@ class System:
     def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool
     ) -> tuple[Array, list[Array | None], float, bool]:
-        """Nodal forces, matrices of the facets, energy of the plate's springs, and whether they are symmetric."""
+        """Return nodal forces, facet matrices and energy of the plate's springs, and whether these are symmetric."""
         nodal = np.zeros(self.fixed.shape)
         s = self.surface
         if s is None:
@@ -322,19 +328,19 @@ class System:
         return nodal, [blocks], energy, symmetric
 
     def _motion_derivative(self, state: State) -> Array:
-        """Derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""
+        """Return the derivative of the displacements by the magnet's motion, shape (nodes, fields, n_rigid)."""
         T = np.zeros((*self.fixed.shape, self.n_rigid))
         if self.rigid:
             T[self.glued] = self.rigid.derivative(self.motion(state.q))
         return T
 
     def _with_motion(self, T: Array, K: Array, C: Array | None) -> list[Array | None]:
-        """Matrices of the elements at the magnet, whose unknowns are those of its motion, too.
+        """Return the matrices of the elements at the magnet, bordered by the unknowns of its motion.
 
         Parameters
         ----------
-        T : derivative of the displacements by the motion, as of `_motion_derivative`.
-        K, C : pieces of the elements' stiffness and of their coupling, if that is wanted.
+        T : derivative of the displacements by the motion, from `_motion_derivative`.
+        K, C : pieces of the elements' stiffness, and their coupling or None.
         """
         if not len(K):
             return [None, None]

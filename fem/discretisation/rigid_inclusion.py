@@ -1,11 +1,11 @@
-"""Finite motion of the rigid magnet, and the nodes that follow it.
+"""Finite motion of the rigid magnet, and of the nodes on its surface.
 
 A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j phi_j(q) B_j with constant fields B_j
 and functions phi_j of the few unknowns q:
 
-- axial: q = U_z, and with torsion the angle about z, which turns X by u_r = r (cos q2 - 1), u_theta = r sin q2;
-- planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x,
-  Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
+- axial: q = U_z; with torsion also the angle about z, which moves X by u_r = r (cos q2 - 1), u_theta = r sin q2;
+- planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x, Q
+  = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
 - spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
 """
 
@@ -21,7 +21,7 @@ from geometry.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
-    """Nodes glued to the magnet.
+    """Motion of the nodes on the magnet's surface.
 
     Attributes
     ----------
@@ -33,20 +33,21 @@ class RigidBody:
     size: int
 
     def displacement(self, q: Array) -> Array:
-        """Fields at the nodes, shape (n, fields)."""
+        """Return the fields at the nodes, shape (n, fields)."""
         return np.asarray(np.tensordot(_functions(q)[0], self.fields, axes=1))
 
     def derivative(self, q: Array) -> Array:
-        """du/dq, shape (n, fields, size)."""
+        """Return du/dq, shape (n, fields, size)."""
         return np.asarray(np.moveaxis(np.tensordot(_functions(q)[1].T, self.fields, axes=1), 0, -1))
 
     def curvature(self, q: Array, force: Array) -> Array:
-        """Sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
+        """Return the sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
         return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
 
 
 def solid(arms: Array, size: int) -> RigidBody:
-    """Nodes of a solid at positions (n, 3) relative to the magnet's centre; planar (3) or spatial (6)."""
+    """Return the motion of a solid's nodes at positions (n, 3) from the magnet's centre; planar (3) or spatial
+    (6)."""
     one = np.broadcast_to(np.eye(3)[:, None], (3, len(arms), 3))
     if size == 3:
         x, z = arms[:, 0, None], arms[:, 2, None]
@@ -60,7 +61,7 @@ def solid(arms: Array, size: int) -> RigidBody:
 
 
 def section(arms: Array, angles: Angles) -> RigidBody:
-    """Nodes of a section at (r, z) (n, 2) relative to the magnet's centre; axial if there are no harmonics."""
+    """Return the motion of a section's nodes at (r, z) (n, 2) from the magnet's centre; axial without harmonics."""
     k = list(orders(angles.harmonics))
     r, z = arms.T
     rise = len(k)
@@ -81,7 +82,7 @@ def section(arms: Array, angles: Angles) -> RigidBody:
 
 
 def _functions(q: Array) -> tuple[Array, Array, Array]:
-    """phi (j,), its first (j, size) and second derivatives (j, size, size)."""
+    """Return phi (j,) and its first (j, size) and second derivatives (j, size, size)."""
     n = len(q)
     if n == 1:
         return q, np.eye(1), np.zeros((1, 1, 1))
@@ -90,6 +91,7 @@ def _functions(q: Array) -> tuple[Array, Array, Array]:
         first, second = np.zeros((n + 1, n)), np.zeros((n + 1, n, n))
         first[: n - 1, : n - 1] = np.eye(n - 1)
         first[-2:, -1], second[-2:, -1, -1] = (c, -s), (-s, -c)
+        # cos q - 1 = -2 sin^2(q / 2) keeps its digits at small angles
         return np.array([*q[:-1], s, -2 * np.sin(q[-1] / 2) ** 2]), first, second
     turns = [_rotation(angle, axis) for angle, axis in zip(q[3:], (1, 0, 2), strict=True)]
 
@@ -108,9 +110,9 @@ def _functions(q: Array) -> tuple[Array, Array, Array]:
 
 
 def _rotation(angle: float, axis: int) -> tuple[Array, Array, Array]:
-    """Rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
+    """Return the rotation matrix about a coordinate axis, and its first and second derivative by the angle."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
-    found = []
+    matrices = []
     for c, s, one in (
         (np.cos(angle), np.sin(angle), 1.0),
         (-np.sin(angle), np.cos(angle), 0.0),
@@ -118,12 +120,12 @@ def _rotation(angle: float, axis: int) -> tuple[Array, Array, Array]:
     ):
         Q = np.zeros((3, 3))
         Q[axis, axis], Q[i, i], Q[j, j], Q[i, j], Q[j, i] = one, c, c, -s, s
-        found.append(Q)
-    return found[0], found[1], found[2]
+        matrices.append(Q)
+    return matrices[0], matrices[1], matrices[2]
 
 
 def axis(q: Array) -> Array:
-    """Direction (3,) of the magnet's axis after the motion q."""
+    """Return the direction (3,) of the magnet's axis after the motion q."""
     if len(q) == 1:
         return np.array([0.0, 0.0, 1.0])
     if len(q) == 3:

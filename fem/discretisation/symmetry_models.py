@@ -1,9 +1,9 @@
-"""The models of a scene: which mesh, which symmetries, which unknowns. All lengths are scaled by D here.
+"""The models of a scene: mesh, symmetries and unknowns of each. All lengths are over D.
 
-axisymmetric : press of a body of revolution, (r, z) section.
-harmonic : load in the plane y = 0 on a body of revolution, Fourier elements on the section; N = 0 is the above.
-half : load in the plane y = 0, tetrahedra in y >= 0.
-full : any load, tetrahedra.
+axisymmetric : press of a body of revolution; (r, z) section.
+harmonic : load in the plane y = 0 on a body of revolution; Fourier elements on the section. N = 0 is axisymmetric.
+half : load in the plane y = 0; tetrahedra in y >= 0.
+full : any load; tetrahedra.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ Model = Literal["axisymmetric", "harmonic", "half", "full"]
 
 @dataclass(frozen=True)
 class Discretisation:
-    """A meshed scene in units of D and E.
+    """A meshed model in units of D and E.
 
     Attributes
     ----------
-    model : its name.
+    model : name of the model.
     mesh : scikit-fem's second-order mesh.
     system : unknowns and equations.
-    symmetry : what forces on the modelled part are multiplied by to give those on the whole (1 or 2).
-    shape : the scaled shape.
+    symmetry : factor from forces on the modelled part to forces on the whole body (1 or 2).
+    shape : the beam's shape over D.
     """
 
     model: Model
@@ -55,12 +55,12 @@ class Discretisation:
 
     @functools.cached_property
     def centre(self) -> Recovery:
-        """Displacement and gradient where the magnet's centre is, in a beam that is all silicone."""
+        """Recovery of displacement and gradient at the magnet's centre, for a beam that is all silicone."""
         return build_recovery(self.elements, self.shape.H, mirrored=self.model != "full")
 
     @property
     def revolved(self) -> bool:
-        """Whether the mesh is a section."""
+        """Whether the mesh is a section of revolution."""
         return self.elements.dim == 2
 
 
@@ -78,12 +78,15 @@ def section(
     around: int = 0,
     fillet: float = FILLET,
 ) -> Discretisation:
-    """Section of revolution with clamped base; size and tip_size are edge lengths in units of D.
+    """Build the model of a section of revolution with clamped base.
 
-    rim : where the patch of contact will end, as for `geometry.section.section`.
-    push : dead force along x, spread over the dome, over E D^2; needs harmonics.
-    around : number of harmonics that the skin's angles are enough for, if more than `harmonics`.
-    fillet : as for `geometry.section.section`.
+    Parameters
+    ----------
+    size, tip_size : edge lengths of the mesh and at its tip, over D.
+    rim : radius and edge length where the contact area will end, see `geometry.section.section`.
+    push : dead force along x, distributed over the dome, over E D^2; requires harmonics.
+    around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
+    fillet : see `geometry.section.section`.
     """
     held = magnet == "rigid"
     mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if held else "none")
@@ -114,11 +117,16 @@ def solid(
     push: float = 0.0,
     mesh: skfem.MeshTet2 | None = None,
 ) -> Discretisation:
-    """Tetrahedra, all of them or those in y >= 0, with clamped base; size and tip_size are in units of D.
+    """Build the model of a solid of tetrahedra with clamped base.
 
-    rim : where the patch of contact will end, as for `geometry.mesh.tetrahedra`.
-    push : dead force along x, spread over the dome, over E D^2.
-    given : a mesh in units of D to take instead, with a hole for a rigid magnet; sizes and rim do not count then.
+    Parameters
+    ----------
+    size, tip_size : edge lengths of the mesh and at its tip, over D.
+    half : model only y >= 0.
+    rim : radius and edge length where the contact area will end, see `geometry.mesh.tetrahedra`.
+    push : dead force along x, distributed over the dome, over E D^2.
+    mesh : mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim are then
+        ignored.
     """
     held = magnet == "rigid"
     mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
@@ -137,7 +145,7 @@ def solid(
 
 
 def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:
-    """Nodal forces of a uniform dead traction along x on the skin above a height, with that resultant."""
+    """Return the nodal forces of a uniform dead traction along x on the skin above a height."""
     weights = np.where(skin.points[..., 2] > above, skin.weights, 0.0)
     along = np.einsum("kq,qf,qn->knf", weights * (force / weights.sum()), skin.E[:, 0], skin.shape)
     dead = np.zeros(fields)
@@ -146,13 +154,13 @@ def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: floa
 
 
 def on_axis(harmonics: int) -> NDArray[np.bool_]:
-    """Which fields of a section may differ from zero on the axis: w_-1, which moves it sideways, and z_0."""
+    """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
     k = list(elements.orders(harmonics))
     return np.array([order == -1 for order in k] + [n == 0 for n in range(harmonics + 1)])
 
 
 def raise_harmonics(low: System, high: System, q: Array) -> Array:
-    """Unknowns q of a section in a system with more harmonics on the same mesh."""
+    """Return the unknowns q of a section in a system with more harmonics on the same mesh."""
     state, a, b = low.state(q), low.elements.angles.harmonics, high.elements.angles.harmonics
     k, k2 = elements.orders(a), elements.orders(b)
     u = np.zeros(high.fixed.shape)

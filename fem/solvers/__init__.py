@@ -1,1 +1,1 @@
-"""Newton's method, contact within a step, sparse direct solution, and paths of loads followed in increments."""
+"""Newton's method, contact within a step, sparse direct solution, and loads applied in increments."""

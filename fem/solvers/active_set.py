@@ -1,18 +1,19 @@
-"""Contact within one step of Newton's method: which points touch is settled on the linearised body.
+"""Contact within one step of Newton's method: the set of touching points is solved for on the linearised body.
 
-A plain step takes the springs of the points that touch as given. Where others touch after it, or some of these hang,
-their springs flip, and stiff springs go on flipping: the edge of a sheared tip's contact took six or seven steps to
-settle. Here the linear complementarity problem of the step,
+A plain step treats the springs of the points that touch as given. Where other points touch after the step, or some of
+these have separated, their springs switch. Stiff springs keep switching: the edge of a sheared tip's contact took six
+or seven steps to settle. Here the linear complementarity problem of the step,
 
     K dq + r + sum_i s_i <g_i> B_i = 0,    g = g(q) + B dq,
 
-is solved whole, with K and r those of the body without the springs, s_i of a point's spring and its overlap g_i with
-the plate. Springs that flip are forces on the factorised body: with K' the tangent with the springs of the points in
-contact so far, compliance G = B K'^-1 B^T and overlaps g0 after the plain step, g = g0 + G e, where e = s g for a
-spring that goes and e = -s g for one that comes. The set of pressed points is exchanged for that of g > 0 until they
-are the same (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13, 2003: a primal-dual active set).
+is solved completely. K and r are the stiffness and residual of the body without the springs; s_i is the stiffness of
+a point's spring and g_i its overlap with the plate. Springs that switch act as forces on the factorised body. With K'
+the tangent including the springs of the points in contact so far, the compliance G = B K'^-1 B^T and the overlaps g0
+after the plain step, g = g0 + G e, where e = s g for a spring that is removed and e = -s g for one that is added. The
+set of pressed points is replaced by the set with g > 0 until the two agree (Hintermueller, Ito and Kunisch, SIAM J.
+Optim. 13, 2003: a primal-dual active set).
 
-With friction the tangential springs depend on the pressure, and plain steps are taken.
+With friction the tangential springs depend on the pressure; plain steps are then taken.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array
 
 MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
-"""Points that may flip on sections, and in tetrahedra, where so many right-hand sides cost as much as a plain step
-or two; rounds, and exchanges in each."""
+"""Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where that many right-hand
+sides cost as much as one or two plain steps; rounds, and exchanges of the set in each round."""
 
 
 def settle_contact(
@@ -39,13 +40,15 @@ def settle_contact(
     plate: Plate | None,
     pressed: NDArray[np.bool_] | None = None,
 ) -> Array:
-    """A step (n,) from a state q to q - step with contact settled; `step` itself where that does not pay or come out.
+    """Return a step (n,) from the state q to q - step with its contact settled.
+
+    The plain step is returned where the problem is too large to pay off, or has no solution.
 
     Parameters
     ----------
-    solver : with the tangent at the state factorised, in which the springs of the points `pressed` (k, q) act, by the
-        overlap if not told.
-    step : the plain one.
+    solver : holds the factorised tangent at the state, with springs at the points `pressed`.
+    step : the plain step.
+    pressed : (k, q) mask; default: the points with a positive overlap.
     """
     if plate is None or plate.height is None or plate.friction is not None:
         return step
@@ -58,6 +61,7 @@ def settle_contact(
     points, B, Z = np.empty(0, dtype=np.int64), np.empty((0, len(step))), np.empty((len(step), 0))
     better, now = step, plain
     for _ in range(MOST_ROUNDS):
+        # tied points keep their springs; a point that switched before is already in the set
         flips = loose & ((now > 0) != was)
         flips[points] = False
         new = np.flatnonzero(flips)
@@ -67,6 +71,7 @@ def settle_contact(
             return step
         rows = system.normal_displacement_rows(new, plate)
         points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
+        # only the unknowns of the skin have entries in B: the product is over few columns
         own = B.any(axis=0)
         force = _exchange(B[:, own] @ Z[own], plain[points], was[points], hard[points])
         if force is None:
@@ -77,9 +82,15 @@ def settle_contact(
 
 
 def _exchange(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Array | None:
-    """Forces e (m,) of the springs that flip, from the compliance (m, m).
+    """Return the forces e (m,) of the springs that switch, from the compliance G (m, m).
 
-    None if the set goes on changing, or the body would give way without the springs that go.
+    None if the set does not settle, or the body would be unstable without the springs that are removed.
+
+    Parameters
+    ----------
+    plain : (m,) overlaps after the plain step.
+    was : (m,) mask of the springs in the factorised tangent.
+    hard : (m,) stiffness of the springs.
     """
     pressed, spring = plain > 0, np.where(was, hard, -hard)
     for _ in range(MOST_EXCHANGES):

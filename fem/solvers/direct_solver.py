@@ -1,7 +1,7 @@
-"""Factorisation of sparse indefinite matrices, symmetric or nearly so, of one pattern (`sparse_pattern`).
+"""Factorisation of sparse indefinite matrices that share one pattern (`sparse_pattern`), symmetric or not.
 
-PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase; SuperLU gives
-the same answers otherwise, after METIS has ordered the unknowns by nested dissection.
+PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase. Without it SuperLU gives the same answers,
+with the unknowns ordered by METIS nested dissection.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 
 FEW = 10_000
-"""Unknowns up to which PARDISO takes one thread, and orders by minimum degree: half the time of nested dissection."""
+"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
 
 
 class SingularMatrixError(ArithmeticError):
-    """The factorisation met a pivot it could not divide by."""
+    """The factorisation met a zero or undefined pivot."""
 
 
 def have_pardiso() -> bool:
-    """Whether the extra `fast` is installed and its library loads."""
+    """Return whether the extra `fast` is installed and its library loads."""
     return _mkl() is not None
 
 
 @functools.cache
 def _mkl() -> Any:
-    """MKL, with what it loads itself at its first call; None if it is not installed."""
-    # pypardiso would search the whole environment's tree for it, 0.3 s for every solver
+    """Return the MKL library, initialised by a first call; None if it is not installed."""
+    # otherwise pypardiso searches the whole environment for the library, 0.3 s for every solver
     library = _library()
     if library is not None:
         os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
@@ -69,7 +69,10 @@ def _library() -> Path | None:
 
 
 class Solver:
-    """Factorises matrices that share one pattern, upper triangles or with slipping contact all of it, and solves."""
+    """Factorises matrices that share one pattern, and solves with the last one.
+
+    A matrix is the upper triangle of a symmetric one, or a whole unsymmetric one (slipping contact).
+    """
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
@@ -78,7 +81,7 @@ class Solver:
         self._order: Ints | None = None
 
     def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True) -> None:
-        """Factorise an upper triangle, or all of an unsymmetric matrix; raises SingularMatrixError."""
+        """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError."""
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
         self._symmetric = symmetric
@@ -87,17 +90,18 @@ class Solver:
             if handle is None:
                 handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=not symmetric)
             handle.factorise(matrix)
-            if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: match as well
+            if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
                 handle.close()
                 handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=True)
                 handle.factorise(matrix)
             return
-        # SuperLU knows no symmetric indefinite matrices: it takes all of it, in an order found once for the pattern
+        # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix, in an order computed once
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
             self._order = _nested_dissection(full)
         permuted = full[self._order][:, self._order].tocsc()
-        # pivots stay on the diagonal unless they are small: else the factors fill up, and their signs tell nothing
+        # pivots stay on the diagonal unless they are small: otherwise the factors fill up, and the pivots do not have
+        # the signs of the eigenvalues
         try:
             self._lu = spla.splu(
                 permuted, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
@@ -106,9 +110,9 @@ class Solver:
             raise SingularMatrixError(str(error)) from error
 
     def negative(self) -> int | None:
-        """Number of negative eigenvalues of the factorised matrix (Sylvester).
+        """Return the number of negative eigenvalues of the factorised matrix (Sylvester's law of inertia).
 
-        None if its pivots do not tell, as those of an unsymmetric matrix.
+        None where the pivots do not determine it, as for an unsymmetric matrix.
         """
         if not self._symmetric:
             return None
@@ -120,7 +124,7 @@ class Solver:
         return int(np.count_nonzero(self._lu.U.diagonal() < 0))
 
     def solve(self, b: Array) -> Array:
-        """Solve with the last factorisation; b and the answer have shape (n,) or (n, m)."""
+        """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
         if not self._use_pardiso:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])
@@ -128,25 +132,27 @@ class Solver:
         return self._handles[self._symmetric].solve(b)
 
     def close(self) -> None:
-        """Give the factorisations' memory back."""
+        """Free the memory of the factorisations."""
         while self._handles:
             self._handles.popitem()[1].close()
 
 
 class _Pardiso:
-    """PARDISO for symmetric indefinite matrices (upper triangles) of one pattern, or for unsymmetric ones.
+    """PARDISO for matrices of one pattern: upper triangles of symmetric indefinite matrices, or unsymmetric ones.
 
-    It is called as MKL's reference has it, because pypardiso, which finds MKL, copies the structure for every call.
+    MKL is called directly, as its reference describes. pypardiso only locates MKL: its own call copies the structure
+    each time.
 
     Parameters
     ----------
-    matrix : with the pattern.
-    match : scale rows and bring large entries to the diagonal first. That takes most of the symbolic phase, and
-        displacements and pressures need it only where elements differ by orders of magnitude and pivots with them.
+    matrix : a matrix with the pattern.
+    match : scale rows and permute large entries to the diagonal first. This takes most of the symbolic phase; mixed
+        displacement-pressure systems need it only where elements, and with them pivots, differ by orders of
+        magnitude.
 
     Attributes
     ----------
-    iparm : (64,) MKL's parameters, the first at 0.
+    iparm : (64,) MKL's parameters, numbered from 0.
     """
 
     def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool) -> None:
@@ -154,12 +160,12 @@ class _Pardiso:
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         size = matrix.shape[0]
-        # Newton's method corrects what a solve leaves, so it is refined only where PARDISO had to perturb pivots
+        # Newton's method corrects small errors of a solve, so solutions are refined only where pivots were perturbed
         order, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
         self.iparm = np.zeros(64, dtype=np.int32)
         for i, value in {1: 1, 2: order, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
             self.iparm[i - 1] = value
-        # MKL takes everything by address: what it is told or tells back stays in these arrays, which must not move
+        # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
         self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
         memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
         self._kept = memory, permutation, matrix.indptr, matrix.indices
@@ -185,14 +191,14 @@ class _Pardiso:
         return np.ascontiguousarray(x)
 
     def close(self) -> None:
-        """Give the factorisation's memory back."""
+        """Free the memory of the factorisation."""
         nothing = np.zeros(0)
         self._call(-1, nothing, nothing)
 
     def _call(self, phase: int, b: Array, x: Array) -> None:
         numbers = self._numbers
         numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
-        # threads that wait for each other cost a small system more than they save
+        # in a small system, synchronising threads costs more than they save
         own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
         values = _address(self._values)
         self._pardiso(*self._before, values, *self._between, _address(b), _address(x), self._error)
@@ -206,7 +212,7 @@ def _address(array: NDArray[Any]) -> int:
 
 
 def _nested_dissection(matrix: sp.csr_matrix) -> Ints:
-    """Order of the unknowns of a symmetric matrix that keeps its factors sparse."""
+    """Return an order of the unknowns of a symmetric matrix that keeps its factors sparse."""
     import pymetis
 
     rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))

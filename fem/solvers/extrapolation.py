@@ -1,4 +1,4 @@
-"""Where the next increment is expected to lead: unknowns and contact, from a curve through the last states."""
+"""First guess for the next load increment: unknowns and contact, extrapolated through the last states."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from fem.solvers.path_state import PathState
 from geometry.arrays import Array
 
 ON_LINE = 1e-9
-"""Distance over D from a line up to which a position counts as on it: rounding is far below, increments far above."""
+"""Distance from a line, over D, up to which a position is on it: far above rounding, far below increments."""
 
 
 def drop_past_at_corner(state: PathState, position: Array) -> PathState:
-    """The state without its past where that does not lie on the line from a position (3,) backwards.
+    """Return the state without its past states where these are not on the straight line to a position (3,).
 
-    A curve through states around a corner says nothing of what follows.
+    Extrapolation around a corner of the path is meaningless.
     """
     ahead = position - state.position
     length = float(np.linalg.norm(ahead))
@@ -31,10 +31,10 @@ def drop_past_at_corner(state: PathState, position: Array) -> PathState:
 
 
 def extrapolate_unknowns(state: PathState, position: Array) -> Array:
-    """Unknowns at a position (3,): of the polynomial through the past states and the present one."""
+    """Return the unknowns at a position (3,), from the polynomial through the past and present states."""
     ahead = float(np.linalg.norm(position - state.position))
     at = np.array([*(_coordinate(state, before.position, position) for before in state.past), 0.0])
-    # Lagrange's polynomials
+    # Lagrange polynomials: they need no equal spacing, and increments differ in length
     *shares, present = (np.prod([(ahead - u) / (t - u) for u in at if u != t]) for t in at)
     guess = present * state.q
     for share, before in zip(shares, state.past, strict=True):
@@ -43,9 +43,10 @@ def extrapolate_unknowns(state: PathState, position: Array) -> Array:
 
 
 def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] | None:
-    """Points of the skin (k, q) in contact at a position (3,): where the gap, followed further, is closed.
+    """Return the skin points (k, q) in contact at a position (3,): those where the extrapolated gap is closed.
 
-    At first touch Hertz's patch, the points that a plate at half the depth would cut. None for a grip.
+    At first touch these are the points of the Hertz contact, which a plate at half the depth would cut. None for a
+    grip.
     """
     if state.grip:
         return None
@@ -61,6 +62,6 @@ def extrapolate_contact(state: PathState, position: Array) -> NDArray[np.bool_] 
 
 
 def _coordinate(state: PathState, past: Array, position: Array) -> float:
-    """Coordinate of a past position (3,) along the line to the next one; the present one is at 0."""
+    """Return the coordinate of a past position (3,) on the line to the next one; the present position is at 0."""
     ahead = position - state.position
     return float((past - state.position) @ ahead) / float(np.linalg.norm(ahead))

@@ -1,4 +1,4 @@
-"""The models that each kind of load case is followed with: press, glued plate, grip, Coulomb friction, tetrahedra."""
+"""The models for each kind of load case: press, glued plate, grip, Coulomb friction, and tetrahedra."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from fem.solvers.depth_ranges import graded_depth
 from fem.solvers.path_state import FIRST_TOUCH
 
 TIP = 1.0
-"""Edge length at the tip over that of the section, in radii at which the plate would cut the tip, over D."""
+"""Edge length at the tip over the product of the section's edge length and the radius, over D, at which the plate
+would cut the tip: at 1 the contact has as many elements as the tip's diameter has in the section."""
 PRESS_FILLET = 0.5
-"""Edge length at the magnet's fillet, over its radius, for a press: it goes deeper than what is sheared, and larger
-elements are inverted there. A shear gains nothing by it."""
+"""Edge length at the magnet's fillet, over the fillet's radius, for a press. A press goes deeper than what is
+sheared, and larger elements would be inverted there; a shear would gain nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +29,12 @@ class PathModels:
 
     Attributes
     ----------
-    first : the model that the path begins with.
-    raised : model with harmonics on the same mesh that takes over when the shear begins; also the one in which the
-        sideways stability of an axisymmetric press is looked at.
-    predictor : model with one harmonic on the same mesh that goes ahead of one with more.
-    glued_radius : undeformed radius over D of the patch that is glued when the shear begins; default: the radius of
-        the contact.
+    first : model at the start of the path.
+    raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
+        of an axisymmetric press is also computed in it.
+    predictor : model with one harmonic on the same mesh that predicts the states of a model with more.
+    glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
+        radius.
     """
 
     first: MeshSpecification
@@ -43,7 +44,7 @@ class PathModels:
 
 
 def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
-    """The models for the loads of a scene; `mesh` holds tetrahedra in units of D to take instead of new ones."""
+    """Return the models for the loads of a scene; `mesh` holds tetrahedra in units of D to use instead."""
     if scene.solid:
         return tetrahedra(scene, mesh)
     if not scene.sideways:
@@ -54,7 +55,7 @@ def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
 
 
 def press(scene: Scene) -> PathModels:
-    """A press on a section: axisymmetric, or with harmonics where an imperfection pushes or they are asked for."""
+    """Return the models of a press: axisymmetric, or with harmonics for an imperfection or on request."""
     section = replace(_section(scene, scene.accuracy.section_size), fillet=PRESS_FILLET)
     if scene.model == "axisymmetric":
         return PathModels(section, raised=replace(section, harmonics=1))
@@ -63,29 +64,29 @@ def press(scene: Scene) -> PathModels:
 
 
 def glued_plate(scene: Scene) -> PathModels:
-    """A plate that is glued after the press, on a section that is fine where the contact ends."""
+    """Return the models of a plate that is glued after the press: a section refined at the edge of the contact."""
     radius = _glued_radius(scene)
     section = _fine_at(scene, radius)
     high = _harmonic(scene, section)
-    if scene.push:  # the patch is no circle then: it is glued where it is found
+    if scene.push:  # the contact is not a circle then: the points that touch are glued
         return PathModels(high, predictor=_predictor(high))
     return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius)
 
 
 def grip(scene: Scene) -> PathModels:
-    """A grip that shears the tip, on a section that is fine where the gripped skin ends."""
+    """Return the models of a grip that shears the tip: a section refined at the edge of the gripped skin."""
     high = _harmonic(scene, _fine_at(scene, _gripped_radius(scene)))
     return PathModels(high, predictor=_predictor(high))
 
 
 def friction_plate(scene: Scene) -> PathModels:
-    """A plate with Coulomb friction: an axisymmetric press, then a model with all harmonics, without a predictor."""
+    """Return the models of a plate with Coulomb friction: axisymmetric first, then with all harmonics."""
     section = _section(scene, scene.accuracy.section_size)
     return PathModels(section, raised=replace(section, harmonics=scene.accuracy.harmonics))
 
 
 def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
-    """Any load on a solid, which is fine where a patch of known radius ends, or else at the tip."""
+    """Return the model of any load on a solid, refined where the tied area ends if that is known, else at the tip."""
     size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
     body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
     solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=mesh)
@@ -99,7 +100,7 @@ def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
 
 
 def _section(scene: Scene, size: float) -> MeshSpecification:
-    """A section whose tip is as fine as the lightest touch of the path asks for."""
+    """Return a section whose tip is fine enough for the lightest touch of the path."""
     D = scene.design.D
     depths = [graded_depth(load.depth / D) for load in scene.loads if load.depth > FIRST_TOUCH * D]
     tip = TIP * math.sqrt(scene.shape.R * min(depths, default=1.0))
@@ -107,23 +108,23 @@ def _section(scene: Scene, size: float) -> MeshSpecification:
 
 
 def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
-    """The section of a shear, fine at a radius over D."""
+    """Return the section of a shear, refined at a radius over D."""
     accuracy = scene.accuracy
     return replace(_section(scene, accuracy.section_size), rim=(radius, min(accuracy.section_patch, radius / 4)))
 
 
 def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:
-    """The section with the harmonics of the scene's accuracy."""
+    """Return the section with the harmonics of the scene's accuracy."""
     return replace(section, harmonics=scene.accuracy.harmonics, push=scene.push)
 
 
 def _predictor(high: MeshSpecification) -> MeshSpecification | None:
-    """The model that goes ahead of one with several harmonics, on the same points of the skin."""
+    """Return the predictor of a model with several harmonics, on the same skin points; None for one harmonic."""
     return replace(high, harmonics=1, skin_harmonics=high.harmonics) if high.harmonics > 1 else None
 
 
 def _sheared_radius(scene: Scene) -> float | None:
-    """Undeformed radius over D of the patch that shears the tip, None where it is not known or all of the dome."""
+    """Return the undeformed radius over D of the tied area; None where it is unknown or covers the whole dome."""
     if not scene.sideways:
         return None
     if scene.grip is not None:
@@ -133,14 +134,14 @@ def _sheared_radius(scene: Scene) -> float | None:
 
 
 def _gripped_radius(scene: Scene) -> float:
-    """Radius over D at which the gripped skin ends: on the dome, or R where the grip reaches the cylinder."""
+    """Return the radius over D at which the gripped skin ends: on the dome, or R if the grip reaches the cylinder."""
     height, R = scene.grip, scene.shape.R
     assert height is not None
     return math.sqrt(height * (2 * R - height)) if height < R else R
 
 
 def _glued_radius(scene: Scene) -> float:
-    """Undeformed radius over D at which the contact ends when the plate is glued, from presses on rough sections."""
+    """Return the undeformed radius over D at which the contact ends when the plate is glued, from coarse presses."""
     sheared = scene.sheared
     assert sheared is not None
     rough = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))

@@ -1,8 +1,9 @@
-"""From one state of a path to the next: an increment of the load, and the increments of a straight segment.
+"""One increment of the load, and the increments of a straight segment of the path.
 
-An increment starts from where the last states lead (`fem.solvers.extrapolation`) and is solved by Newton's method. It
-gives the next state or says why there is none; the state that it started from stays as it is. The increments of a
-segment shrink where one fails and grow again where they are easy; states on the way are solved roughly.
+An increment starts from the extrapolated last states (`fem.solvers.extrapolation`) and is solved by Newton's method.
+It returns the next state, or the reason why there is none; the state before is not changed. The increments of a
+segment are halved where one fails and grow again where they converge easily. Intermediate states are solved to a
+looser tolerance.
 """
 
 from __future__ import annotations
@@ -20,44 +21,44 @@ from fem.solvers.path_state import PastState, PathState
 from geometry.arrays import Array
 
 LONGEST, SOLID_LONGEST = 0.25, 0.125
-"""Longest increments over D without friction, on sections and in tetrahedra: these distort more where a patch ends,
-and longer ones fail there."""
+"""Longest increments over D without friction, on sections and in tetrahedra. Tetrahedra distort more at the edge of
+the contact, so longer increments fail there."""
 FRICTION_PRESS, FRICTION_SHEAR, FRICTION_PRESS_SHARE = 0.02, 0.08, 0.2
-"""Longest increments over D with Coulomb friction, whose answer depends on the way: its error is of second order in
-their length. Those of a press are also at most a share of its depth."""
+"""Longest increments over D with Coulomb friction, whose result depends on the path: the error is of second order in
+the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE of its depth."""
 SHORTEST = 1e-3
-"""Increment over D, or over a segment shorter than D, below which the path stops: a state that cannot be reached from
-so near is taken for a limit of the path, not of the increments."""
+"""Increment over D, or over the length of a segment shorter than D, below which the path stops: a state that such a
+small increment cannot reach is a limit of the path, not of the increment."""
 PASSED_TOLERANCE, SOLID_PASSED_TOLERANCE = 1e-4, 3e-3
-"""Newton's tolerances for states that are only passed, without friction, on sections and in tetrahedra, whose
-iterations cost more: the next increment corrects what is left."""
+"""Newton tolerances of intermediate states without friction, on sections and in tetrahedra, whose iterations cost
+more. The next increment corrects the remaining residual."""
 EASY = 7
-"""Iterations up to which an increment counts as easy, and the next one may be longer."""
+"""Newton iterations up to which an increment is easy, and the next one may be longer."""
 GROWTH = 1.5
-"""Ratio of an increment to the easy one before. Failure halves increments, so that twice as long would be the failed
-length again."""
+"""Ratio of an increment to the easy one before. A failed increment is halved, so a factor of 2 would repeat the
+length that failed."""
 SURE = 0.01
-"""Increments over D that first meet an unstable direction, or crush silicone, are halved to this before it is
-believed: a long one may land on an unstable branch beside the stable one."""
+"""Increment over D to which an increment is shortened before its result is accepted, if it is the first to find an
+unstable direction or crushed silicone. A long increment may land on an unstable branch beside the stable one."""
 CRUSHED = 0.25
-"""Volume ratio J below which silicone counts as crushed. A coarse mesh has equilibria, of higher energy, with an
-element folded flat (J of 0.1 to 0.2 at its points), which a long increment may land on; at the edges of a glued patch
-or a magnet J stays above 0.35."""
+"""Volume ratio J below which silicone is crushed. A coarse mesh has spurious equilibria, of higher energy, with one
+element folded flat (J of 0.1 to 0.2 at its points), on which a long increment may land. At the edges of a glued area
+or of the magnet J stays above 0.35."""
 ONSET_HALVINGS = 3
-"""Halvings of the increment in which the first unstable direction appeared: an eighth of SURE is 1 % of a depth of
-D/8, and `fem.stability` finds a critical depth better."""
+"""Halvings of the increment in which the first unstable direction appeared: SURE / 8 is 1 % of a depth of D / 8;
+`fem.stability` computes a critical depth more accurately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Increment:
-    """What became of an increment.
+    """Result of one increment.
 
     Attributes
     ----------
-    state : the next one; None if the increment failed, or is too long for what it met to be believed.
+    state : the next state; None if the increment failed, or was too long for its result to be accepted.
     stop : why it failed; empty if it did not.
-    iterations : of Newton's method.
-    easy : whether they were few.
+    iterations : Newton iterations.
+    easy : whether these were few.
     """
 
     state: PathState | None
@@ -68,13 +69,13 @@ class Increment:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """How far the increments of a segment, or of several in a row, have led.
+    """Result of the increments of one or several segments.
 
     Attributes
     ----------
-    state : the last one that was reached.
-    stop : why it is short of the goal; empty if it is not.
-    iterations : of Newton's method.
+    state : the last state reached.
+    stop : why the goal was not reached; empty if it was.
+    iterations : Newton iterations.
     """
 
     state: PathState
@@ -85,12 +86,12 @@ class Segment:
 def follow_segment(
     solver: Solver, state: PathState, goal: Array, *, passing: bool = False, friction_step_factor: float = 1.0
 ) -> Segment:
-    """Go straight to a position (3,) in increments.
+    """Move in a straight line to a position (3,) in increments.
 
     Parameters
     ----------
-    passing : the goal itself need only be solved roughly.
-    friction_step_factor : increments with Coulomb friction are at most so many times their usual length.
+    passing : solve the goal itself only to the looser tolerance.
+    friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, iterations = state.position, 0
     length = float(np.linalg.norm(goal - start))
@@ -98,10 +99,10 @@ def follow_segment(
         return Segment(state, "", 0)
     state = _set_direction(state, (goal - start) / length)
     longest = _longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
-    # places and steps count in shares of the segment
+    # `place` and `step` are shares of the segment's length
     place, step = 0.0, min(longest, 1.0)
     while place < 1:
-        # no sliver is left for a last increment
+        # the tolerance of 1e-3 avoids a tiny last increment
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
         tolerance = _tolerance(state, passed=passing or target < 1)
@@ -111,7 +112,7 @@ def follow_segment(
             state, place = tried.state, target
             step = min(GROWTH * step if tried.easy else step, longest)
             continue
-        # where the way curves so much, the last states lead astray
+        # the path is too curved here for extrapolation: the retry starts from the last state
         state, step = replace(state, past=()), (target - place) / 2
         if tried.stop and step * length < SHORTEST * min(length, 1.0):
             if state.friction is not None or passing:
@@ -122,11 +123,11 @@ def follow_segment(
 
 
 def apply_increment(solver: Solver, state: PathState, position: Array, tolerance: float, *, sure: bool) -> Increment:
-    """Go to a position (3,) at once.
+    """Move to a position (3,) in one increment.
 
     Parameters
     ----------
-    sure : believe it if the increment is the first to meet an unstable direction or to crush silicone.
+    sure : accept the result although it is the first with an unstable direction or with crushed silicone.
     """
     state = extrapolation.drop_past_at_corner(state, position)
     guess, plate = extrapolation.extrapolate_unknowns(state, position), state.plate_at(position)
@@ -137,6 +138,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
         plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
     expected = extrapolation.extrapolate_contact(state, position)
     answer = newton(state.d.system, solver, guess, plate, expected, tolerance=tolerance)
+    # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
     doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
     if not answer.converged or doubtful:
@@ -149,7 +151,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
 
 
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
-    """The state after an increment to a position (3,), where Newton's method has answered for the plate."""
+    """Return the state at a position (3,) from a converged answer for the plate there."""
     friction, dissipated = state.friction, state.dissipated
     if friction is not None:
         friction, lost = plate_contact.advance_friction(state.skin, answer.state.u, plate)
@@ -168,12 +170,15 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
 
 
 def least_J(answer: Equilibrium) -> float:
-    """Least volume ratio J at the points of integration."""
+    """Return the least volume ratio J at the integration points."""
     return 1 + min((float(strain.Jm1.min()) for strain in answer.state.strains), default=0.0)
 
 
 def _set_direction(state: PathState, direction: Array) -> PathState:
-    """The state about to move in a direction (3,): in a new one, all that touches is expected to stick at first."""
+    """Return the state with a new direction of motion (3,).
+
+    In a new direction all points in contact are expected to stick at first.
+    """
     if state.friction is None:
         return state
     if direction @ state.direction < 1 - 1e-9:
@@ -182,7 +187,7 @@ def _set_direction(state: PathState, direction: Array) -> PathState:
 
 
 def _longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
-    """Longest increment over D, down to a depth."""
+    """Return the longest increment over D of a segment that goes down to a depth."""
     if state.friction is None:
         return LONGEST if state.d.revolved else SOLID_LONGEST
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * depth)
@@ -190,14 +195,14 @@ def _longest_increment(state: PathState, depth: float, friction_step_factor: flo
 
 
 def _tolerance(state: PathState, *, passed: bool) -> float:
-    """Newton's tolerance; with friction the history keeps the error of every state."""
+    """Return Newton's tolerance; with friction every state is solved fully, as the history keeps its error."""
     if not passed or state.friction is not None:
         return TOLERANCE
     return PASSED_TOLERANCE if state.d.revolved else SOLID_PASSED_TOLERANCE
 
 
 def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
-    """A state that was only to be passed, solved to the end, and Newton's iterations."""
+    """Solve an intermediate state to the full tolerance; return it and Newton's iterations."""
     answer = newton(state.d.system, solver, state.q, state.plate)
     if answer.converged:
         state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=least_J(answer))
@@ -207,7 +212,7 @@ def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
 def _bracket_onset(
     solver: Solver, state: PathState, answer: Equilibrium, position: Array
 ) -> tuple[tuple[Array, Array], int]:
-    """Positions between which an increment's first unstable direction appeared, and Newton's iterations."""
+    """Return the positions between which the first unstable direction appeared, and Newton's iterations."""
     stable, unstable, q, iterations = state.position, position, state.q, 0
     for _ in range(ONSET_HALVINGS):
         middle = (stable + unstable) / 2

@@ -1,4 +1,7 @@
-"""One Newton loop for every model: contact settles within a step (`active_set`), searches keep every J positive."""
+"""The Newton loop of all models.
+
+Contact is settled within a step (`active_set`), and a line search keeps every J positive.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +20,21 @@ from fem.solvers.nonlinear_elimination import find_patch
 from geometry.arrays import Array
 
 TOLERANCE = 1e-9
-"""Residual over reactions and displacements: small beside what the mesh costs also where answers are subtracted, as
-those of two meshes are for an error estimate."""
+"""Tolerance of the residual over reactions and displacements: small beside the discretisation error also where two
+answers are subtracted, as for error estimates."""
 MOST_ITERATIONS = 30
-"""Several times what a good first guess takes: beyond them two increments of half the length are cheaper."""
+"""Several times the iterations from a good first guess; beyond them two increments of half the length are cheaper."""
 NOTHING = 1e-18
-"""Reactions over E D^2 and displacements over D below which the body is at rest: below their rounding."""
+"""Reactions over E D^2 and displacements over D below which the body is at rest: below their rounding errors."""
 CHORD, CHORDS = 0.02, 3
-"""A step that leaves less of the residual than this, or after which so many more like it will do, is followed by one
-with the same factorisation."""
+"""A step that reduces the residual below this share of the one before, or so far that CHORDS more steps at this rate
+end the loop, is followed by a step with the same factorisation."""
 PATIENCE = 6
-"""Full steps after which one that does not halve the residual is compared with shorter ones. Before, contact may
-still be changing, and a residual that grows for a step is no bad sign."""
+"""Full steps before steps that do not halve the residual are compared with shorter ones. In the first steps the
+contact still changes, and a residual that grows once is no sign of divergence."""
 LOCAL, MOST_LOCAL = 1e-3, 12
-"""Tolerance, and most iterations, for cells that are balanced by themselves: the body around them is not yet."""
+"""Tolerance, and most iterations, for cells that are balanced separately: the body around them is not balanced
+yet."""
 
 Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
 STOPPED: dict[Stop, str] = {
@@ -40,19 +44,19 @@ STOPPED: dict[Stop, str] = {
     "step_inverted": "an element is about to be inverted (J <= 0)",
     "singular": "the stiffness is singular",
 }
-"""Why Newton's method stopped short, in words."""
+"""Why Newton's method stopped, in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Where Newton's method ended.
+    """Result of Newton's method.
 
     Attributes
     ----------
-    state, assembly : the last state whose residual was formed.
-    iterations : linear solves done.
-    reason : why it stopped short, a key of STOPPED; empty when converged.
-    unstable : number of directions in which the last tangent is unstable, None where that is not known.
+    state, assembly : the last state whose residual was computed.
+    iterations : number of linear solves.
+    reason : why it stopped, a key of STOPPED; empty when converged.
+    unstable : number of unstable directions of the last tangent; None where that is not known.
     """
 
     state: State
@@ -76,14 +80,23 @@ def newton(
     most: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Equilibrium:
-    """Solve residual(q) = 0 from a first guess; the first iteration takes the points `pressed` as those in contact.
+    """Solve residual(q) = 0 from a first guess.
 
-    Without that, a guess that has sunk into the plate wakes springs by the dozen, which each step has to settle.
+    It has converged when the residual forces are below `tolerance` times the reactions, and the residual volumes
+    below `tolerance` times the largest displacement (times the unit area: lengths are over D).
 
-    While a step leaves less than CHORD of the residual, or so little that CHORDS more like it will end, the next one
-    takes the same factorisation and only the residual is formed anew. Converged when the residual forces are below a
-    tolerance of the reactions and the residual volumes below that of the largest displacement times the unit area
-    (lengths are scaled by D before).
+    While a step reduces the residual fast enough (see CHORD), the next one reuses the factorisation and only the
+    residual is recomputed.
+
+    Parameters
+    ----------
+    q : (n,) first guess.
+    plate : the plate, or None.
+    pressed : (k, q) points that are in contact in the first iteration; default: those with a positive overlap. A
+        guess that overlaps the plate slightly would otherwise activate many springs, which each step then has to
+        settle.
+    most : largest number of iterations.
+    tolerance : see above.
     """
     unstable: int | None = None
     state = system.admissible(q)
@@ -96,19 +109,19 @@ def newton(
     for iteration in range(most):
         size = _reference_size(system, state, assembly)
         left = size.share(assembly)
-        # the points `pressed` are a guess, and those that friction held may slip: such a balance is none yet
+        # not yet balanced: the points `pressed` are a guess, and points that friction held may slip
         balanced = left <= tolerance and (iteration > 0 or first is plate)
         plate, held = hold_reversing_points(system.surface, state.u, plate)
         try:
             if balanced and not held:
-                if unstable:  # the tangent that told so may be that of an iterate far from here
+                if unstable:  # counted at an earlier iterate, which may be far from here
                     here = assembly if assembly.matrix is not None else system.assemble(state, plate)
                     unstable = _count_unstable(system, solver, here)
                 return Equilibrium(state, assembly, iteration, "", unstable)
             if assembly.matrix is not None:
                 unstable = _count_unstable(system, solver, assembly)
             step = solver.solve(assembly.residual)
-            # flips of contact are settled about a tangent of this iterate only
+            # contact can be settled only about a tangent of this very iterate
             if assembly.matrix is not None:
                 step = settle_contact(system, solver, state, step, plate, pressed if iteration == 0 else None)
         except SingularMatrixError:
@@ -125,12 +138,12 @@ def newton(
 
 @dataclass(frozen=True, slots=True)
 class _ReferenceSize:
-    """What residuals at an iterate are held against.
+    """Reference sizes that residuals at an iterate are compared with.
 
     Attributes
     ----------
-    n : number of the residual forces; the residual volumes follow them.
-    reaction, reach : norm of the reactions over E D^2, and the largest displacement over D.
+    n : number of residual forces; the residual volumes follow them.
+    reaction, reach : norm of the reactions over E D^2, and largest displacement over D.
     """
 
     n: int
@@ -138,12 +151,12 @@ class _ReferenceSize:
     reach: float
 
     def share(self, assembly: Assembly) -> float:
-        """The residual over what it has to be small beside: the larger share of forces and volumes."""
+        """Return the larger share of residual to reference, of forces and volumes."""
         force, volume = _norms(assembly, self.n)
         return max(force / max(self.reaction, NOTHING), volume / max(self.reach, NOTHING))
 
     def merit(self, assembly: Assembly) -> float:
-        """Forces and volumes in one number, with the same weights before and after a step."""
+        """Return forces and volumes as one number, with the same weights before and after a step."""
         force, volume = _norms(assembly, self.n)
         return force / (self.reaction or 1.0) + volume / (self.reach or 1.0)
 
@@ -163,19 +176,19 @@ def _evaluate_step(
     left: float,
     tolerance: float,
 ) -> tuple[State, Assembly, float]:
-    """State, residual and perhaps tangent after a step, and the share of the residual's merit that is left.
+    """Return the state, its residual (with a tangent if needed), and the share of the merit that is left.
 
     Parameters
     ----------
     before : merit of the residual before the step.
-    rate : share that the last step left.
-    left : residual before the step, as `_ReferenceSize.share`.
+    rate : share of the merit that the last step left.
+    left : residual before the step, see `_ReferenceSize.share`.
     """
 
     def share(after: Assembly) -> float:
         return size.merit(after) / before if before else 0.0
 
-    # Newton's method squares the rate: where that will do, the tangent is formed only if it proves wrong
+    # Newton's method squares the rate: where that is enough, the tangent is assembled only if this proves wrong
     likely = rate**2
     fresh = not _keeps_factorisation(likely, likely * left, tolerance)
     state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
@@ -194,31 +207,34 @@ def _evaluate_step(
 
 
 def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
-    """Factorise a tangent; the number of its unstable directions, None where that is not known."""
+    """Factorise a tangent; return the number of its unstable directions, None where that is not known."""
     solver.factorise(assembly.tangent, symmetric=assembly.symmetric)
     negative = solver.negative()
     return None if negative is None else negative - system.n_pressure
 
 
 def _keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:
-    """Whether steps that leave a share `rate` of the residual `left` are worth more than a new factorisation."""
+    """Return whether to reuse the factorisation for steps that leave a share `rate` of the residual `left`."""
     return rate <= CHORD or rate**CHORDS * left <= tolerance
 
 
 def _norm(x: Array) -> float:
-    """Euclidean norm of numbers (n,), as `numpy.linalg.norm` but quicker for few."""
+    """Return the Euclidean norm of (n,) numbers: `numpy.linalg.norm`, but faster for few."""
     return math.sqrt(x @ x)
 
 
 def _norms(assembly: Assembly, n: int) -> tuple[float, float]:
-    """Norms of the residual forces, the first n, and of the residual volumes."""
+    """Return the norms of the residual forces, the first n, and of the residual volumes."""
     return _norm(assembly.residual[:n]), _norm(assembly.residual[n:])
 
 
 def _relax_patch(
     system: System, state: State, assembly: Assembly, plate: Plate | None, n: int
 ) -> tuple[State, Assembly] | None:
-    """State and residual once the few cells that the residual hangs on are in balance; None if that leads nowhere."""
+    """Balance the few cells that carry most of the residual; return the new state and residual.
+
+    None if there are no such cells, or balancing them does not reduce the residual.
+    """
     part = find_patch(system, state, assembly, plate)
     if part is None:
         return None
@@ -237,7 +253,7 @@ def _relax_patch(
 def _damp_step(
     system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: _ReferenceSize
 ) -> tuple[State, Assembly]:
-    """The best of a full step and of its half and quarter, by the residual."""
+    """Return the best of a full step, its half and its quarter, by the merit of the residual."""
     tried = [(size.merit(assembly), state)]
     for back in (0.5, 0.75):
         shorter = system.admissible(state.q + back * step)
@@ -248,7 +264,7 @@ def _damp_step(
 
 
 def _backtrack(system: System, state: State, step: Array) -> State | None:
-    """The longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
+    """Return the state after the longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
     scale = 1.0
     for _ in range(7):
         trial = system.admissible(state.q - scale * step)

@@ -1,7 +1,7 @@
-"""A few cells brought to balance by themselves, with the rest of the body held.
+"""Equilibrium of a few cells with the rest of the body held fixed.
 
-At the end of a glued patch a step of Newton's method may overshoot in an element or two, and until these have settled
-the steps of the whole body do little else. Where the residual hangs on so few nodes, the cells around them are solved
+At the edge of a glued area a Newton step may overshoot in one or two elements, and until these have settled the steps
+of the whole body do little else. Where the residual is concentrated on so few nodes, the cells around them are solved
 first, at a tenth of the cost of a step: nonlinear elimination (Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17,
 1996; Cai and Li, SIAM J. Sci. Comput. 33, 2011).
 """
@@ -18,20 +18,20 @@ from fem.discretisation.nonlinear_system import Assembly, State, System
 from geometry.arrays import Array
 
 MOST_NODES, SHARE = 12, 0.9
-"""So few nodes have to carry this share of the squared residual forces."""
+"""The residual is concentrated if at most MOST_NODES nodes carry the share SHARE of the squared residual forces."""
 LEAST_SIZE = 5000
-"""Unknowns below which a body is not worth it."""
+"""Number of unknowns below which a full step is too cheap for elimination to pay off."""
 
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Cells around some nodes, as a scene of its own.
+    """Cells around some nodes, as a system of their own.
 
     Attributes
     ----------
-    system : whose unknowns are displacements and pressures of those nodes and their next neighbours.
-    plate : what is there of the plate's tied points.
-    q : its unknowns at present.
+    system : its unknowns are displacements and pressures of these nodes and of their neighbours.
+    plate : the plate, with the tied points of the patch.
+    q : present unknowns of the patch.
     """
 
     system: System
@@ -39,7 +39,7 @@ class Patch:
     q: Array
 
     def merge_into(self, whole: System, state: State, part: State) -> Array:
-        """Unknowns of the whole body at its state, with those of the patch from `part`."""
+        """Return the unknowns of the whole body at a state, with those of the patch replaced by `part`."""
         u, p = state.u.copy(), _nodal_pressures(whole, state)
         u[self.system.free] = part.u[self.system.free]
         p[self.system.corner_nodes] = part.p
@@ -47,13 +47,14 @@ class Patch:
 
 
 def find_patch(system: System, state: State, assembly: Assembly, plate: Plate | None) -> Patch | None:
-    """The patch of a solid body that its residual hangs on, if there is one; none with Coulomb friction."""
+    """Return the few cells of a solid that carry most of the residual; None if there are none, or with friction."""
     e, s = system.elements, system.surface
     if e.dim == 2 or system.size < LEAST_SIZE or s is None or plate is None or plate.friction is not None:
         return None
     nodes = _worst_nodes(system, assembly)
     if nodes is None:
         return None
+    # all nodes of the cells around the worst nodes become unknowns; one more ring of cells holds them in place
     inside = np.zeros(len(e.nodes), dtype=bool)
     inside[nodes] = True
     inside[e.cells[inside[e.cells].any(axis=1)]] = True
@@ -81,7 +82,7 @@ def find_patch(system: System, state: State, assembly: Assembly, plate: Plate | 
 
 
 def _worst_nodes(system: System, assembly: Assembly) -> NDArray[np.int64] | None:
-    """The nodes that carry SHARE of the squared residual forces, None if they are many."""
+    """Return the nodes that carry SHARE of the squared residual forces; None if they are many."""
     forces = np.zeros(system.free.shape)
     forces[system.free] = assembly.residual[: system.n_free]
     squares = np.sum(forces**2, axis=1)
@@ -91,7 +92,7 @@ def _worst_nodes(system: System, assembly: Assembly) -> NDArray[np.int64] | None
 
 
 def _nodal_pressures(system: System, state: State) -> Array:
-    """Pressures at all nodes, shape (nodes, pressures), 0 where there is none."""
+    """Return the pressures at all nodes, shape (nodes, pressures); 0 at nodes without."""
     p = np.zeros((len(system.elements.nodes), state.p.shape[1]))
     p[system.corner_nodes] = state.p
     return p

@@ -1,7 +1,7 @@
-"""What a path of loads has come to: one frozen value, in units of D and E, that each increment replaces by the next.
+"""The state of a path of loads: one frozen value in units of D and E, which each increment replaces by the next.
 
-The position of plate or grip is v = (depth, shear along x, shear along y). A state holds all that an increment
-from it needs, so that the same increment from the same state leads to the same next one.
+The position of plate or grip is v = (depth, shear along x, shear along y). A state holds everything that the next
+increment depends on, so equal increments from equal states give equal results.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
 from geometry.arrays import Array
 
 FIRST_TOUCH = 1e-14
-"""Depth over D up to which there is no contact: less is lost in the rounding of the beam's length. The plate's
-stiffness goes like depth^(-1/2), and is that of this depth before."""
+"""Depth over D up to which there is no contact: smaller depths are lost in the rounding of the beam's length. The
+plate's stiffness grows like depth^(-1/2); below this depth it is constant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Bond:
 
 @dataclass(frozen=True, slots=True)
 class PastState:
-    """An earlier state, as far as extrapolation needs it: position (3,), unknowns, overlap of the skin's points."""
+    """An earlier state for extrapolation: position (3,), unknowns, and overlap of the skin's points."""
 
     position: Array
     q: Array
@@ -56,21 +56,21 @@ class PathState:
     Attributes
     ----------
     d : the present model; it changes where a shear begins and the section gains harmonics.
-    grip : whether a spot of skin is gripped; else there is a plate.
-    tilt : of the plate, rad.
-    kappa : number of the plate's stiffness, see `fem.contact.plate_contact`.
-    position : (3,) where plate or grip is.
-    q, energy : unknowns of the model, and what is stored in the modelled part.
-    least_J : least volume ratio J at the points of integration.
-    unstable : number of unstable directions, None where it is not known.
+    grip : whether part of the skin is gripped; otherwise there is a plate.
+    tilt : tilt of the plate, rad.
+    kappa : stiffness number of the plate, see `fem.contact.plate_contact`.
+    position : (3,) position of plate or grip, over D.
+    q, energy : unknowns, and energy stored in the modelled part.
+    least_J : least volume ratio J at the integration points.
+    unstable : number of unstable directions; None where it is not known.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
     sheared : whether plate or grip have ever moved sideways.
-    bond : what is held, or None.
-    friction : history of the points in contact, None without Coulomb friction.
-    dissipated : energy that slipping has cost in the modelled part.
-    direction : (3,) unit vector of the last motion under Coulomb friction, zeros before.
-    past : up to two states before, the earlier first, in which the path led here smoothly.
-    reduced : the last state of the predictor, which goes ahead of this one; None without a predictor.
+    bond : the tied points, or None.
+    friction : history of the points in contact; None without Coulomb friction.
+    dissipated : energy dissipated by slip in the modelled part.
+    direction : (3,) unit vector of the last motion under Coulomb friction; zeros before the first.
+    past : up to two earlier states, oldest first, on the smooth path to this one.
+    reduced : present state of the predictor; None without a predictor.
     """
 
     d: Discretisation
@@ -98,20 +98,20 @@ class PathState:
 
     @property
     def u(self) -> Array:
-        """Nodal fields, shape (nodes, fields)."""
+        """(nodes, fields) nodal displacements."""
         return self.d.system.state(self.q).u
 
     @property
     def plate(self) -> Plate:
-        """The plate (or grip) where it is, with what it holds."""
+        """The plate (or grip) at the present position, with its tied points."""
         return self.plate_at(self.position)
 
     def plate_at(self, position: Array) -> Plate:
-        """The plate (or grip) at another position (3,), with what it holds now."""
+        """Return the plate (or grip) at another position (3,), with the present tied points."""
         depth, *shear = position
         shape = self.d.shape
         radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
-        # a tilted plate touches the dome beside its top
+        # a tilted plate first touches the dome beside its top: its height on the axis is larger
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         tied, targets, gap = (
             (None, None, None) if self.bond is None else (self.bond.tied, self.bond.targets, self.bond.gap)
@@ -121,7 +121,7 @@ class PathState:
 
     @property
     def overlap(self) -> Array:
-        """How far the skin's points overlap the plate, shape (k, q)."""
+        """(k, q) overlap of the skin's points with the plate."""
         return plate_contact.overlap(self.skin, self.u, self.plate)
 
 
@@ -132,7 +132,7 @@ def at_rest(
     mu: float | None = None,
     kappa: float | None = None,
 ) -> PathState:
-    """The undeformed body, which nothing touches yet; parameters as of `fem.solvers.load_stepping.Path`."""
+    """Return the undeformed, untouched state; for the parameters see `fem.solvers.load_stepping.Path`."""
     skin, bond, friction = d.system.surface, None, None
     assert skin is not None
     if grip is not None:
@@ -140,7 +140,7 @@ def at_rest(
         bond = Bond(tied, skin.points[..., :2])
     if mu is not None:
         friction = coulomb_friction.at_rest(mu, skin.weights.shape)
-    # tetrahedra are too large, and friction takes too many increments, for the stiffer springs of a section
+    # the stiffer springs suit only sections: tetrahedra are too large, and friction would need too many increments
     if not d.revolved or mu is not None:
         kappa = KAPPA
     elif kappa is None:
@@ -150,31 +150,31 @@ def at_rest(
 
 
 def with_harmonics(state: PathState, d: Discretisation) -> PathState:
-    """The same state of an axisymmetric section in a model with harmonics on its mesh."""
+    """Return the state of an axisymmetric section in a model with harmonics on the same mesh."""
     q, friction = raise_harmonics(state.d.system, d.system, state.q), state.friction
     if friction is not None:
         assert d.system.surface is not None
         friction = coulomb_friction.revolve(friction, d.system.surface.points)
-    # the past has other unknowns
+    # past states have other unknowns and cannot be extrapolated
     return replace(state, d=d, q=q, friction=friction, past=())
 
 
 def with_predictor(state: PathState, d: Discretisation, low: PathState | None = None) -> PathState:
-    """The state with a predictor that stands where it does.
+    """Return the state with a predictor at the same position.
 
     Parameters
     ----------
-    d : the predictor's model, with fewer harmonics on the same mesh.
-    low : the same state with no more harmonics than that; None for one at rest.
+    d : model of the predictor, with fewer harmonics on the same mesh.
+    low : the same state with at most the predictor's harmonics; None at rest.
     """
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
-    # what is stored in it and how stable it is follows with its first increment
+    # its energy and stability follow with its first increment
     reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q)
     return replace(state, reduced=reduced)
 
 
 def glue(state: PathState, radius: float | None) -> PathState:
-    """The state with the patch within an undeformed radius glued to the plate; None: within the contact radius."""
+    """Return the state with the area within an undeformed radius glued to the plate; None: the contact radius."""
     plate = plate_contact.glue(state.skin, state.u, state.plate, radius, state.d.shape.H)
     assert plate.tied is not None
     assert plate.targets is not None

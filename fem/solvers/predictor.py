@@ -1,8 +1,9 @@
-"""A reduced model, with one harmonic on the same mesh, that goes ahead of a model with more.
+"""Prediction by a reduced model: one harmonic on the same mesh, for a model with more harmonics.
 
-The answer is mostly in the first harmonic. So the predictor follows a segment in increments, which are cheap for it;
-what the other harmonics had to add before is added again where it arrives, and the model itself needs no increments
-between. Where that does not converge, or meets another branch, the model takes its own increments.
+Most of the solution is in the first harmonic. The predictor follows a segment in increments, which are cheap for it.
+At its end the contribution of the other harmonics at the start is added to the prediction, and the full model is
+corrected once, without increments of its own. Where that does not converge, or leads to another branch, the full
+model takes its own increments.
 """
 
 from __future__ import annotations
@@ -20,24 +21,25 @@ from fem.solvers.path_state import PathState
 from geometry.arrays import Array
 
 MOST_ITERATIONS = 12
-"""For correcting the prediction: more cost as much as the increments that it is to save."""
+"""Most iterations for the correction; more would cost as much as the increments that are to be saved."""
 
 
 def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
-    """Go to a position (3,) by correcting what the predictor says of it.
+    """Move to a position (3,) by correcting a prediction.
 
     Returns
     -------
-    The state there, or where that fails the state as it was but for its predictor, and Newton's iterations of both.
+    The state there, or the present state (with the predictor moved) where that fails, and Newton's iterations of both
+    models.
     """
     before = state.reduced
-    # after a press in increments the predictor may have been left behind
+    # the predictor may have stopped earlier than the full model, and is then of no use
     if before is None or not np.array_equal(before.position, state.position):
         return state, 0
     added = state.q - raise_harmonics(before.d.system, state.d.system, before.q)
     ahead = follow_segment(reduced_solver, replace(before, bond=state.bond), goal, passing=True)
     state = replace(state, reduced=ahead.state)
-    # another number of unstable directions is another branch
+    # another number of unstable directions means another branch
     if ahead.stop or (ahead.state.unstable or 0) != (state.unstable or 0):
         return state, ahead.iterations
     guess = added + raise_harmonics(ahead.state.d.system, state.d.system, ahead.state.q)
@@ -46,7 +48,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
 
 
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
-    """The state at a position (3,) from a first guess; unchanged if it is not found or not to be trusted."""
+    """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > 0
     answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS)
@@ -55,5 +57,5 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tup
     if not answer.converged or not sound:
         return state, answer.iterations
     q, energy = answer.state.q, answer.assembly.energy
-    # no state between is known: the next guess is not extrapolated
+    # intermediate states are unknown, so the next guess cannot be extrapolated
     return replace(state, position=goal, q=q, energy=energy, least_J=least, past=()), answer.iterations

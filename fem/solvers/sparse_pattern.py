@@ -1,8 +1,8 @@
-"""The pattern of a sparse symmetric matrix that is summed from element matrices again and again.
+"""Pattern of a sparse symmetric matrix that is repeatedly assembled from element matrices.
 
-The places of all entries are found once; a matrix is then one weighted count over them. Unknowns come in blocks,
-those of a node (or the rigid magnet's), and blocks are coupled whole: so the pattern follows from pairs of blocks, of
-which there are far fewer than pairs of unknowns.
+The positions of all entries are computed once; each assembly is then one weighted count (`numpy.bincount`). The
+unknowns are numbered in blocks, those of a node or of the rigid magnet, and all unknowns of two coupled blocks are
+coupled. The pattern follows from pairs of blocks, of which there are far fewer than pairs of unknowns.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 
 CHUNK = 1 << 16
-"""Entries of element matrices whose places are found at a time, so that they stay in the processor's cache."""
+"""Entries of element matrices whose positions are computed at a time, so that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Rows or columns of a group of m element matrices, each in s pieces of k unknowns that lie in b blocks.
+    """Rows or columns of m element matrices: s pieces of k unknowns, which lie in b blocks.
 
     Attributes
     ----------
-    unknowns : (m, s, k) their numbers; -1 marks an eliminated one.
-    blocks : (m, b) numbers of the blocks, which are coupled whole.
+    unknowns : (m, s, k) numbers of the unknowns; -1 for an eliminated one.
+    blocks : (m, b) numbers of the blocks.
     local : (k,) which of the b blocks an unknown lies in.
     """
 
@@ -38,25 +38,25 @@ class Side:
 
     @classmethod
     def pieces(cls, numbers: Ints, cells: Ints, fields: Ints, first: int = 0) -> Side:
-        """A piece for each of some `fields`.
+        """Return a side with one piece for each of some `fields`.
 
         Parameters
         ----------
-        numbers : (nodes, fields) of the unknowns.
-        cells : (m, a) nodes.
-        first : block of the first node.
+        numbers : (nodes, fields) numbers of the unknowns.
+        cells : (m, a) nodes of the elements.
+        first : number of the first node's block.
         """
         return cls(np.swapaxes(numbers[cells][..., fields], 1, 2), first + cells, np.arange(cells.shape[1]))
 
     @classmethod
     def whole(cls, numbers: Ints, cells: Ints, first: int = 0) -> Side:
-        """One piece of all fields, the fields first, as `pieces`."""
+        """Return a side with one piece of all fields, fields first; parameters as of `pieces`."""
         (m, a), fields = cells.shape, numbers.shape[1]
         unknowns = np.swapaxes(numbers[cells], 1, 2).reshape(m, 1, fields * a)
         return cls(unknowns, first + cells, np.tile(np.arange(a), fields))
 
     def beside(self, other: Side) -> Side:
-        """These unknowns and after them others, whose one element belongs to all."""
+        """Return this side extended by the unknowns of another, whose single element is shared by all."""
         m, b = self.blocks.shape
         unknowns = np.broadcast_to(other.unknowns, (m, 1, other.unknowns.shape[2]))
         blocks = np.broadcast_to(other.blocks, (m, other.blocks.shape[1]))
@@ -69,16 +69,16 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Where the entries of an upper triangle lie, row after row, in each row one block after the other.
+    """Positions of the entries of an upper triangle, row by row, and in each row block by block.
 
-    Entry (i, k), i <= k, of the j-th pair of blocks has the number `diagonal[i] + offset[j] + inside[k]`.
+    Entry (i, k), i <= k, of the j-th pair of blocks has the position `diagonal[i] + offset[j] + inside[k]`.
 
     Attributes
     ----------
-    empty : the matrix, of zeros.
-    offset : (pairs,) where a pair of blocks begins, counted from the first row's diagonal block.
-    inside : (n,) number of an unknown in its block.
-    diagonal : (n,) where the diagonal block would begin in a row, were it whole.
+    empty : the matrix with zeros.
+    offset : (pairs,) start of each pair of blocks, counted from the diagonal block of its first row.
+    inside : (n,) number of an unknown within its block.
+    diagonal : (n,) position where the diagonal block of a row would begin if it were full.
     """
 
     empty: sp.csr_matrix
@@ -88,7 +88,7 @@ class _Layout:
 
 
 def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
-    """The layout of a matrix in which the pairs of blocks `keys` (one number each, see `_pair_keys`) are coupled."""
+    """Return the layout of a matrix whose coupled pairs of blocks are `keys`, see `_pair_keys`."""
     count, first = len(sizes), np.cumsum(sizes) - sizes
     # sorted keys are rows of blocks, and in each row the columns in rising order
     unique, inverse = np.unique(keys, return_inverse=True)
@@ -100,7 +100,7 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     inside = np.arange(len(block)) - first[block]
     length = np.add.reduceat(width, begin)[block] - inside
     ends = np.cumsum(length)
-    # the rows of a block share their columns, less those below the diagonal
+    # the rows of a block have the same columns, except those below the diagonal
     shared = np.repeat(first[columns] - start, width) + np.arange(int(width.sum()))
     place = np.repeat(start[begin[block]] + inside - ends + length, length) + np.arange(int(length.sum()))
     # PARDISO and SuperLU take 32-bit structures
@@ -110,15 +110,15 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
 
 
 class Pattern:
-    """The upper triangle of a symmetric sparse matrix assembled from dense element matrices.
+    """Upper triangle of a symmetric sparse matrix assembled from dense element matrices.
 
-    Where the rows of a piece are its columns, its upper triangle counts; of any other piece all counts, on this side
-    of the diagonal or the other.
+    Of a piece whose rows are its columns the upper triangle is added. Of any other piece all entries are added, and
+    those below the diagonal of the matrix are mirrored.
 
     Parameters
     ----------
     groups : rows and columns of each group of elements.
-    sizes : (blocks,) numbers of unknowns of the blocks, which are numbered one block after the other.
+    sizes : (blocks,) numbers of unknowns of the blocks, which are numbered consecutively.
     """
 
     def __init__(self, groups: list[tuple[Side, Side]], sizes: Ints) -> None:
@@ -138,26 +138,27 @@ class Pattern:
         self._entries = np.concatenate(entries)
 
     def assemble(self, blocks: list[Array | None]) -> sp.csr_matrix:
-        """Sum element matrices, one array (m, s, k, l) per group, None for zeros, into the upper triangle."""
+        """Assemble element matrices, one array (m, s, k, l) per group or None for zeros, into the upper triangle."""
         values = np.concatenate(
             [
                 np.zeros(len(at)) if block is None else block.ravel()[at]
                 for block, at in zip(blocks, self._places, strict=True)
             ]
         )
-        upper = copy.copy(self._empty)  # it shares the structure; to make it anew is what would take longest
+        upper = copy.copy(self._empty)  # the structure is shared: building it again would take longest
         upper.data = np.bincount(self._entries, weights=values, minlength=self._empty.nnz)
         return upper
 
     def unfold(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
-        """All of the matrix whose upper triangle is given, where the last group's element matrices are unsymmetric.
+        """Return the whole matrix from its upper triangle, where the matrices of the last group are unsymmetric.
 
         Parameters
         ----------
+        upper : as of `assemble`.
         last : (m, k, k) matrices of the last group, whose rows and columns are the same.
         """
         source, below, columns, pointers = self._mirror
-        # `upper` holds their upper triangles: below the diagonal, what their lower ones exceed these by is added
+        # `upper` mirrors their upper triangles; below the diagonal the difference lower - upper is added
         skew = (np.swapaxes(last, 1, 2) - last).ravel()[self._places[-1]]
         excess = np.bincount(self._entries[len(self._entries) - len(skew) :], weights=skew, minlength=len(upper.data))
         data = upper.data[source]
@@ -166,9 +167,11 @@ class Pattern:
 
     @functools.cached_property
     def _mirror(self) -> tuple[Ints, NDArray[np.bool_], NDArray[np.int32], NDArray[np.int32]]:
-        """Of the whole matrix: its entries' places in the upper triangle, which are below the diagonal, structure."""
+        """Structure of the whole matrix: positions of its entries in the upper triangle, mask of those below the
+        diagonal, column numbers and row pointers.
+        """
         upper = copy.copy(self._empty)
-        # numbers in place of values, from 1 on, as a sparse sum may drop a 0
+        # entries are numbered from 1, because a sparse sum may drop zeros
         upper.data = np.arange(1, upper.nnz + 1)
         whole = (upper + sp.triu(upper, 1, format="csr").T).tocsr()
         whole.sort_indices()
@@ -177,11 +180,11 @@ class Pattern:
 
 
 def _place_entries(row: Side, column: Side, offset: Ints, layout: _Layout) -> tuple[Ints, Ints]:
-    """Which numbers of a group's element matrices count, and to which entries of the matrix they are added.
+    """Return which entries of a group's element matrices are added, and to which positions.
 
     Parameters
     ----------
-    offset : (m, b, c) of the pairs of blocks, see `_Layout`.
+    offset : (m, b, c) start of each pair of blocks, see `_Layout`.
     """
     m, b, c = offset.shape
     offset = offset.reshape(m, b * c)
@@ -206,5 +209,5 @@ def _place_entries(row: Side, column: Side, offset: Ints, layout: _Layout) -> tu
 
 
 def _pair_keys(a: Ints, b: Ints, count: int) -> Ints:
-    """One number for each unordered pair of numbers below `count`."""
+    """Return one number for each unordered pair of numbers below `count`."""
     return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))
