@@ -1,13 +1,13 @@
 """From readings back to the pose of the magnet and the load on the tip. Lengths in mm, B in T, forces in N.
 
-All poses in the workspace that give the readings are looked for: a table of the workspace gives a start on each
-sheet (`analytic.inverse.start_table`), damped Newton steps on the exact forward model go on from there
-(`analytic.inverse.damped_newton`), and those that arrive at the same place are counted once. That an iteration
-converges is no proof that it found the right pose; where there are several, all of them are given, and the status
-says so.
+The decoder finds all poses in the workspace that have the readings. A table of the workspace gives one start for each
+possible pose (`analytic.inverse.start_table`). From each start, damped Newton steps on the exact forward model lead
+to a pose (`analytic.inverse.damped_newton`); equal poses count once. A converged iteration does not prove that the
+pose is the right one: several poses can have the same readings. The decoder then returns all of them, with
+status "ambiguous".
 
-With A = dB/ds (k, 3), the pose's covariance is P C P' with P = (A'WA)^-1 A'W and C that of the readings, whose
-variance is noise^2 + step^2/12 of each element. The condition number is that of A in the 2-norm.
+With A = dB/ds (k, 3), the pose's covariance is P C P' with P = (A'WA)^-1 A'W. C is the covariance of the readings:
+the variance of each is noise^2 + step^2/12 of its element. The condition number is that of A in the 2-norm.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.hall import Mode
+from analytic.hall import Mode, at_rail
 from analytic.inverse import damped_newton, observability, response_surface, start_table, start_table_construction
 from analytic.inverse.forward_model import NO_TILT, Forward, model, rotation
 from analytic.inverse.response_surface import Mechanics
@@ -30,32 +30,32 @@ from geometry.design import BadInput, Design
 Status = Literal["ok", "ambiguous", "out_of_workspace", "saturated", "not_finite", "inconsistent", "tension"]
 
 CELLS = (24, 24, 12)
-"""Of the table, along x, y and z."""
+"""Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
 EDGE = 1e-6
-"""How far outside the workspace a pose is still taken as in it, mm."""
+"""Distance outside the workspace up to which a pose still counts as inside, mm: rounding on its faces."""
 PAD = 0.01
-"""How far the table goes beyond the workspace, over its size."""
+"""Margin of the table around the workspace, over its size, so that poses on its faces lie inside a cell."""
 SAME = 1e-5
-"""Poses closer than this are one, mm."""
+"""Distance below which two poses count as one, mm: far above the error of a converged pose."""
 EXACT = 1e-7
-"""Greatest misfit of an exact pose, mm: of the readings over the norm of their slopes."""
+"""Largest misfit of three readings over the norm of their slopes, mm: three readings determine a pose exactly."""
 DOUBT = 5.0
-"""Greatest misfit of more than three readings, over their noise."""
+"""Largest misfit of each of more than three readings over its noise: five standard deviations."""
 SHARE = 0.02
-"""The same, over the span of readings in the workspace, of elements that are said to have no noise."""
+"""Largest misfit of a reading without noise, over its span in the workspace, if there are more than three."""
 BLOCK = 4096
-"""Readings worked on at a time."""
+"""Number of rows of readings that are decoded at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decoder:
-    """A forward model with its workspace, its table and, for the loads, its mechanics.
+    """A forward model with its workspace, its table of starts and, for the loads, its mechanics.
 
     Attributes
     ----------
-    low, high : the workspace, shape (3,), mm.
-    sigma : standard deviation of the readings from noise and converter, shape (k,), T.
-    tolerance : greatest misfit of a reading, where there are more than three, shape (k,), T.
+    low, high : corners of the workspace, shape (3,), mm.
+    sigma : standard deviation of each reading from noise and converter, shape (k,), T.
+    tolerance : largest misfit of each reading if there are more than three, shape (k,), T.
     """
 
     forward: Forward
@@ -73,18 +73,18 @@ class Decoded:
 
     Attributes
     ----------
-    status : "ok"; "ambiguous" (several poses; the one given is the nearest to the one before, or to rest);
-        "out_of_workspace" (no pose in it gives these readings); "saturated" (a reading at a rail); "not_finite";
-        "inconsistent" (more than three readings, and none of the poses explains them all); "tension" (one pose, but
-        by the mechanics the plate would have to pull there, so that its load is not known).
+    status : "ok" (one pose); "ambiguous" (several poses; the result is the one nearest to the pose before, or to
+        rest); "out_of_workspace" (no pose in the workspace has these readings); "saturated" (a reading at a rail);
+        "not_finite" (a reading is NaN or infinite); "inconsistent" (more than three readings, which no pose has
+        together); "tension" (one pose, but by the mechanics the plate would have to pull there: no load).
     shift : shape (n, 3), mm.
     tilt : rotation vector (rx, ry), shape (n, 2), rad.
     force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (n, 3); NaN without mechanics
         and where the plate would have to pull, 0 where it does not touch.
-    condition : of dB/ds, shape (n,).
-    multiplicity : how many poses in the workspace give the readings, shape (n,).
+    condition : condition number of dB/ds, shape (n,).
+    multiplicity : number of poses in the workspace that have the readings, shape (n,).
     noise_mm, noise_N : standard deviations of shift and force, shape (n, 3); NaN if no element has any noise.
-    poses, owner : the shifts of all poses, shape (m, 3), mm, and the row of each, shape (m,), in order.
+    poses, owner : shifts of all poses, shape (m, 3), mm, and the row that each belongs to, shape (m,), ascending.
     """
 
     status: list[Status]
@@ -110,20 +110,22 @@ def decoder(
     workspace: tuple[ArrayLike, ArrayLike] | None = None,
     cells: tuple[int, int, int] = CELLS,
 ) -> Decoder:
-    """Prepare to decode; takes some tenths of a second.
+    """Build a decoder, which takes some tenths of a second.
 
     Parameters
     ----------
-    law : tilt, forces and loads from the shift; without it the magnet does not tilt and there are no forces.
-    ignore_tilt : as the paper does, with forces by the law all the same.
+    law : mechanics that give tilt, force and load from the shift; without it the magnet does not tilt, and there are
+        no forces.
+    ignore_tilt : set the tilt to 0, as the paper does; the law still gives the forces.
     elements, mode : as in `analytic.hall.readings`.
-    workspace : low and high shift, shape (3,), mm; `mechanics.workspace` by default.
+    workspace : low and high shift, shape (3,), mm; default: `analytic.inverse.response_surface.workspace`.
+    cells : number of cells of the table along x, y and z.
 
     Raises
     ------
     BadInput
-        No magnet, fewer than three elements, one of them inside the beam, an empty workspace, or one in which
-        the field is not defined.
+        The design has no magnet, there are fewer than three elements, an element lies inside the beam, the workspace
+        is empty, or the field is not defined at a point of it.
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tau
     forward = model(design, tau, elements=elements, mode=mode)
@@ -139,47 +141,48 @@ def decoder(
 
 
 def field_of(elements: Sequence[Element], outputs: ArrayLike) -> Array:
-    """B.n, T, from the elements' outputs (V, or T for a chip), shape (n, k)."""
+    """Return B.n, shape (n, k), T, from outputs of the elements, shape (n, k), V (T for a chip)."""
     null, gain = (np.array([getattr(e, name) for e in elements]) for name in ("null", "gain"))
     return np.asarray((np.asarray(outputs, dtype=np.float64) - null) / gain)
 
 
 def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None, follow: bool = False) -> Decoded:
-    """Decode readings.
+    """Decode rows of readings to poses and loads.
 
     Parameters
     ----------
     readings : B.n of each element (see `field_of`), shape (n, k), T; rows with NaN and rows at a rail get no pose.
-    near : shift to which the pose of an ambiguous first reading shall be nearest, shape (3,), mm; rest by default.
-    follow : the rows are a stream: where a row is ambiguous, the pose nearest to that of the row before is taken.
+    near : for an ambiguous row, the pose nearest to this shift is chosen, shape (3,), mm; default: rest.
+    follow : the rows are a time series: for an ambiguous row, the pose nearest to that of the last row with a pose is
+        chosen, and `near` is for the first row only.
 
     Raises
     ------
     BadInput
-        The readings have another shape.
+        The readings have a wrong shape.
     """
-    given = np.asarray(readings, dtype=np.float64)
+    rows = np.asarray(readings, dtype=np.float64)
     count = len(coder.forward.elements)
-    if given.ndim != 2 or given.shape[1] != count:
-        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {given.shape}")
-    target = np.ascontiguousarray(given.T)
+    if rows.ndim != 2 or rows.shape[1] != count:
+        raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
+    target = np.ascontiguousarray(rows.T)
     finite = np.asarray(np.isfinite(target).all(axis=0))
-    full = finite & at_rail(coder.forward.elements, target)
-    index = np.flatnonzero(finite & ~full)
+    saturated = finite & at_rail(coder.forward.elements, target)
+    index = np.flatnonzero(finite & ~saturated)
     blocks = [_solve(coder, target, index[i : i + BLOCK]) for i in range(0, len(index), BLOCK)]
     poses = np.concatenate([b[0] for b in blocks] or [np.empty((3, 0))], axis=1)
     slopes = np.concatenate([b[1] for b in blocks] or [np.empty((3, count, 0))], axis=2)
     owner = np.concatenate([b[2] for b in blocks] or [np.empty(0, dtype=np.int64)])
     misfit = np.concatenate([b[3] for b in blocks] or [np.empty(0, dtype=np.int64)])
-    multiplicity = np.bincount(owner, minlength=len(given))
-    begin = np.cumsum(multiplicity) - multiplicity
-    chosen = _choose(poses, begin, multiplicity, np.zeros(3) if near is None else np.asarray(near, float), follow)
+    multiplicity = np.bincount(owner, minlength=len(rows))
+    first = np.cumsum(multiplicity) - multiplicity
+    chosen = _choose(poses, first, multiplicity, np.zeros(3) if near is None else np.asarray(near, float), follow)
     status: list[Status] = [
         "ok" if many == 1 else "ambiguous" if many else "out_of_workspace" for many in multiplicity
     ]
     cases: list[tuple[Status, NDArray[np.bool_]]] = [
-        ("inconsistent", np.isin(np.arange(len(given)), misfit) & (multiplicity == 0)),
-        ("saturated", full),
+        ("inconsistent", np.isin(np.arange(len(rows)), misfit) & (multiplicity == 0)),
+        ("saturated", saturated),
         ("not_finite", np.asarray(~finite)),
     ]
     for name, flags in cases:
@@ -191,21 +194,27 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
 def _solve(
     coder: Decoder, target: Array, index: NDArray[np.int64]
 ) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
-    """All poses of the readings with these numbers: shifts, slopes and owners; and the numbers of misfits."""
+    """Find all poses of the rows `index`, (m,), of readings, (k, n), T.
+
+    Returns
+    -------
+    shift, slopes, owner : shape (3, p), mm; dB/ds (3, k, p), T/mm; row of each pose, shape (p,).
+    misfit : rows for which a converged pose does not fit the readings.
+    """
     part = target[:, index]
     owner, start, curvature = start_table.starts(coder.table, part)
     if len(target) > 3:
-        # where readings contradict each other, steps do not square the error
+        # readings that contradict each other leave a residual, with which the convergence is not quadratic
         curvature[:] = start_table.STEEP
-    noisy = coder.sigma.all()
-    weights = coder.sigma.min() / coder.sigma if noisy else np.ones(len(target))
+    weights = coder.sigma.min() / coder.sigma if coder.sigma.all() else np.ones(len(target))
+    # the way to a pose inside may lead through shifts a little outside
     pad = 3 * coder.table.cell_size
-    s, f, A, done = damped_newton.refine(
+    s, residual, A, converged = damped_newton.refine(
         coder.forward, start, part[:, owner], weights, coder.low - pad, coder.high + pad, curvature
     )
     low, high = coder.low[:, None] - EDGE, coder.high[:, None] + EDGE
-    inside = done & ((s >= low) & (s <= high)).all(axis=0)
-    good = inside & fits(coder, f, A)
+    inside = converged & ((s >= low) & (s <= high)).all(axis=0)
+    good = inside & fits(coder, residual, A)
     misfit = index[owner[inside & ~good]]
     s, A, owner = s[:, good], A[:, :, good], owner[good]
     if np.any(owner[1:] == owner[:-1]):
@@ -215,15 +224,16 @@ def _solve(
 
 
 def fits(coder: Decoder, residual: Array, slopes: Array) -> NDArray[np.bool_]:
-    """Whether readings are explained, shape (n,), by residuals (k, n), T, and slopes (3, k, n), T/mm, of poses."""
+    """Return whether poses fit their readings, shape (n,), from residuals (k, n), T, and slopes (3, k, n), T/mm."""
     if len(residual) == 3:
         return np.asarray(np.sqrt((residual**2).sum(axis=0)) <= EXACT * np.sqrt((slopes**2).sum(axis=(0, 1))))
     return np.asarray((np.abs(residual) <= coder.tolerance[:, None]).all(axis=0))
 
 
 def _distinct(s: Array, owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Indices that leave out a pose that an earlier one of the same reading already is."""
+    """Return the indices of poses that differ from all earlier poses of the same owner; owners ascend."""
     kept = np.ones(len(owner), dtype=np.bool_)
+    # owners ascend and have few poses each, so comparing neighbours at growing lags ends after a few passes
     for lag in range(1, len(owner)):
         same = owner[lag:] == owner[:-lag]
         if not same.any():
@@ -234,28 +244,17 @@ def _distinct(s: Array, owner: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _choose(
-    poses: Array, begin: NDArray[np.int64], many: NDArray[np.int64], near: Array, follow: bool
+    poses: Array, first: NDArray[np.int64], multiplicity: NDArray[np.int64], near: Array, follow: bool
 ) -> NDArray[np.int64]:
-    """Which pose of each reading is given: its index, -1 for none."""
-    chosen = np.where(many > 0, begin, -1)
-    # the last row before each that has a pose
-    before = np.maximum.accumulate(np.where(many > 0, np.arange(len(many)), -1))
-    for k in np.flatnonzero(many > 1):
-        last = near if not follow or k == 0 or before[k - 1] < 0 else poses[:, chosen[before[k - 1]]]
-        some = poses[:, begin[k] : begin[k] + many[k]]
-        chosen[k] += ((some.T - last) ** 2).sum(axis=1).argmin()
+    """Return the index of the pose chosen for each row, -1 for none; row k has its poses from index first[k] on."""
+    chosen = np.where(multiplicity > 0, first, -1)
+    # for each row the latest row, itself included, that has a pose
+    latest = np.maximum.accumulate(np.where(multiplicity > 0, np.arange(len(multiplicity)), -1))
+    for k in np.flatnonzero(multiplicity > 1):
+        last = near if not follow or k == 0 or latest[k - 1] < 0 else poses[:, chosen[latest[k - 1]]]
+        candidates = poses[:, first[k] : first[k] + multiplicity[k]]
+        chosen[k] += ((candidates.T - last) ** 2).sum(axis=1).argmin()
     return chosen
-
-
-def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
-    """Whether an element's output lies at a rail, shape (n,), for B.n of the elements, shape (k, n), T."""
-    found = np.zeros(field.shape[1], dtype=np.bool_)
-    for element, b in zip(elements, field, strict=True):
-        # a converter's or the arithmetic's last digit must not hide a rail
-        slack = 1e-12 * (element.high - element.low)
-        output = element.null + element.gain * b
-        found |= (output <= element.low + slack) | (output >= element.high - slack)
-    return found
 
 
 def _result(
@@ -267,23 +266,24 @@ def _result(
     multiplicity: NDArray[np.int64],
     chosen: NDArray[np.int64],
 ) -> Decoded:
-    n, some = len(status), chosen >= 0
-    s, A = poses[:, chosen[some]], slopes[:, :, chosen[some]]
+    """Return the rows of the result; rows with "tension" get this status here."""
+    n, decoded = len(status), chosen >= 0
+    s, A = poses[:, chosen[decoded]], slopes[:, :, chosen[decoded]]
 
     def rows(values: Array) -> Array:
-        """Values of the poses (j, m) as rows (n, j)."""
-        found = np.full((n, len(values)), np.nan)
-        found[some] = values.T
-        return found
+        """Return values of the chosen poses (j, m) as rows (n, j), NaN where a row has no pose."""
+        table = np.full((n, len(values)), np.nan)
+        table[decoded] = values.T
+        return table
 
-    blank = np.full((3, s.shape[1]), np.nan)
-    noisy = observability.spread(coder.sigma, A)
-    force, load, noise = blank, blank, blank
+    no_value = np.full((3, s.shape[1]), np.nan)
+    spread = observability.spread(coder.sigma, A)
+    force, load, noise_N = no_value, no_value, no_value
     if coder.mechanics is not None:
-        force, load, slope = response_surface.force_and_load(coder.mechanics, s)
-        for k in np.flatnonzero(some)[np.isnan(force[2])].tolist():
+        force, load, slopes_N = response_surface.force_and_load(coder.mechanics, s)
+        for k in np.flatnonzero(decoded)[np.isnan(force[2])].tolist():
             status[k] = "tension" if status[k] == "ok" else status[k]
-        noise = np.sqrt((np.einsum("jin,jkn->ikn", slope, noisy) ** 2).sum(axis=1))
+        noise_N = np.sqrt((np.einsum("jin,jkn->ikn", slopes_N, spread) ** 2).sum(axis=1))
     return Decoded(
         status=status,
         shift=rows(s),
@@ -292,8 +292,8 @@ def _result(
         load=rows(load),
         condition=rows(observability.condition(A)[None])[:, 0],
         multiplicity=multiplicity,
-        noise_mm=rows(np.sqrt((noisy**2).sum(axis=1))),
-        noise_N=rows(noise),
+        noise_mm=rows(np.sqrt((spread**2).sum(axis=1))),
+        noise_N=rows(noise_N),
         poses=np.ascontiguousarray(poses.T),
         owner=owner,
     )

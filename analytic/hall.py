@@ -200,6 +200,17 @@ def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
     return np.array(points).reshape(-1, 3), np.array(owners, dtype=np.int64)
 
 
+def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
+    """Return whether the output of any element lies at a rail, shape (n,), from B.n of the elements (k, n), T."""
+    saturated = np.zeros(field.shape[1], dtype=np.bool_)
+    for element, b in zip(elements, field, strict=True):
+        # a rounding error of the output must not hide that it lies at a rail
+        slack = 1e-12 * (element.high - element.low)
+        output = element.null + element.gain * b
+        saturated |= (output <= element.low + slack) | (output >= element.high - slack)
+    return saturated
+
+
 def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: bool = True) -> Array:
     """The values as finite floats, shape (n, width), or (width,) where a single row is allowed."""
     rows = np.asarray(values, dtype=np.float64)

@@ -1,11 +1,13 @@
 """The paper's look-up table: the readings of every pose of a grid. Lengths in mm, B in T.
 
-The grid has x and y from -side to side and the sinking from 0 to sink, in whole steps; with the paper's 3 mm and
-0.01 mm these are 601 x 601 x 301 poses of three readings. Without tilt every reading follows from B_rho and B_z at a
-distance rho from the axis and a height Z over the magnet's centre alone, a table of two dimensions.
+The grid covers x and y from -side to side and the magnet's sinking from 0 to sink, in equal steps. The paper's 3 mm
+and 0.01 mm give 601 x 601 x 301 poses of three readings each. Without tilt, two numbers determine every reading:
+B_rho and B_z at a distance rho from the magnet's axis and a height Z above its centre. They fit in a two-dimensional
+table.
 
-A table too large for a search tree in memory is read from its file: of blocks of 16 x 16 x 16 poses the least and the
-greatest readings are kept, and only blocks that may hold a nearer entry than the best so far are looked into.
+A table too large for a search tree in memory is searched in its file. An index holds the smallest and largest
+readings of each block of 16 x 16 x 16 poses. The search reads only blocks that may hold an entry nearer than the best
+so far.
 """
 
 from __future__ import annotations
@@ -21,16 +23,17 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 
 SIDE = 16
-"""Of a block, in poses."""
+"""Edge of a block, in poses: smaller blocks enlarge the index, larger ones lengthen each read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Poses x = -side + i step, y = -side + j step, z = -k step.
+    """Grid of poses x = -side + i step, y = -side + j step, z = -k step.
 
     Attributes
     ----------
-    side, sink, step : mm; side and sink are whole numbers of steps.
+    side, sink, step : largest lateral shift along x and y, largest sinking, and distance of neighbours, mm; side and
+        sink must be multiples of step.
     """
 
     side: float
@@ -50,7 +53,7 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Number of poses along x, y and z.
+        """Return the number of poses along x, y and z.
 
         >>> Grid(3.0, 3.0, 0.01).shape
         (601, 601, 301)
@@ -59,32 +62,32 @@ class Grid:
         return wide, wide, round(self.sink / self.step) + 1
 
     def axes(self) -> tuple[Array, Array, Array]:
-        """Coordinates along x, y and z, mm; z downwards from 0."""
+        """Return the coordinates along x, y and z, mm; z decreases from 0."""
         n, _, deep = self.shape
         wide = np.linspace(-self.side, self.side, n)
         return wide, wide, -np.linspace(0.0, self.sink, deep)
 
 
 def slab(forward: Forward, grid: Grid, i: int, block: int = 8192) -> Array:
-    """Readings of all poses with the i-th x, shape (n_y, n_z, k), T."""
+    """Return the readings of all poses with the i-th x, shape (n_y, n_z, k), T, computed `block` poses at a time."""
     x, y, z = grid.axes()
     shift = np.stack([np.full(len(y) * len(z), x[i]), np.repeat(y, len(z)), np.tile(z, len(y))])
-    found = np.empty((shift.shape[1], len(forward.elements)))
-    for start in range(0, len(found), block):
+    readings = np.empty((shift.shape[1], len(forward.elements)))
+    for start in range(0, len(readings), block):
         part = slice(start, start + block)
-        found[part] = readings_at(forward, np.ascontiguousarray(shift[:, part])).T
-    return found.reshape(len(y), len(z), -1)
+        readings[part] = readings_at(forward, np.ascontiguousarray(shift[:, part])).T
+    return readings.reshape(len(y), len(z), -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockIndex:
-    """Bounds of the readings in the blocks of a table.
+    """Index of a table: smallest and largest readings in each of its n blocks.
 
     Attributes
     ----------
-    table : shape (n_x, n_y, n_z, 3), T; a memory map will do.
-    low, high : of each block, shape (n, 3), T.
-    corner : index of its first entry, shape (n, 3).
+    table : readings of all poses, shape (n_x, n_y, n_z, 3), T; may be a memory map.
+    low, high : smallest and largest readings of each block, shape (n, 3), T.
+    corner : index (i, j, k) of the first entry of each block, shape (n, 3).
     """
 
     table: Array
@@ -94,23 +97,25 @@ class BlockIndex:
 
 
 def block_index(table: Array) -> BlockIndex:
-    """The index of a table; reads all of it once, a row of blocks at a time."""
+    """Return the index of a table, which reads all of it once, one layer of blocks at a time."""
     starts = [np.arange(0, n, SIDE) for n in table.shape[:3]]
     low: list[Array] = []
     high: list[Array] = []
     for i in starts[0]:
         part = np.asarray(table[i : i + SIDE])
-        for found, reduce in ((low, np.minimum), (high, np.maximum)):
+        for bounds, reduce in ((low, np.minimum), (high, np.maximum)):
             row = reduce.reduceat(reduce.reduceat(reduce.reduce(part, axis=0), starts[1], axis=0), starts[2], axis=1)
-            found.append(row.reshape(-1, table.shape[3]))
+            bounds.append(row.reshape(-1, table.shape[3]))
     corner = np.stack(np.meshgrid(*starts, indexing="ij"), axis=-1).reshape(-1, 3)
     return BlockIndex(table, np.concatenate(low), np.concatenate(high), corner)
 
 
 def nearest(index: BlockIndex, field: Array) -> tuple[tuple[int, int, int], int]:
-    """Where in the table the entry nearest to the readings (3,), T, is, and how many blocks were looked into."""
-    apart = np.maximum(np.maximum(index.low - field, field - index.high), 0.0)
-    bound = (apart * apart).sum(axis=1)
+    """Return the index (i, j, k) of the entry nearest to the readings (3,), T, and the number of blocks read."""
+    # the distance to a block's bounds is a lower bound of the distance to its entries: once it exceeds the best
+    # distance so far, no remaining block can hold a nearer entry
+    gap = np.maximum(np.maximum(index.low - field, field - index.high), 0.0)
+    bound = (gap * gap).sum(axis=1)
     best, place, count = np.inf, (0, 0, 0), 0
     k = int(bound.argmin())
     while bound[k] < best:
@@ -129,13 +134,13 @@ def nearest(index: BlockIndex, field: Array) -> tuple[tuple[int, int, int], int]
 
 
 def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
-    """B_rho and B_z in the magnet's frame for all readings of the grid without tilt, and the first Z.
+    """Return the table of B_rho and B_z that determines all readings of the grid without tilt.
 
     Returns
     -------
-    table : shape (n_rho, n_Z, 2), T, at rho = i step, Z = first + j step, Z against the magnet's polarisation (up in
-        the sensor), B along rho and Z.
-    first : mm.
+    table : (B_rho, B_Z) at rho = i step, Z = first + j step, shape (n_rho, n_Z, 2), T. Z points up in the sensor,
+        against the magnet's polarisation.
+    first : smallest Z, mm.
     """
     design, points = forward.design, forward.points
     far = max(float(np.hypot(np.abs(x) + grid.side, np.abs(y) + grid.side)) for x, y, _ in points)

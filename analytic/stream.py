@@ -1,8 +1,9 @@
-"""Readings one at a time, for a loop that waits for each: what `analytic.decode` finds, in a fraction of its time.
+"""Decoding of one row of readings at a time, for a real-time loop: the results of `analytic.decode`, sooner.
 
-NumPy takes microseconds for an operation, whatever the length of its arrays. Here a single row of readings is looked
-up in the table, and Newton's steps are taken, in Python's own numbers. A row that this does not settle (a fold
-nearby, several poses, more elements than three, plates) goes to `decode`, with the pose before as its warm start.
+A NumPy operation takes microseconds even for arrays of three numbers. Here the table lookup and the Newton steps for
+a single row use Python's floats instead. Rows that this fast method cannot decode go to `analytic.decode.decode`: a
+fold nearby, several poses, more than three elements, or elements with plates. Of several poses it then chooses the
+one nearest to the last pose.
 """
 
 from __future__ import annotations
@@ -23,11 +24,13 @@ from geometry.loads import rotation_of
 Vector = tuple[float, float, float]
 
 STEPS = 8
+"""Largest number of Newton steps before a row goes to `decode`; from a corrected start one mostly suffices."""
 REACH = 0.5 + MARGIN
+"""Largest distance from a cell's centre, in units of its edges, at which the enlarged cell contains a point."""
 
 
 class Sample(NamedTuple):
-    """What one row of readings says; NaN where there is no pose. Units as in `analytic.decode.Decoded`."""
+    """Result of one row of readings; NaN where there is no pose. Units as in `analytic.decode.Decoded`."""
 
     status: Status
     shift: Vector
@@ -37,17 +40,19 @@ class Sample(NamedTuple):
 
 
 NAN3 = (math.nan, math.nan, math.nan)
+"""A vector without a value."""
 
 
 class Stream:
-    """Decodes row after row; of several poses it takes the one nearest to the last.
+    """Decoder of a time series, one row at a time; of several poses it chooses the one nearest to the last.
 
     Parameters
     ----------
-    coder : as `analytic.decode.decoder` makes it.
+    coder : as returned by `analytic.decode.decoder`.
     """
 
     def __init__(self, coder: Decoder) -> None:
+        # lists, because indexing a NumPy array costs more than the arithmetic on one number
         self.coder = coder
         forward, design = coder.forward, coder.forward.design
         self.last: Vector = (0.0, 0.0, 0.0)
@@ -65,12 +70,12 @@ class Stream:
         self.apart = APART * math.hypot(*self.edge)
 
     def step(self, field: Vector) -> Sample:
-        """Decode B.n of the elements, T.
+        """Decode one row of readings, B.n of each element, T.
 
         Raises
         ------
         BadInput
-            There is another number of readings than of elements.
+            The number of readings differs from the number of elements.
         """
         shift = None
         if self.simple and len(field) == 3:
@@ -78,30 +83,32 @@ class Stream:
             start = self._start(field) if inside else None
             shift = None if start is None else self._newton(field, *start)
         if shift is None:
-            return self._slowly(field)
+            return self._decode_in_full(field)
         self.last = shift
         turn = self._tau(shift[0] ** 2 + shift[1] ** 2, shift[2])[0]
         force = NAN3 if self.coder.mechanics is None else self._force(shift)
-        # a known force is lost only where the plate would have to pull
+        # with mechanics, the force is NaN only where the plate would have to pull
         pulls = self.coder.mechanics is not None and math.isnan(force[2])
         return Sample("tension" if pulls else "ok", shift, rotation_of(turn * shift[0], turn * shift[1]), force, 1)
 
-    def _slowly(self, field: Vector) -> Sample:
-        found = decode(self.coder, np.asarray(field, dtype=np.float64)[None], near=self.last)
-        x, y, z = found.shift[0].tolist()
-        if found.multiplicity[0]:
+    def _decode_in_full(self, field: Vector) -> Sample:
+        """Decode a row by `analytic.decode.decode`."""
+        decoded = decode(self.coder, np.asarray(field, dtype=np.float64)[None], near=self.last)
+        x, y, z = decoded.shift[0].tolist()
+        if decoded.multiplicity[0]:
             self.last = (x, y, z)
-        rx, ry = found.tilt[0].tolist()
-        f_x, f_y, f_n = found.force[0].tolist()
-        return Sample(found.status[0], (x, y, z), (rx, ry), (f_x, f_y, f_n), int(found.multiplicity[0]))
+        rx, ry = decoded.tilt[0].tolist()
+        f_x, f_y, f_n = decoded.force[0].tolist()
+        return Sample(decoded.status[0], (x, y, z), (rx, ry), (f_x, f_y, f_n), int(decoded.multiplicity[0]))
 
     def _start(self, field: Vector) -> tuple[list[float], float] | None:
-        """The only start that the table gives with its curvature, or None."""
+        """Return the only start in the table and its curvature bound; None if there is no start, or more than one."""
         table = self.coder.table
         index = 0
         for edges, b in zip(self.edges, field, strict=True):
             index = index * BINS + bisect_left(edges, b)
-        found: list[tuple[float, int, list[float]]] = []
+        # each cell that contains the readings: distance from its centre, index, position in it
+        hits: list[tuple[float, int, list[float]]] = []
         for cell in table.members[table.first[index] : table.first[index + 1]].tolist():
             u: list[float] = []
             for a, b, c, d in self.maps[cell]:
@@ -109,31 +116,33 @@ class Stream:
                 if not -REACH <= u[-1] <= REACH:
                     break
             else:
-                found.append((max(map(abs, u)), cell, u))
-        if not found:
+                hits.append((max(map(abs, u)), cell, u))
+        if not hits:
             return None
-        turns = {self.turns[cell] for _, cell, _ in found}
-        if len(turns) > 1 or 0 in turns:
+        # cells on both sides of a fold mean several poses; sign 0 is a folded cell, where the linear map is no guide
+        signs = {self.turns[cell] for _, cell, _ in hits}
+        if len(signs) > 1 or 0 in signs:
             return None
-        _, cell, u = min(found)
-        best = self._place(cell, u)
-        if any(math.dist(self._place(other, v), best) > self.apart for _, other, v in found):
+        _, cell, u = min(hits)
+        best = self._shift_in_cell(cell, u)
+        if any(math.dist(self._shift_in_cell(other, v), best) > self.apart for _, other, v in hits):
             return None
-        bends, v = table.correction[:, :, cell], u
+        correction, v = table.correction[:, :, cell], u
         for _ in range(CORRECTIONS):
-            q = bends.dot(monomials(*v)).tolist()
+            q = correction.dot(monomials(*v)).tolist()
             v = [u[0] - q[0], u[1] - q[1], u[2] - q[2]]
-        return self._place(cell, v), float(table.curvature[cell])
+        return self._shift_in_cell(cell, v), float(table.curvature[cell])
 
-    def _place(self, cell: int, u: list[float]) -> list[float]:
-        """Shift, mm, of a place in a cell."""
+    def _shift_in_cell(self, cell: int, u: list[float]) -> list[float]:
+        """Return the shift, mm, at the position u in a cell, in units of its edges."""
         return [c + v * e for c, v, e in zip(self.centres[cell], u, self.edge, strict=True)]
 
-    def _newton(self, field: Vector, s: list[float], curve: float) -> Vector | None:
-        """The pose from a start, or None if Newton's undamped steps do not settle, or settle outside."""
+    def _newton(self, field: Vector, s: list[float], curvature: float) -> Vector | None:
+        """Return the pose from a start; None if undamped Newton steps do not converge, or converge outside."""
         last = math.inf
         for _ in range(STEPS):
-            rows, f = self._seen(s, field)
+            rows, f = self._slopes_and_residuals(s, field)
+            # solve J (p, q, r) = -f by cofactors
             (a, b, c), (d, e, g), (h, i, j) = rows
             A, B, C = e * j - g * i, g * h - d * j, d * i - e * h
             det = a * A + b * B + c * C
@@ -146,17 +155,20 @@ class Stream:
             if not length < min(0.5, last):
                 return None
             s = [s[0] + p, s[1] + q, s[2] + r]
-            bend = curve if last == math.inf else length / min(last, 1e-2) ** 2
+            bend = curvature if last == math.inf else length / min(last, 1e-2) ** 2
             if length < 1e-3 * GOAL or bend * length**2 < GOAL:
                 good = all(low <= v <= high for low, v, high in zip(self.low, s, self.high, strict=True))
                 return (s[0], s[1], s[2]) if good else None
             last = length
         return None
 
-    def _seen(self, s: list[float], field: Vector) -> tuple[list[list[float]], list[float]]:
-        """Slopes of each reading, T/mm, and what the readings lack, T; formulas as in `inverse.forward_model`."""
+    def _slopes_and_residuals(self, s: list[float], field: Vector) -> tuple[list[list[float]], list[float]]:
+        """Return the slopes of each reading at the shift s, T/mm, and its residual, T.
+
+        The formulas are those of `analytic.inverse.forward_model`.
+        """
         m, lean = self._axis(s)
-        rows, lack = [], []
+        rows, residuals = [], []
         for (point, n), read in zip(self.points, field, strict=True):
             x = [point[0] - s[0], point[1] - s[1], point[2] - s[2]]
             zeta = m[0] * x[0] + m[1] * x[1] + m[2] * x[2]
@@ -178,11 +190,11 @@ class Stream:
                 for j in range(3):
                     row[j] += lean[j][0] * turn[0] + lean[j][1] * turn[1] + lean[j][2] * turn[2]
             rows.append(row)
-            lack.append(b_r * out + b_z * along - read)
-        return rows, lack
+            residuals.append(b_r * out + b_z * along - read)
+        return rows, residuals
 
     def _axis(self, s: list[float]) -> tuple[list[float], list[list[float]]]:
-        """The magnet's axis, and its slopes dm_i/ds_j at [j][i]; none if it does not tilt."""
+        """Return the magnet's axis m and its slopes dm_i/ds_j at [j][i], 1/mm; no slopes if it does not tilt."""
         if not self.tau:
             return [0.0, 0.0, 1.0], []
         x, y, z = s
@@ -205,9 +217,11 @@ class Stream:
         return [k * x, k * y, cos], lean
 
     def _tau(self, u: float, w: float) -> tuple[float, float, float]:
+        """Return tau, rad/mm, and its slopes along u = rho^2 and w = s_z."""
         return _polynomial(self.tau, u, w)
 
     def _force(self, shift: Vector) -> Vector:
+        """Return the force on the tip, N, as `analytic.inverse.response_surface.force_and_load` does."""
         law = self.coder.mechanics
         assert law is not None
         x, y, w = shift
@@ -223,11 +237,12 @@ class Stream:
 
 
 def _cross(a: list[float], b: list[float]) -> list[float]:
+    """Return the vector product."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 def _polynomial(c: list[list[float]], u: float, w: float) -> tuple[float, float, float]:
-    """As `analytic.inverse.forward_model.polynomial`."""
+    """Return the value and slopes that `analytic.inverse.polynomials.polynomial` returns."""
     p = p_u = p_w = 0.0
     for row in reversed(c):
         q, q_w = 0.0, 0.0

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import decode
+from analytic import decode, hall
 from analytic.clearance import lowest, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from analytic.inverse import forward_model, observability, response_surface
+from analytic.inverse.polynomials import polynomial
 from geometry.arrays import Array
 from geometry.design import BadInput
 
@@ -124,7 +125,7 @@ def at_poses(
     if not weight.sum() > 0:
         raise BadInput("the tilt is not known at any pose in the workspace: give states over more depths and shears")
     by_element = np.array(
-        [decode.at_rail([e], b[None]) for e, b in zip(ahead.elements, values, strict=True)], dtype=np.bool_
+        [hall.at_rail([e], b[None]) for e, b in zip(ahead.elements, values, strict=True)], dtype=np.bool_
     )
     saturated = by_element.any(axis=0)
     magnet_hits, wall_hits, grounded = hits(coder, shift, tilt, clearance)
@@ -161,7 +162,7 @@ def known(coder: Decoder, shift: Array) -> Bools:
     x, y, w = shift
     aside = x * x + y * y
     r = np.cbrt(np.maximum(-w, 0.0))
-    depth = forward_model.polynomial(law.depth, aside, r)[0]
+    depth = polynomial(law.depth, aside, r)[0]
     rest = (aside == 0) & (w == 0)
     return np.asarray(rest | ((w < 0) & (depth >= 0) & (aside <= (law.reach * (1 + 1e-9)) ** 2)))
 

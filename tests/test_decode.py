@@ -11,6 +11,7 @@ from analytic.inverse import (
     damped_newton,
     forward_model,
     observability,
+    polynomials,
     response_surface,
     start_table,
     workspace_limits,
@@ -72,7 +73,7 @@ def test_round_trip(coder, ignore_tilt):
     coder = decode.decoder(Design(hall_high=3.8), coder.mechanics, ignore_tilt=ignore_tilt)
     shift, field = poses(coder, 2000)
     found = decode.decode(coder, field.T)
-    seen = ~decode.at_rail(coder.forward.elements, field)
+    seen = ~hall.at_rail(coder.forward.elements, field)
     assert 0.9 < seen.mean() < 1
     assert {s for s, good in zip(found.status, seen, strict=True) if good} == {"ok"}
     assert {s for s, good in zip(found.status, seen, strict=True) if not good} == {"saturated"}
@@ -305,10 +306,10 @@ def test_few_states_make_no_fold_and_no_tension_between_them(name):
     rng = np.random.default_rng(0)
     of = np.array([rng.choice(len(corners), 2, replace=False) for _ in range(1000)])
     u, w = np.einsum("ni,nij->jn", rng.dirichlet(np.ones(2), len(of)), corners[of])
-    normal, _, slope = forward_model.polynomial(law.normal, u * u, w)
+    normal, _, slope = polynomials.polynomial(law.normal, u * u, w)
     assert normal.min() > 0
     assert slope.max() < 0
-    assert forward_model.polynomial(law.depth, u * u, np.cbrt(-w))[2].min() > 0
+    assert polynomials.polynomial(law.depth, u * u, np.cbrt(-w))[2].min() > 0
 
 
 def test_a_force_between_few_states_is_that_of_the_model():

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.hall import Mode, plates
+from analytic.inverse.polynomials import polynomial
 from analytic.magnet import cylinder_field, cylinder_field_jacobian
 from analytic.parts import Element, of_design
 from geometry.arrays import Array
@@ -206,20 +207,6 @@ def rotation(tau: Array, shift: Array) -> Array:
     x, y, z = shift
     t = polynomial(tau, x * x + y * y, z)[0]
     return np.stack(rotation_of(t * x, t * y))
-
-
-def polynomial(c: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
-    """Return p = sum c[i, j] u^i w^j and its slopes along u and w, each of the shape of u, by Horner's rule."""
-    p, p_u, p_w = (np.zeros_like(u) for _ in range(3))
-    for row in c[::-1]:
-        q, q_w = np.full_like(u, row[-1]), np.zeros_like(u)
-        for value in row[-2::-1]:
-            q_w = q_w * w + q
-            q = q * w + value
-        p_u = p_u * u + p
-        p_w = p_w * u + q_w
-        p = p * u + q
-    return p, p_u, p_w
 
 
 def _dot(a: Array, b: Array) -> Array:

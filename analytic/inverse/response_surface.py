@@ -1,16 +1,17 @@
-"""The mechanics that the decoder needs: tilt, force and load as functions of the magnet's shift, from any model.
+"""Mechanics for the decoder: tilt, force and load as polynomials of the magnet's shift, fitted to any model.
 
-The silicone between base and magnet is a spring, so the forces are smooth functions of the magnet's pose, whatever
-happens at the tip. With u the lateral shift, w the vertical one (negative when the magnet sinks), U = u^2, and all
-lateral quantities along the shift (a body of revolution), least squares over samples Load -> Response give
+The silicone between base and magnet acts as a spring, so the forces are smooth functions of the magnet's pose,
+however the load acts on the tip. Let u be the lateral shift, w the vertical shift (negative when the magnet sinks)
+and U = u^2. The sensor is a body of revolution, so all lateral quantities point along the lateral shift. Least
+squares over samples Load -> Response give
 
     tilt = u tau(U, w),  F_t = u k(U, w),  F_n = n(U, w),  depth = r d(U, r),  shear = u g(U, r),  r = (-w)^(1/3),
 
-tau, k, n, d, g polynomials. The depth of a contact goes like (-w)^(2/3) near first touch, hence r. mm, N, rad.
+with polynomials tau, k, n, d and g. Near first touch the depth grows as (-w)^(2/3), hence r. Units mm, N, rad.
 
-The normal force and the depth grow as the magnet sinks, and a plate does not pull. A polynomial through few samples
-may do otherwise between them, so n and d are of the highest orders with which, on the lines between the samples and
-rest, dn/dw < 0, dd/dr > 0 and neither is negative; how far they then are from the samples is in `Mechanics.errors`.
+The normal force and the depth grow as the magnet sinks, and a plate cannot pull. A polynomial through few samples can
+violate both between them. So n and d are the closest fits for which dn/dw < 0, dd/dr > 0, n > 0 and d > 0 hold on the
+lines between all samples and rest; `Mechanics.errors` gives their distance from the samples.
 """
 
 from __future__ import annotations
@@ -22,39 +23,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.inverse.forward_model import polynomial
+from analytic.inverse.polynomials import least_squares, monotonic_fit, polynomial
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 
 Sample = tuple[Load, Response]
-Powers = list[tuple[int, int]]
 
 ORDERS = (2, 6)
-"""Highest powers of U and of w or r, where there are samples enough."""
+"""Highest powers of U and of w or r, if there are enough samples."""
 
-EXACT = 1e-20
-"""Sum of squares of a fit's errors, over that of the values, that counts as rounding."""
 SHARES = (0.25, 0.5, 0.75)
-"""Of the way between two samples, where a fit is looked at."""
+"""Fractions of the line between two samples at which the signs of a fit and of its slope are checked."""
 MOST_ENDS = 60
-"""Samples between which lines are drawn; there are some thousand of these."""
+"""Largest number of samples whose connecting lines are checked: 60 samples give 1770 lines, more cost time."""
 
 ZERO_FORCE = 1e-9
-"""Force that counts as rounding, N."""
+"""Normal force up to which the plate exerts none, N: rounding."""
 ZERO_DEPTH = 1e-9
-"""Depth that counts as rounding, mm: the plate does not touch."""
+"""Depth up to which the plate does not touch, mm: rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mechanics:
-    """Polynomials c[i, j] of U^i w^j, or of U^i r^j.
+    """Tilt, force and load as polynomials of the magnet's shift, with their range and their errors.
 
     Attributes
     ----------
-    tau, lateral, normal, depth, shear : rad/mm, N/mm, N, mm and 1.
-    reach, sink : greatest lateral shift and greatest sinking of the samples, mm.
-    errors : worst error of tilt (rad), lateral force and normal force (N), depth and shear (mm) at the samples.
+    tau, lateral, normal : coefficients c[i, j] of U^i w^j in tau (rad/mm), k (N/mm) and n (N).
+    depth, shear : coefficients c[i, j] of U^i r^j in the depth r d (mm; c[0, 0] = 0) and in g (1).
+    reach, sink : largest lateral shift and largest sinking of the samples, mm.
+    errors : largest error at the samples of tilt (rad), lateral force, normal force (N), depth and shear (mm).
     """
 
     tau: Array
@@ -70,15 +69,24 @@ class Mechanics:
 def of_formula(
     solve: Callable[[Load], Response], depth: float, shear: float, counts: tuple[int, int] = (12, 4)
 ) -> Mechanics:
-    """From a model that answers at once, sampled up to a depth and a shear, mm; loads that it refuses are left out.
+    """Fit the mechanics to a model that answers within milliseconds; loads that the model refuses are left out.
+
+    Parameters
+    ----------
+    solve : response of the model to a load.
+    depth, shear : largest depth and shear of the samples, mm.
+    counts : number of intervals of depth and of shear.
+
+    Examples
+    --------
 
     >>> from analytic.beam import solve
     >>> from geometry.design import paper
-    >>> found = of_formula(lambda load: solve(paper(), load), 3.0, 3.0)
-    >>> round(found.sink, 3), max(found.errors) < 1e-10
+    >>> mechanics = of_formula(lambda load: solve(paper(), load), 3.0, 3.0)
+    >>> round(mechanics.sink, 3), max(mechanics.errors) < 1e-10
     (1.667, True)
     """
-    # denser towards first touch, where everything bends most
+    # denser towards first touch, where the curves bend most
     depths = depth * np.linspace(0, 1, counts[0] + 1) ** 1.5
     loads = [
         Load(depth=float(d), shear_x=shear * k / counts[1], friction="stick")
@@ -93,12 +101,12 @@ def of_formula(
 
 
 def of_samples(samples: Iterable[Sample]) -> Mechanics:
-    """From responses to loads, by formulas, finite elements or a test bench; the rest state is added.
+    """Fit the mechanics to samples (load, response) from formulas, finite elements or a test bench, and to rest.
 
     Raises
     ------
     BadInput
-        There are no samples with shear or none with a press, or a lateral motion is not along the shear.
+        The samples contain no shear or no press, a plate is tilted, or a magnet does not move along the shear.
     """
     rows = np.array([_row(load, response) for load, response in samples]).reshape(-1, 7)
     u, w, tilt, f_t, f_n, depth, shear = rows.T
@@ -107,19 +115,20 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
         raise BadInput("the states must contain both presses and shears: add the missing ones")
     U, r = u * u, np.cbrt(-w)
     steps = len(set(np.round(depth, 9)) - {0.0})
-    # half as many powers as depths: a polynomial through all of them swings in between
+    # half as many powers as depths: a polynomial through all samples would oscillate between them
     high = min(ORDERS[1], 1 + steps // 2)
     shears = len(set(np.round(shear, 9)) - {0.0})
     wide = min(ORDERS[0], shears - 1)
+    # tilt, lateral force and shear are 0 at u = 0 for any coefficients, so only sheared samples determine them
     m, rest = moved, np.zeros(1)
-    tau = _fit(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
-    lateral = _fit(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
+    tau = least_squares(U[m], w[m], tilt[m] / u[m], (wide, max(high - 1, 0)))
+    lateral = least_squares(U[m], w[m], f_t[m] / u[m], (wide, max(high - 1, 0)))
     U_between, w_between = _between(u, w)
-    normal = _rising(
+    normal = monotonic_fit(
         (np.append(U, rest), np.append(w, rest)), np.append(f_n, rest), (wide, high), (U_between, w_between), -1
     )
-    deep = _rising((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
-    sheared = _fit(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
+    deep = monotonic_fit((U, r), depth, (wide, max(high, 3)), (U_between, np.cbrt(-w_between)), 1)
+    sheared = least_squares(U[m], r[m], shear[m] / u[m], (wide, max(high - 1, 0)))
     errors = (
         _worst(u * polynomial(tau, U, w)[0], tilt),
         _worst(u * polynomial(lateral, U, w)[0], f_t),
@@ -131,7 +140,13 @@ def of_samples(samples: Iterable[Sample]) -> Mechanics:
 
 
 def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
-    """Force on the tip (F_x, F_y, F_n), shape (3, n), N, and its slopes dF_i/ds_j at [j, i, n], N/mm."""
+    """Return the polynomials' force on the tip and its slopes at shifts (3, n), mm.
+
+    Returns
+    -------
+    force : (F_x, F_y, F_n), shape (3, n), N.
+    slopes : dF_i/ds_j at [j, i, n], shape (3, 3, n), N/mm.
+    """
     x, y, w = shift
     U = x * x + y * y
     k, k_u, k_w = polynomial(mechanics.lateral, U, w)
@@ -147,19 +162,24 @@ def forces(mechanics: Mechanics, shift: Array) -> tuple[Array, Array]:
 
 
 def normal_force(mechanics: Mechanics, w: Array, normal: Array) -> Array:
-    """The normal force, shape (n,), N, at vertical shifts (n,), mm, of a plate that presses or does not touch.
+    """Return the normal force of a plate that cannot pull, shape (n,), N.
 
-    0 above rest and where it is negative by no more than the fit's own error; NaN where the plate would have to pull:
-    there the polynomials are far from all samples.
+    A negative force becomes 0 above rest and where the fit's error explains it. It becomes NaN where the plate would
+    have to pull: there the polynomials are far from all samples.
+
+    Parameters
+    ----------
+    w : vertical shift of the magnet, shape (n,), mm.
+    normal : normal force by the polynomial, shape (n,), N.
     """
     pulls = (w < 0) & (normal < -(mechanics.errors[2] + ZERO_FORCE))
     return np.asarray(np.where(pulls, np.nan, np.maximum(normal, 0.0)))
 
 
 def load(mechanics: Mechanics, shift: Array) -> Array:
-    """Depth and shear of the plate (depth, shear_x, shear_y) that moves the magnet so, shape (3, n), mm.
+    """Return the load (depth, shear_x, shear_y), shape (3, n), mm, that shifts the magnet by `shift`, (3, n), mm.
 
-    Above the rest position the depth is 0.
+    The depth is 0 where the magnet is above its position at rest.
     """
     x, y, w = shift
     U, r = x * x + y * y, np.cbrt(np.maximum(-w, 0.0))
@@ -168,33 +188,35 @@ def load(mechanics: Mechanics, shift: Array) -> Array:
 
 
 def force_and_load(mechanics: Mechanics, shift: Array) -> tuple[Array, Array, Array]:
-    """Force on the tip, N, and load (depth, shear_x, shear_y), mm, at shifts (3, n), mm; and the force's slopes.
+    """Return force on the tip and load at shifts (3, n), mm, of a plate that cannot pull, and the force's slopes.
 
-    A plate that does not touch carries nothing: where the depth is 0 and no press sinks the magnet, force and load
-    are 0, whatever the polynomials of the sideways force say. Where the plate would have to pull, both are NaN.
+    A plate that does not touch exerts no force: where the depth is 0 and no normal force presses the magnet down,
+    force and load are 0, whatever the polynomial of the lateral force gives. Where the plate would have to pull, both
+    are NaN.
 
     Returns
     -------
-    force, load : shape (3, n).
+    force, load : (F_x, F_y, F_n), N, and (depth, shear_x, shear_y), mm, shape (3, n).
     slopes : as in `forces`.
     """
     force, slopes = forces(mechanics, shift)
-    moved = load(mechanics, shift)
+    plate = load(mechanics, shift)
     pressed = (shift[2] < 0) & (force[2] > mechanics.errors[2] + ZERO_FORCE)
     force[2] = normal_force(mechanics, shift[2], force[2])
     pulled = np.isnan(force[2])
-    free = ~pulled & ~pressed & (moved[0] <= ZERO_DEPTH)
-    for values in (force, moved):
+    free = ~pulled & ~pressed & (plate[0] <= ZERO_DEPTH)
+    for values in (force, plate):
         values[:, pulled] = np.nan
         values[:, free] = 0.0
-    return force, moved, slopes
+    return force, plate, slopes
 
 
 def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:
-    """Box of the magnet's shifts to decode in, low and high, shape (3,), mm.
+    """Return the workspace, the box of shifts that the decoder searches: low and high, shape (3,), mm.
 
-    Sideways by 3/8 D and down by 3/8 D (3 mm for the paper's sensor, as its table has it), as far as the magnet stays
-    above the base and the mechanics have samples; and up by D/80, so that noise at rest stays inside.
+    It extends by 3/8 D sideways and down, which gives the 3 mm of the look-up table for the paper's sensor. It is
+    limited to shifts that keep the magnet above the base and lie within the samples of the mechanics. Upwards it
+    extends by D/80, so that noise at rest stays inside.
     """
     side = 3 / 8 * design.D
     sink = min(side, design.H - design.magnet_height / 2)
@@ -204,12 +226,13 @@ def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array
 
 
 def _row(load: Load, response: Response) -> list[float]:
-    """u, w, tilt, lateral and normal force, depth and shear, lateral values along the shear."""
+    """Return u, w, tilt, lateral force, normal force, depth and shear, with lateral values along the shear."""
     amount = load.shear
     e = (load.shear_x / amount, load.shear_y / amount) if amount else (1.0, 0.0)
     shift, force = response.shift, response.force
 
     def along(x: float, y: float) -> float:
+        """Return the component along the shear."""
         return x * e[0] + y * e[1]
 
     aside = abs(shift[0] * e[1] - shift[1] * e[0])
@@ -224,7 +247,7 @@ def _row(load: Load, response: Response) -> list[float]:
 
 
 def _between(u: Array, w: Array) -> tuple[Array, Array]:
-    """U and w on the lines between the samples and the rest state, shape (n,), as far as these sink."""
+    """Return U and w, shape (n,), at points below rest on the lines between all samples and rest."""
     points = np.unique(np.column_stack([np.append(u, 0.0), np.append(w, 0.0)]), axis=0)
     points = points[np.unique(np.linspace(0, len(points) - 1, MOST_ENDS).astype(int))]
     first, second = (points[ends] for ends in np.triu_indices(len(points), 1))
@@ -233,56 +256,6 @@ def _between(u: Array, w: Array) -> tuple[Array, Array]:
     return aside * aside, sunk
 
 
-def _rising(
-    places: tuple[Array, Array], values: Array, orders: tuple[int, int], between: tuple[Array, Array], sign: int
-) -> Array:
-    """The closest fit without a constant that is positive between the samples and rises there with sign times w (r).
-
-    Besides the highest orders all lower ones are tried, and those whose mixed terms U^i w^j end at a lower j: shears
-    at one depth alone say nothing of the others. If none will do, as for samples that fall, it is the lowest of all.
-    """
-    found, least = _solved(*places, values, [(0, 1)]), math.inf
-    # of fits that differ by rounding the first is taken
-    exact = float((EXACT * values**2).sum())
-    for powers in _choices(*orders):
-        if len(powers) <= len(values):
-            c = _solved(*places, values, powers)
-            misfit = max(float(((polynomial(c, *places)[0] - values) ** 2).sum()), exact)
-            p, _, slope = polynomial(c, *between)
-            if misfit < least and (p > 0).all() and (sign * slope > 0).all():
-                found, least = c, misfit
-    return found
-
-
-def _choices(wide: int, high: int) -> list[Powers]:
-    """Sets of powers (i, j) of U and w up to some orders, the largest first."""
-    sets = {
-        tuple((i, j) for i in range(a + 1) for j in range(b + 1) if (i, j) != (0, 0) and (i == 0 or j <= mixed))
-        for a in range(wide + 1)
-        for b in range(1, high + 1)
-        for mixed in range(b + 1)
-    }
-    return sorted((list(powers) for powers in sets), key=lambda powers: (len(powers), powers), reverse=True)
-
-
-def _fit(u: Array, w: Array, values: Array, orders: tuple[int, int]) -> Array:
-    """Least squares, with fewer powers where there are not enough samples."""
-    wide, high = orders
-    while (wide + 1) * (high + 1) > len(values) and (wide or high):
-        wide, high = (wide - 1, high) if wide else (wide, high - 1)
-    return _solved(u, w, values, [(i, j) for i in range(wide + 1) for j in range(high + 1)])
-
-
-def _solved(u: Array, w: Array, values: Array, powers: Powers) -> Array:
-    """Least squares with some powers."""
-    scale_u, scale_w = (float(np.abs(v).max(initial=0.0)) or 1.0 for v in (u, w))
-    columns = np.column_stack([(u / scale_u) ** i * (w / scale_w) ** j for i, j in powers])
-    found = np.linalg.lstsq(columns, values, rcond=1e-12)[0]
-    c = np.zeros(np.max(powers, axis=0) + 1)
-    for (i, j), value in zip(powers, found, strict=True):
-        c[i, j] = value / (scale_u**i * scale_w**j)
-    return c
-
-
-def _worst(found: Sequence[float] | Array, true: Sequence[float] | Array) -> float:
-    return float(np.abs(np.asarray(found) - np.asarray(true)).max(initial=0.0))
+def _worst(fitted: Sequence[float] | Array, true: Sequence[float] | Array) -> float:
+    """Return the largest error of a fit at the samples."""
+    return float(np.abs(np.asarray(fitted) - np.asarray(true)).max(initial=0.0))
