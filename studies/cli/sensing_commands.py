@@ -127,7 +127,7 @@ def decode(
     out
         CSV file for the rows of --file with the results added; default: standard output.
     """
-    from studies.sensing import decode_readings
+    from studies.sensing import decode_readings, decode_tables
 
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
@@ -137,7 +137,7 @@ def decode(
     coder = decode_readings.prepare(design_of(source, sets), level, responses, ignore_tilt=ignore_tilt)
     name = decode_readings.level_name(level, responses)
     if readings is not None:
-        record = decode_readings.one(coder, readings, units, name)
+        record = decode_readings.decode_text(coder, readings, units, name).row()
         console.report([record], as_json=as_json, title="Decoded", brief=["warnings"])
         for warning in record["warnings"]:
             console.warn(warning)
@@ -147,9 +147,9 @@ def decode(
         return judged([record])
     assert file is not None
     with atomic_files.sole_writer(out):
-        found = decode_readings.table(coder, file, units, out, name, as_json=as_json)
-    counts = found.counts
-    for warning in found.warnings:
+        decoded = decode_tables.decode_file(coder, file, units, out, name, as_json=as_json)
+    counts = decoded.counts
+    for warning in decoded.warnings:
         console.warn(warning)
     if as_json and out is not None:
         console.report([counts], as_json=True)
@@ -158,9 +158,14 @@ def decode(
             why = [decode_readings.WHY[status]]
             if status == "out_of_workspace":
                 solved = responses is not None
-                texts = {end: decode_readings.beyond_sentence(coder, end, solved=solved) for end in found.ends}
+                texts = {
+                    limit: decode_readings.limit_sentence(coder, limit, solved=solved) for limit in decoded.limits
+                }
                 several = len(texts) > 1
-                why = [f"{texts[end]} ({n} of {count})" if several else texts[end] for end, n in found.ends.items()]
+                why = [
+                    f"{texts[limit]} ({n} of {count})" if several else texts[limit]
+                    for limit, n in decoded.limits.items()
+                ]
             console.say(f"magtip: {count} of {sum(counts.values())} rows {status}: {'; '.join(why)}")
     return GOOD if not counts or {"ok", "ambiguous"} & set(counts) else FAILED
 
@@ -201,13 +206,13 @@ def table(
     target = lookup_table.target(out, [source, responses])
     model, grid = lookup_table.plan(given, step, level, responses)
     with atomic_files.sole_writer(target), console.progress(as_json=as_json) as progress:
-        record = (
-            lookup_table.write_plane(model, grid, target)
+        name = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
+        report = (
+            lookup_table.write_plane(model, grid, target, name)
             if plane
-            else lookup_table.write(model, grid, target, progress)
+            else lookup_table.write(model, grid, target, name, progress)
         )
-        record["level"] = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
-    console.report([record], as_json=as_json, title="Table")
+    console.report([report.row()], as_json=as_json, title="Table")
     return GOOD
 
 

@@ -63,7 +63,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
 
     design, basis = job.design, job.basis
     law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
-    decode_readings.say_if_upright(law, ignore_tilt=basis.ignore_tilt)
+    decode_readings.warn_if_upright(law, ignore_tilt=basis.ignore_tilt)
     if not 0 <= basis.clearance <= MOST_CLEARANCE:
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
     if not 1 <= job.count <= layout_search.MOST_FOUND:

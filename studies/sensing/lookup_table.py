@@ -1,7 +1,8 @@
-"""What `magtip table` writes: the paper's look-up table as a file of NumPy that can be read by memory mapping.
+"""The paper's look-up table, which `magtip table` writes as a NumPy file that can be read by memory mapping.
 
-The table is written slab by slab under a hidden name beside its own, with a note of what it is and how far it is;
-the same command goes on from there. A complete table takes its name, and FILE.json says what is in it.
+The table is written slab by slab to a hidden file (.FILE.part) in the same folder. A note beside the hidden file
+identifies the table and counts the finished slabs, so that the same command continues after an interruption. The
+complete table is renamed to FILE, and FILE.json describes its contents.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ import math
 import os
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, records
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     from analytic.inverse.forward_model import Forward
@@ -29,28 +32,49 @@ if TYPE_CHECKING:
 
 
 NOTE_EVERY = 8
-"""Slabs between two notes."""
-
-
+"""Number of slabs between two notes: an interruption loses the work of at most so many slabs."""
 MAGIC = b"\x93NUMPY"
-"""How a file of NumPy begins."""
+"""First bytes of a NumPy file."""
 KEYS = ("design", "step_mm", "shape", "axes")
-"""Of what stands beside a table that this program wrote."""
+"""Keys by which FILE.json of a table is recognised."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableReport:
+    """Report of a table that has been written.
+
+    Attributes
+    ----------
+    poses : number of grid points.
+    resumed : number of slabs that an interrupted command had already written.
+    level : source of the magnet's tilt.
+    """
+
+    status: str
+    file: str
+    poses: int
+    size_MB: float
+    resumed: int
+    level: str
+
+    def row(self) -> FlatRow:
+        """Return the flat row for JSON and for the terminal."""
+        return records.flat(self)
 
 
 def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
-    """The table's file, fit to be written; an older table in its place is replaced, nothing else.
+    """Return the path of the table after checking that it can be written; only an older table may be replaced.
 
     Raises
     ------
     BadInput
-        It cannot be written, is an input, or there is a file already that is no table of this program.
+        The file cannot be written, is one of the inputs, or exists and is not a table of this program.
     """
     file = atomic_files.check_output_file(out, ".npy")
     about = file.with_suffix(".json")
     atomic_files.check_apart([file, about], inputs)
-    for path, whose in ((file, _is_table(file)), (about, _is_about(about))):
-        if path.exists() and not whose:
+    for path, replaceable in ((file, _is_table(file)), (about, _is_about(about))):
+        if path.exists() and not replaceable:
             raise BadInput(
                 f"{str(path)!r} was not written by magtip table and would be overwritten: choose another name"
             )
@@ -58,16 +82,16 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
 
 
 def _is_about(file: Path) -> bool:
-    """Whether a file is what stands beside a table."""
+    """Return whether a file is the description of a table."""
     try:
-        found = json.loads(file.read_text("utf-8"))
+        about = json.loads(file.read_text("utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(found, dict) and set(KEYS) <= set(found)
+    return isinstance(about, dict) and set(KEYS) <= set(about)
 
 
 def _is_table(file: Path) -> bool:
-    """Whether a file is one of NumPy, beside one that says what a table is."""
+    """Return whether a file is a NumPy file with the description of a table beside it."""
     try:
         with file.open("rb") as stream:
             begin = stream.read(len(MAGIC))
@@ -77,12 +101,12 @@ def _is_table(file: Path) -> bool:
 
 
 def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
-    """The forward model and the grid of a table; without a level or responses the magnet does not tilt.
+    """Return the forward model and the grid of a table; without level and responses the magnet does not tilt.
 
     Raises
     ------
     BadInput
-        The design has no magnet, the step does not fit, or the mechanics cannot be used.
+        The design has no magnet, the step is out of range, or the mechanics are refused.
     """
     from analytic import lookup
     from analytic.inverse import forward_model, response_surface
@@ -98,18 +122,18 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
         raise BadInput(
             f"step must be at most {min(-low[0], -low[2]):g} mm, the size of the workspace; got {step:g} mm"
         )
-    # whole steps that fit into the workspace
+    # the largest grid of whole steps within the workspace; 1e-6 keeps a length that is a multiple despite rounding
     side, sink = (step * int(-length / step + 1e-6) for length in (low[0], low[2]))
     return model, lookup.Grid(side, sink, step)
 
 
-def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str, Any]:
-    """Write the table of three dimensions, and return what FILE.json says.
+def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress) -> TableReport:
+    """Write the table of three dimensions, or continue it.
 
     Raises
     ------
     BadInput
-        The disk has no room for it.
+        The disk has too little free space.
     """
     import numpy as np
 
@@ -132,9 +156,9 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
         raise BadInput(
             f"the table needs {size / 1e6:.0f} MB, but the disk has only {room / 1e6:.0f} MB free: raise --step"
         )
-    # from the start, or the kernel would be loaded on the way, and a table that went on would differ in its last bits
+    # loading the kernel halfway would change the last bits, so a continued table would differ from one made at once
     magnet.compiled()
-    with _kept(part, note, key, shape[0], size // shape[0]), part.open("r+b" if done else "w+b") as stream:
+    with _keep_part(part, note, key, shape[0], size // shape[0]), part.open("r+b" if done else "w+b") as stream:
         if not done:
             header = {"descr": "<f8", "fortran_order": False, "shape": shape}
             np.lib.format.write_array_header_1_0(stream, header)
@@ -150,11 +174,11 @@ def write(model: Forward, grid: Grid, out: Path, progress: Progress) -> dict[str
     atomic_files.write_json(out.with_suffix(".json"), about)
     os.replace(part, out)
     note.unlink(missing_ok=True)
-    return {"status": "ok", "file": str(out), "poses": size // 8 // shape[3], "size_MB": size / 1e6, "resumed": done}
+    return TableReport("ok", str(out), size // 8 // shape[3], size / 1e6, done, level)
 
 
-def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
-    """Write the table of two dimensions, and return what is to be said of it.
+def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> TableReport:
+    """Write the table of two dimensions, B_rho and B_z over (rho, Z).
 
     Raises
     ------
@@ -177,16 +201,17 @@ def write_plane(model: Forward, grid: Grid, out: Path) -> dict[str, Any]:
     with atomic_files.atomic(out) as temporary:
         np.save(temporary, table)
     atomic_files.write_json(out.with_suffix(".json"), about)
-    return {"status": "ok", "file": str(out), "poses": table.size // 2, "size_MB": table.nbytes / 1e6, "resumed": 0}
+    return TableReport("ok", str(out), table.size // 2, table.nbytes / 1e6, 0, level)
 
 
 def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
-    """What a table depends on beside its grid; the mechanics enter by the tilt alone."""
-    seen = design_digest.of_readings(design)
-    return design_digest.of_mechanics(design) | seen if tilted else seen
+    """Return the fields of the design on which a table depends; the mechanics matter only through the tilt."""
+    readings = design_digest.of_readings(design)
+    return design_digest.of_mechanics(design) | readings if tilted else readings
 
 
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return the description of a table for FILE.json, without its axes."""
     return {
         "design": dataclasses.asdict(model.design),
         **design_digest.label(_made_for(model.design, tilted=bool(model.tau.any()))),
@@ -199,8 +224,8 @@ def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]
 
 
 @contextlib.contextmanager
-def _kept(part: Path, note: Path, key: str, count: int, slab: int) -> Iterator[None]:
-    """An interruption says where the part that is made lies; one that is too small to go on from is removed."""
+def _keep_part(part: Path, note: Path, key: str, count: int, slab: int) -> Iterator[None]:
+    """On an interruption, name the file of the finished slabs in the message; remove it if no slab is finished."""
     try:
         yield
     except KeyboardInterrupt:
@@ -217,12 +242,12 @@ def _kept(part: Path, note: Path, key: str, count: int, slab: int) -> Iterator[N
 
 
 def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
-    """How many slabs of this very table are there already, and where the first begins."""
+    """Return the number of finished slabs of the table with this key, and the byte offset of the first slab."""
     try:
-        found = json.loads(note.read_text("utf-8"))
-        done, offset = int(found["done"]), int(found["offset"])
-        # a machine that lost its power may have kept the note and not the slabs
-        if found["key"] == key and part.stat().st_size >= offset + done * slab:
+        progress = json.loads(note.read_text("utf-8"))
+        done, offset = int(progress["done"]), int(progress["offset"])
+        # after a power failure the note may be on the disk, but not all slabs that it counts
+        if progress["key"] == key and part.stat().st_size >= offset + done * slab:
             return done, offset
     except (OSError, ValueError, KeyError, TypeError):
         pass
@@ -230,14 +255,14 @@ def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
 
 
 def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
-    """The table of a design in a file, by memory mapping, and what FILE.json says of it.
+    """Return the table in a file, memory-mapped, and its description from FILE.json.
 
-    One that does not say for which sensor it was made is taken, with a warning.
+    A table without a label of its sensor is accepted with a warning.
 
     Raises
     ------
     BadInput
-        It cannot be read, is no table of this program, or was made for another sensor.
+        The file cannot be read, is not a table of this program, or was made for another sensor.
     """
     import numpy as np
 

@@ -1,0 +1,135 @@
+"""Decode a table of readings: the rows of `magtip decode --file`, and the counts that it reports."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import math
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geometry.loads import tilts_of
+from studies.output import atomic_files, console
+from studies.sensing.decode_readings import WHY, force_gap, in_tesla
+from studies.sensing.field_tables import read_rows
+
+if TYPE_CHECKING:
+    from analytic.decode import Decoded, Decoder
+    from analytic.inverse.workspace_limits import Limit
+    from geometry.arrays import Array
+
+
+POSE_COLUMNS = ["status", "shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad"]
+LOAD_COLUMNS = ["force_x_N", "force_y_N", "force_z_N", "depth_mm", "shear_mm", "shear_y_mm"]
+COLUMNS = [*POSE_COLUMNS, *LOAD_COLUMNS, "condition", "multiplicity", "level"]
+"""Columns that decoding adds to a table of readings."""
+MOST_SEARCHED = 2000
+"""Number of rows out of the workspace whose poses are searched outside it: a limit of the time, not of the result."""
+MANY = 500
+"""Number of rows from which loading the compiled field takes less time than it saves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Counts of a decoded table, and its warnings.
+
+    Attributes
+    ----------
+    counts : number of rows of each status.
+    limits : number of rows that exceed each limit, among the first `MOST_SEARCHED` rows out of the workspace.
+    warnings : sentences about the level's forces.
+    """
+
+    counts: dict[str, int]
+    limits: dict[Limit | None, int]
+    warnings: list[str]
+
+
+def decode_file(
+    coder: Decoder, path: Path, units: str | None, out: Path | None, level: str, *, as_json: bool = False
+) -> Summary:
+    """Decode a table of readings as a stream, add the columns `COLUMNS` and count the rows of each status.
+
+    Without `out` the table is printed; as JSON, one object for each row with its number and its readings.
+
+    The table's head names one column for each element in order, such as S1_V,S2_V,S3_V (or _T for flux densities).
+    Further columns are copied. A row with an empty or NaN reading gets the status not_finite.
+
+    Raises
+    ------
+    BadInput
+        A file cannot be read or written, or is not a table of readings.
+    """
+    import numpy as np
+
+    from analytic import magnet
+    from analytic.decode import decode
+    from analytic.parts import columns
+
+    elements = coder.forward.elements
+    unit = units or elements[0].unit
+    target = None if out is None else atomic_files.check_output_file(out, ".csv")
+    heads = {kind: [f"{name}_{kind}" for name in columns(elements)] for kind in ("V", "T")}
+    other = "T" if unit == "V" else "V"
+    head, rows, values = read_rows(
+        path,
+        heads[unit],
+        COLUMNS,
+        holes=True,
+        instead={f"--units {other}": heads[other]} if elements[0].unit == "V" else {},
+    )
+    if len(rows) >= MANY:
+        magnet.compiled()
+    field = in_tesla(elements, values, unit)
+    with console.progress(as_json=as_json) if len(rows) >= MANY else contextlib.nullcontext() as progress:
+        if progress is not None:
+            progress(0.0, f"poses of {len(rows)} rows")
+        decoded = decode(coder, field, follow=True)
+    tilt, tilt_y = tilts_of(*decoded.tilt.T)
+    numbers = np.column_stack([decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition])
+    if as_json and target is None:
+        lines = zip(field.tolist(), decoded.status, numbers.tolist(), decoded.multiplicity.tolist(), strict=True)
+        console.report(
+            [
+                {"row": k, "readings_T": b} | dict(zip(COLUMNS, (status, *line, many, level), strict=True))
+                for k, (b, status, line, many) in enumerate(lines, 1)
+            ],
+            as_json=True,
+        )
+        return _summary(coder, decoded, field, level)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*head, *COLUMNS])
+    for row, status, line, many in zip(rows, decoded.status, numbers.tolist(), decoded.multiplicity, strict=True):
+        writer.writerow([*row, status, *("" if math.isnan(v) else repr(v + 0.0) for v in line), many, level])
+    if target is None:
+        print(text.getvalue(), end="", flush=True)
+    else:
+        atomic_files.write_text(target, text.getvalue())
+    return _summary(coder, decoded, field, level)
+
+
+def _summary(coder: Decoder, decoded: Decoded, field: Array, level: str) -> Summary:
+    from studies.sensing import force_level_check
+
+    gap = force_gap(coder, level, decoded)
+    counts: dict[str, int] = {name: decoded.status.count(name) for name in WHY if name in decoded.status}
+    return Summary(
+        counts, _count_limits(coder, decoded, field), [] if gap is None else force_level_check.warnings(level, gap)
+    )
+
+
+def _count_limits(coder: Decoder, decoded: Decoded, field: Array) -> dict[Limit | None, int]:
+    """Count the rows that exceed each limit of the workspace."""
+    from analytic.inverse import workspace_limits
+
+    rows = [k for k, status in enumerate(decoded.status) if status == "out_of_workspace"][:MOST_SEARCHED]
+    limits = (
+        [workspace_limits.exceeded_limit(coder, pose) for pose in workspace_limits.poses_outside(coder, field[rows])]
+        if rows
+        else []
+    )
+    return dict(Counter(limits))
