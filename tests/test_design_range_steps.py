@@ -13,7 +13,7 @@ def test_some_designs(number, ending, tmp_path):
     result = design_range_steps.examine(number, design_range.samples(number + 1)[number], tmp_path)
     assert result.status == ending
     if ending == "impossible":
-        assert "needs 0.1 mm: take a smaller magnet" in result.message
+        assert "needs at least 0.1 mm: take a smaller magnet" in result.message
         return
     assert (result.section, result.solid_mesh) == ("ok", "ok")
     assert result.solids == "ok" or result.message

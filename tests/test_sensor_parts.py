@@ -302,10 +302,11 @@ def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_a
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
     code = (
         "import os; from studies.fabrication import design_variants as variants\n"
-        "def made(job):\n"
+        "from studies.fabrication.fabrication_rows import FabricationRow\n"
+        "def fabricated(job):\n"
         "    if job[1]['L'] == 9: os._exit(7)\n"
-        "    return {'status': 'ok', 'folder': job[2]}\n"
-        "variants.made = made; variants.main()\n"
+        "    return FabricationRow('ok', '', job[2])\n"
+        "variants.fabricated = fabricated; variants.main()\n"
     )
     monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
@@ -317,8 +318,8 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
     code = (
         "from studies.fabrication import design_variants as variants\n"
-        "def made(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
-        "variants.made = made; variants.main()\n"
+        "def fabricated(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
+        "variants.fabricated = fabricated; variants.main()\n"
     )
     monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
     with pytest.raises(OSError, match="No space left on device") as caught:
