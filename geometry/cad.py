@@ -1,7 +1,7 @@
-"""The sensor as exact solids.
+"""Exact solids of the sensor.
 
-Lengths are mm and volumes mm³, in the sensor's frame (see `geometry.design`). build123d takes seconds to import,
-so every function that needs it imports it.
+Lengths are in mm and volumes in mm³, in the sensor's frame (see `geometry.design`). build123d takes seconds to
+import, so only the functions that need it import it.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ Corner = tuple[float, float, float]
 Point = tuple[float, float]
 
 COINCIDENT = 1e-7
-"""Points closer than this are one point to the CAD kernel, mm."""
+"""Distance below which two points are one point for the CAD kernel, mm."""
 
 
 def rounded(profile: Sequence[Corner]) -> list[tuple[Point, Point, Point | None]]:
-    """A profile's sides and fillets in order: from, to, and for a fillet the centre of its arc.
+    """Return the lines and fillet arcs of a profile, in order: start, end, and the centre of an arc or None.
 
-    A fillet is tangent to both sides; a side that its fillets use up is dropped.
+    A fillet is tangent to both sides. A side of which the fillets leave nothing is omitted.
     """
-    found: list[tuple[Point, Point, Point | None]] = []
+    pieces: list[tuple[Point, Point, Point | None]] = []
     last = profile[0][:2]
 
     def to(end: Point, centre: Point | None = None) -> None:
         nonlocal last
         if math.dist(last, end) >= COINCIDENT:
-            found.append((last, end, centre))
+            pieces.append((last, end, centre))
             last = end
 
     for (x0, z0, _), (x, z, radius), (x2, z2, _) in zip(profile, profile[1:], profile[2:], strict=False):
         back, on = _unit(x0 - x, z0 - z), _unit(x2 - x, z2 - z)
-        # half the angle between the sides, from its cosine: exact at a right angle
+        # tangent length = radius / tan(half the angle), from the cosine of the angle: exact at a right angle
         c = back[0] * on[0] + back[1] * on[1]
         reach = radius * math.sqrt((1 + c) / (1 - c))
         to((x + reach * back[0], z + reach * back[1]))
@@ -49,13 +49,13 @@ def rounded(profile: Sequence[Corner]) -> list[tuple[Point, Point, Point | None]
             centre = (x + deep * (back[0] + on[0]), z + deep * (back[1] + on[1]))
             to((x + reach * on[0], z + reach * on[1]), centre)
     to(profile[-1][:2])
-    return found
+    return pieces
 
 
 def turned(profile: Sequence[Corner]) -> Solid:
-    """The solid of revolution about z of a profile that starts and ends on the axis.
+    """Return the solid of revolution about z of a profile that starts and ends on the axis.
 
-    Fillets are exact arcs: the hemispherical tip is the corner (R, L) with a fillet of radius R.
+    Fillets are exact arcs. The hemispherical tip, for example, is the corner (R, L) with a fillet of radius R.
     """
     import build123d as bd
 
@@ -75,7 +75,8 @@ def turned(profile: Sequence[Corner]) -> Solid:
 
 
 def turned_volume(profile: Sequence[Corner]) -> float:
-    """Exact volume of `turned(profile)`, pi times the integral of r² dz, in the cube of the unit given.
+    """Return the exact volume of `turned(profile)`, pi times the integral of r² dz, in the cube of the profile's
+    unit.
 
     >>> ball = [(0, 0, 0), (2, 0, 2), (2, 4, 2), (0, 4, 0)]
     >>> round(turned_volume(ball) / (4 / 3 * math.pi * 2**3), 12)
@@ -93,7 +94,7 @@ def turned_volume(profile: Sequence[Corner]) -> float:
 
 
 def _arc(a: float, radius: float, t: float) -> float:
-    """Integral of (a + radius cos t)² radius cos t over t."""
+    """Return the antiderivative at t of (a + radius cos t)² radius cos t: r² dz along an arc."""
     s = math.sin(t)
     return radius * (a * a * s + a * radius * (t + s * math.cos(t)) + radius**2 * (s - s**3 / 3))
 
@@ -104,7 +105,7 @@ def _unit(x: float, z: float) -> Point:
 
 
 def cut(body: Solid, *tools: Solid) -> Solid:
-    """`body` without `tools`; a RuntimeError if what is left is not one solid."""
+    """Cut `tools` from `body`; raise RuntimeError unless exactly one solid remains."""
     solids = body.cut(*tools).solids() if tools else [body]
     if len(solids) != 1:
         raise RuntimeError(f"a cut must leave one solid; it left {len(solids)}: check the part's dimensions")
@@ -112,28 +113,30 @@ def cut(body: Solid, *tools: Solid) -> Solid:
 
 
 def moved(solid: Solid, place: tuple[float, float, float]) -> Solid:
-    """The same solid at another place, mm. Both share their faces, and the triangles that these are given."""
+    """Return the solid translated by a vector, mm. Both solids share their faces and the triangles of these faces."""
     import build123d as bd
 
     return bd.Solid(solid.wrapped.Moved(bd.Location(place).wrapped))
 
 
 def common(one: Solid, other: Solid) -> list[Solid]:
-    """The solids that two solids share; none where they only touch."""
-    found = one.intersect(other)
-    shapes = [] if found is None else found if isinstance(found, list) else [found]
+    """Return the solids of the intersection of two solids; none if they only touch."""
+    intersection = one.intersect(other)
+    # build123d returns None, one shape or a list of shapes
+    shapes = [] if intersection is None else intersection if isinstance(intersection, list) else [intersection]
     return [solid for shape in shapes for solid in shape.solids()]
 
 
 def overlap(one: Solid, other: Solid) -> float:
-    """Volume that two solids share, mm³."""
+    """Return the volume of the intersection of two solids, mm³."""
+    # an intersection takes long; solids whose boxes are apart share nothing
     if distance(one.bounding_box(optimal=False), other.bounding_box(optimal=False)) > 0:
         return 0.0
     return float(sum(solid.volume for solid in common(one, other)))
 
 
 def distance(box: BoundBox, other: BoundBox) -> float:
-    """Distance of two boxes, mm; never more than that of what they hold."""
+    """Return the distance of two bounding boxes, mm: a lower bound for the distance of the bodies in them."""
     gaps = [
         max(getattr(other.min, axis) - getattr(box.max, axis), getattr(box.min, axis) - getattr(other.max, axis), 0.0)
         for axis in "XYZ"
@@ -142,13 +145,13 @@ def distance(box: BoundBox, other: BoundBox) -> float:
 
 
 def beam(design: Design | Shape) -> Solid:
-    """The outer form of the silicone: cylinder and hemisphere, from the base z = 0 to the tip z = L, mm."""
+    """Return the outer form of the silicone, mm: a cylinder with a hemisphere, from z = 0 to the tip at z = L."""
     R = design.D / 2
     return turned([(0, 0, 0), (R, 0, 0), (R, design.L, R), (0, design.L, 0)])
 
 
 def magnet(design: Design | Shape) -> Solid:
-    """The magnet with its rounded edges, centred at z = H, mm.
+    """Return the magnet with its rounded edges, centred at z = H, mm.
 
     Raises
     ------
@@ -167,17 +170,17 @@ def _magnet(design: Design | Shape) -> list[Corner]:
 
 
 def silicone(design: Design | Shape) -> Solid:
-    """The silicone: the beam with a closed void where the magnet is, or the whole beam without a magnet, mm."""
+    """Return the silicone, mm: the beam with a closed void for the magnet, or the whole beam without a magnet."""
     return cut(beam(design), magnet(design)) if design.magnet_diameter > 0 else beam(design)
 
 
 def beam_volume(shape: Shape) -> float:
-    """Exact volume of the beam, magnet included, in the cube of the shape's unit."""
+    """Return the exact volume of the beam, magnet included, in the cube of the shape's unit."""
     return math.pi * shape.R**2 * (shape.H + 2 * shape.R / 3)
 
 
 def magnet_volume(shape: Shape) -> float:
-    """Exact volume of the magnet, 0 without one, in the cube of the shape's unit.
+    """Return the exact volume of the magnet, 0 without one, in the cube of the shape's unit.
 
     >>> round(magnet_volume(Shape(8, 9, 4, 4, 2)) / (4 / 3 * math.pi * 2**3), 12)
     1.0

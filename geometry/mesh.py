@@ -1,12 +1,15 @@
 """The curved second-order tetrahedral mesh of the beam with its magnet, made by fTetWild through pytetwild.
 
-fTetWild meshes the inside of faceted surfaces with an envelope; the mesh is then made exact: its outer and interface
-nodes are put on the base, the symmetry plane, the side, the dome and the magnet, those in the middle of edges too.
-fTetWild crashes or hangs on bad input, so the input is checked and the work is done in a child process (`tetwild`),
-which fixes its seed: the same request gives the same mesh, to the last bit, whenever it is made on one machine.
-Another processor or version of a library may round otherwise, and from a difference in the last bit fTetWild comes to
-another mesh, of some percent more or fewer cells. Meshes are kept in `geometry.meshing.mesh_cache`, in units of D:
-similar shapes share one.
+fTetWild meshes the inside of surfaces of triangles and may deviate from them by an envelope. Then the nodes of the
+outer surfaces and of the interface, middle nodes included, are moved to the exact base, symmetry plane, side, dome
+and magnet.
+
+fTetWild crashes or hangs on bad input. So the input is checked, and fTetWild runs in a child process
+(`geometry.meshing.tetwild_process`), which also fixes its seed: on one machine the same request always gives the same
+mesh, to the last bit. Another processor, or another version of a library, may round differently. A difference in the
+last bit is enough for fTetWild to make another mesh, with a few percent more or fewer cells.
+
+Meshes are kept in `geometry.meshing.mesh_cache` in units of D, so that similar shapes share one mesh.
 """
 
 from __future__ import annotations
@@ -38,16 +41,16 @@ from geometry.messages import warn_once
 Parts = Literal["regions", "hole", "none"]
 
 WORK_DIAMETER = 8.0
-"""Diameter of the beam while it is meshed: fTetWild does not return at very small scales."""
+"""Diameter of the beam while fTetWild meshes it: at very small scales fTetWild does not return."""
 
 TRIES = (1.0, 0.97, 0.94, 0.9, 0.8, 0.7)
-"""What the sizes are multiplied by, one after the other, until a mesh can be curved."""
+"""Factors of the sizes in successive attempts, until a mesh can be curved."""
 
 PASSES = 10
-"""Most rounds of fTetWild's optimisation: after a few of them the worst cells only cost time."""
+"""Most passes of fTetWild's optimisation: beyond a few passes the worst cells hardly improve but take time."""
 
 CHILD = Path(__file__).parent / "meshing" / "tetwild_process.py"
-"""What runs fTetWild, in a process of its own."""
+"""The program that runs fTetWild in a child process."""
 
 UNSEEDED = "fTetWild's seed cannot be fixed on this platform: meshes of tetrahedra differ from run to run"
 
@@ -62,16 +65,17 @@ def tetrahedra(
     rim: tuple[float, float] | None = None,
     timeout: float = 300,
 ) -> MeshTet2:
-    """Mesh of the beam in the unit of `shape`, base at z = 0, curved to the exact surfaces.
+    """Mesh the beam in the unit of `shape`, with the base at z = 0 and cells curved to the exact surfaces.
 
     Parameters
     ----------
-    size : edge length in the bulk; near the magnet's edges, the clamped rim and in thin layers it is smaller.
-    half : only the part y >= 0.
-    magnet : "regions" meshes it, with an interface that conforms; "hole" leaves it out; "none" is all silicone.
-    tip_size : edge length in the zone of contact at the tip; half of `size` by default.
-    rim : radius of a ring around the axis on the dome, and the edge length there: edges follow it, so that every
-        facet of the dome lies within it or without.
+    size : edge length in the bulk; edges are shorter near the magnet's edges, at the clamped rim and in thin layers.
+    half : True to mesh the part y >= 0 only.
+    magnet : "regions" meshes the magnet too, with a conforming interface; "hole" leaves it out; "none" fills its
+        place with silicone.
+    tip_size : edge length in the zone of contact at the tip; default: half of `size`.
+    rim : radius of a ring on the dome around the axis, and edge length on the ring. Edges follow the ring, so that
+        every facet of the dome lies either inside or outside it.
     timeout : time limit of one run of fTetWild, s.
 
     Returns
@@ -82,13 +86,12 @@ def tetrahedra(
     Raises
     ------
     BadInput
-        A size is not a positive number, the ring is not on the dome, or the shape has no magnet to mesh or one that
-        sticks out.
+        A size is not a positive number, the ring is not on the dome, or the magnet is missing or not inside the beam.
     RuntimeError
-        fTetWild failed, ran out of time, or six times gave a mesh that cannot be curved or has no edges on the ring.
+        fTetWild failed or exceeded its time limit, or none of six meshes could be curved and had edges on the ring.
     """
-    given = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
-    for name, value in given.items():
+    lengths = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
+    for name, value in lengths.items():
         if value is not None and not 0 < value < math.inf:
             raise BadInput(f"{name} must be a positive finite length; got {value:g}")
     if rim is not None and not rim[1] <= rim[0] <= 0.99 * shape.R:
@@ -116,22 +119,22 @@ def tetrahedra(
 
 
 def _rounded(value: float) -> float:
-    """Twelve digits, so that similar shapes are told to be so."""
+    """Round to twelve digits, so that similar shapes have equal numbers in units of D, and so share a mesh."""
     return float(f"{value:.11e}")
 
 
 def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
-    """A new mesh for D = 1."""
+    """Make a new mesh for D = 1."""
     sizes, shape = wanted.scaled(WORK_DIAMETER), unit.scaled(WORK_DIAMETER)
     zoom = Zoom.of(shape)
-    for finer in TRIES:
-        tried = sizes.finer(finer)
-        straight = _raw(tried, half, timeout)
+    for factor in TRIES:
+        attempt = sizes.finer(factor)
+        straight = _raw(attempt, half, timeout)
         if magnet == "hole":
             straight = straight.restrict(straight.subdomains["silicone"])
             del straight.subdomains["magnet"]
         straight = replace(straight, doflocs=zoom.back(straight.p))
-        mesh = curved_mesh.curved(straight, tried, shape)
+        mesh = curved_mesh.curved(straight, attempt, shape)
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
@@ -140,12 +143,12 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
     )
 
 
-# What is kept
+# The cache
 
 
 @functools.cache
 def _makers() -> list[str]:
-    """All that makes a mesh what it is, beside what is asked for: this code and the libraries that it calls."""
+    """Return what determines a mesh besides the request: versions of libraries, and a hash of the code of meshing."""
     code = hashlib.sha256()
     used = (cad, curved_mesh, exact_surfaces, edge_lengths, surface_triangulation, zooming)
     for file in (Path(__file__), CHILD, *(Path(str(module.__file__)) for module in used)):
@@ -155,19 +158,19 @@ def _makers() -> list[str]:
 
 
 def _packed(mesh: MeshTet2) -> dict[str, NDArray[Any]]:
-    """The mesh as named arrays."""
+    """Return the mesh as named arrays; `_unpacked` is the inverse."""
     named = {f"boundary {name}": facets for name, facets in mesh.boundaries.items()}
     named |= {f"subdomain {name}": cells for name, cells in mesh.subdomains.items()}
     return {"doflocs": mesh.doflocs, "t": mesh.t, **named}
 
 
 def _unpacked(arrays: dict[str, NDArray[Any]]) -> MeshTet2:
-    """The mesh from its named arrays."""
+    """Return the mesh of named arrays."""
     parts: dict[str, dict[str, NDArray[Any]]] = {"boundary": {}, "subdomain": {}}
     for name, array in arrays.items():
-        kind, _, own = name.partition(" ")
-        if own:
-            parts[kind][own] = array
+        kind, _, part = name.partition(" ")
+        if part:
+            parts[kind][part] = array
     return MeshTet2(
         arrays["doflocs"], arrays["t"], _boundaries=parts["boundary"], _subdomains=parts["subdomain"], sort_t=False
     )
@@ -177,7 +180,7 @@ def _unpacked(arrays: dict[str, NDArray[Any]]) -> MeshTet2:
 
 
 def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
-    """Straight mesh with its subdomains, as fTetWild gives it."""
+    """Return fTetWild's straight mesh with its subdomains and boundaries."""
     points, faces = surface_triangulation.body(sizes, half)
     inner, inner_faces = (
         surface_triangulation.magnet(sizes, half) if sizes.shape.has_magnet else (points[:0], faces[:0])
@@ -191,7 +194,7 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
         soup = np.vstack([soup, strip])
     field = edge_lengths.background(sizes, half)
     p, t = _tetwild(soup, soup_faces, sizes.bulk, epsilon, field, timeout, around=sizes.ring > 0)
-    if sizes.ring:  # beside an open strip fTetWild does not know inside from outside
+    if sizes.ring:  # the strip is open, so fTetWild cannot separate inside from outside: it fills a box
         t = t[surface_triangulation.in_body(p[t].mean(axis=1), sizes, half)]
         used, t = np.unique(t, return_inverse=True)
         p, t = p[used], t.reshape(-1, 4)
@@ -213,15 +216,21 @@ def _tetwild(
     *,
     around: bool = False,
 ) -> tuple[Array, Ints]:
-    """Points (n, 3) and cells (m, 4) from fTetWild in a child process; lengths in the unit of `points`.
+    """Run fTetWild in a child process; return points (n, 3) and cells (m, 4), lengths in the unit of `points`.
 
-    around : keep the cells outside too, out to a box.
+    Parameters
+    ----------
+    points, faces : surface, shapes (n, 3) and (m, 3).
+    size, epsilon : edge length in the bulk, and size of the envelope.
+    field : points, tetrahedra and edge lengths of the background grid.
+    timeout : time limit, s.
+    around : True to keep the cells outside the surface too, in a box around it.
     """
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     with tempfile.TemporaryDirectory() as folder:
-        given, found = Path(folder, "given.npz"), Path(folder, "found.npz")
+        input_file, output_file = Path(folder, "input.npz"), Path(folder, "output.npz")
         np.savez(
-            given,
+            input_file,
             points=points,
             faces=faces.astype(np.int32),
             size=size,
@@ -232,10 +241,10 @@ def _tetwild(
             around=around,
             passes=PASSES,
         )
-        # -P keeps this folder, whose modules have names such as base and cache, out of what the child imports from
-        command = [sys.executable, "-P", str(CHILD), str(given), str(found)]
+        # -P: otherwise the child could import modules of this folder in place of libraries of the same name
+        command = [sys.executable, "-P", str(CHILD), str(input_file), str(output_file)]
         try:
-            ended = subprocess.run(
+            process = subprocess.run(
                 command,
                 cwd=folder,
                 capture_output=True,
@@ -246,10 +255,10 @@ def _tetwild(
             )
         except subprocess.TimeoutExpired:
             raise RuntimeError(f"fTetWild did not finish within {timeout:g} s: try a larger size") from None
-        if ended.returncode or not found.exists():
-            cause = (ended.stderr.strip().splitlines() or ["no message"])[-1]
-            raise RuntimeError(f"fTetWild failed with exit code {ended.returncode} ({cause}): try another size")
-        with np.load(found) as arrays:
+        if process.returncode or not output_file.exists():
+            cause = (process.stderr.strip().splitlines() or ["no message"])[-1]
+            raise RuntimeError(f"fTetWild failed with exit code {process.returncode} ({cause}): try another size")
+        with np.load(output_file) as arrays:
             p, t = arrays["points"].astype(np.float64), arrays["cells"].astype(np.int64)
             if not arrays["seeded"]:
                 warn_once(UNSEEDED)

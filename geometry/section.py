@@ -1,10 +1,13 @@
 """The graded second-order mesh of the (r, z) section for axisymmetric finite elements.
 
-A point (r, z) is the complex number r + 1j z here. All is done in units of D from input rounded to twelve digits, so
-that similar shapes get the very same triangles; then the nodes are put on the exact outline. The outline is cut into
-steps of the local size, the inside filled with points about that far apart (Poisson-disc sampling of a quadtree) and
-smoothed as a net of springs (Persson and Strang, SIAM Review 46, 2004). Delaunay's criterion is applied in the plane
-log(distance from the tip): it is conformal, and lets edges be seven orders of magnitude shorter at the tip.
+A point (r, z) is the complex number r + 1j z here. The section is meshed in units of D, from input rounded to twelve
+digits, so that similar shapes get identical triangles. Then the nodes are moved to the exact outline.
+
+The outline is divided into steps of the local edge length. The inside is filled with points at about this distance
+from each other (Poisson-disc sampling of a quadtree). The points are smoothed as joints of a network of springs
+(Persson and Strang, SIAM Review 46, 2004). Delaunay's criterion is applied in the image of the plane under the
+logarithm of the position relative to the tip. This map is conformal, and allows edges at the tip that are seven
+orders of magnitude shorter than elsewhere.
 """
 
 from __future__ import annotations
@@ -29,19 +32,26 @@ from geometry.meshing.section_outline import Curve, outline, room
 Points = NDArray[np.complex128]
 
 SPACING, STEPS = 0.85, 10
-"""Least distance of points as a fraction of the edge length; smoothing steps."""
+"""Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
 FRACTIONS = np.unique(np.concatenate([NEAR_END, 1 - NEAR_END, np.linspace(0, 1, 201)]))
-"""Where along a curve, as fractions of its length, the edge length is looked up; and how close to its ends."""
+"""Fractions of a curve's length at which the edge length is evaluated; dense at the ends, where it may be tiny."""
 BATCH = 64
-"""Points to thin out that are compared at once."""
+"""Number of points that `_thinned` compares at once."""
 SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
-"""Derivatives of a triangle's shape functions at points of integration, shape (6, 2, q)."""
+"""Derivatives of a triangle's quadratic shape functions at quadrature points, shape (6, 2, q)."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Border:
-    """The curves cut into segments: ends, shape (m, 2), that index `node`; name and middle, shape (m,)."""
+    """The outline as segments.
+
+    Attributes
+    ----------
+    node : end points of all segments, shape (n,).
+    segment : indices in `node` of both ends of each segment, shape (m, 2).
+    name, middle : name of each segment's curve, and its middle point on the curve, shape (m,).
+    """
 
     node: Points
     segment: Ints
@@ -62,22 +72,24 @@ def section(
 
     Parameters
     ----------
-    shape : in any unit of length; the mesh has the same.
-    size : edge length away from features; halving it halves all, unless a fillet or thin layer already needs less.
-    tip_size : edge length at the tip (0, L), at most `size`; half of `size` unless told.
-    rim : radius of a ring of nodes on the dome, and the edge length there: where a patch of contact ends.
+    shape : lengths in any unit; the mesh has the same unit.
+    size : edge length far from all features. Half the size gives half of every edge length, except where a fillet or
+        a thin layer needs shorter edges anyway.
+    tip_size : edge length at the tip (0, L), at most `size`; default: half of `size`.
+    rim : radius of a ring on the dome that gets a node, and edge length there: the edge of a contact area.
     fillet : largest edge length at a fillet of the magnet, as a fraction of its radius.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
 
     Returns
     -------
-    skfem.MeshTri2, counter-clockwise, middle nodes on the arcs of the dome and the fillets, `boundaries` "base",
-    "axis", "skin" (wall and dome), "magnet" (if any), `subdomains` "silicone" and, if meshed, "magnet".
+    skfem.MeshTri2 with counter-clockwise triangles and middle nodes on the arcs of dome and fillets. Its `boundaries`
+    are "base", "axis", "skin" (wall and dome) and, with a magnet, "magnet"; its `subdomains` are "silicone" and, if
+    meshed, "magnet".
 
     Raises
     ------
     BadInput : a size is not positive, or `tip_size` exceeds `size`.
-    RuntimeError : no valid mesh was found.
+    RuntimeError : the mesh does not fill the outline, or has a folded triangle.
     """
     if not 0 < size < math.inf:
         raise BadInput(f"size must be a positive length; got {size:g}")
@@ -102,10 +114,11 @@ def section(
 
 
 def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
-    """For each curve the fractions of its length, from 0 to 1, that cut it into steps of the local size."""
+    """Return, for each curve, the fractions of its length from 0 to 1 that divide it into steps of the local size."""
     wanted = sizing.along(np.concatenate([curve.at(FRACTIONS) for curve in curves]))
     cuts = []
     for curve, here in zip(curves, wanted.reshape(len(curves), -1), strict=True):
+        # the integral of 1 / edge length counts the edges: nodes lie where it takes evenly spaced values
         density = curve.length / here
         count = np.append(0.0, np.cumsum(np.diff(FRACTIONS) * (density[1:] + density[:-1]) / 2))
         steps = max(1 if curve.centre is None else 2, math.ceil(count[-1] - 0.3))
@@ -114,7 +127,7 @@ def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
 
 
 def _border(curves: list[Curve], cuts: list[Array]) -> _Border:
-    """Number the nodes on the curves; curves that meet share theirs."""
+    """Number the nodes on the curves; curves that meet share the node of their common end."""
     corner: dict[complex, int] = {}
     nodes, segments, middles, total = [], [], [], 0
     for curve, t in zip(curves, cuts, strict=True):
@@ -132,12 +145,15 @@ def _border(curves: list[Curve], cuts: list[Array]) -> _Border:
 
 
 def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
-    """Points inside, shape (n,), spaced by the local size: leaves of a quadtree, thinned out from the border on."""
+    """Return points inside, shape (n,), spaced by the local size.
+
+    They are the centres of the leaves of a quadtree, thinned out in order of distance from the border.
+    """
     side, leaves, lengths = 0.5, [], []
     cells = (side * (0.5 + 1j * (0.5 + np.arange(math.ceil(domain.L / side))))).astype(np.complex128)
     while len(cells):
         space = room(domain, cells)
-        near = space > -0.71 * side  # of other cells no part is inside
+        near = space > -0.71 * side  # other cells lie outside: half a diagonal is 0.71 sides
         cells, space = cells[near], space[near]
         wanted = sizing(cells)
         coarse = wanted < side / 0.3
@@ -153,7 +169,7 @@ def _fill(domain: Shape, border: _Border, sizing: Grading) -> Points:
 
 
 def _thinned(x: Points, length: Array) -> Points:
-    """The points, first come first served, that keep their distance from those before."""
+    """Return those points, in order, that keep the least distance from all points returned before them."""
     kept, nearest = [], (SPACING * length) ** 2
     while len(x):
         first, rest = pairs(x[:BATCH]), pairs(x[BATCH:])
@@ -169,7 +185,10 @@ def _thinned(x: Points, length: Array) -> Points:
 
 
 def _delaunay(x: Points, sizing: Grading) -> Ints:
-    """Triangles, shape (n, 3), counter-clockwise, by Delaunay's criterion in a conformal image of the plane."""
+    """Return counter-clockwise triangles, shape (n, 3), that are Delaunay in a conformal image of the plane.
+
+    The logarithm has its pole just outside the section, next to the tip, so that it is finite at the tip.
+    """
     image = np.log(x - sizing.source[0] + sizing.least[0] / sizing.growth[0] * (1 - 1j) / math.sqrt(2))
     t: Ints = Delaunay(pairs(image)).simplices.astype(np.int64)
     a, b, c = x[t.T]
@@ -179,25 +198,31 @@ def _delaunay(x: Points, sizing: Grading) -> Ints:
 
 
 def _keys(i: Ints, j: Ints) -> Ints:
-    """One number for each unordered pair of node indices."""
+    """Return one number for each unordered pair of node indices, which are below 2**31."""
     return np.minimum(i, j) * 2**31 + np.maximum(i, j)
 
 
 def _sides(t: Ints) -> Ints:
-    """The sides of triangles, shape (n, 3): their ascending keys, each once."""
+    """Return the keys of all sides of triangles, shape (n, 3), in ascending order and without repetition."""
     keys = np.sort(_keys(t, t[:, [1, 2, 0]]), axis=None)
     return keys[np.diff(keys, prepend=-1) > 0]
 
 
 def _clear(border: _Border, x: Points) -> NDArray[np.bool_]:
-    """Which points, shape (n,), lie outside the circles that have a segment as diameter."""
+    """Return a mask (n,) of the points outside all circles that have a segment of the border as diameter.
+
+    A point inside such a circle could keep Delaunay's triangles from having the segment as a side.
+    """
     ends = border.node[border.segment]
     clear: NDArray[np.bool_] = (cdist(pairs(x), pairs(ends.mean(axis=1))) > np.abs(np.diff(ends).T) / 2).all(axis=1)
     return clear
 
 
 def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> Points:
-    """Smooth the points inside, and add some where a single edge joins the magnet to an outer face."""
+    """Smooth the points inside; add points where a single edge connects the magnet with the skin or the base.
+
+    A thin layer of silicone then has at least two elements across.
+    """
     outer = border.segment[np.isin(border.name, ["base", "skin"])]
     core = border.segment[border.name == "magnet"]
     for _ in range(3):
@@ -211,7 +236,10 @@ def _smoothed(domain: Shape, border: _Border, inner: Points, sizing: Grading) ->
 
 
 def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> tuple[Points, Ints]:
-    """Let the edges act as springs that push towards the local size, the border fixed; also return the edges."""
+    """Move the points inside as if edges were springs that push towards the local size; return points and edges.
+
+    The points of the border are fixed.
+    """
     fixed = len(border.node)
     for _ in range(STEPS):
         x = np.concatenate([border.node, inner])
@@ -229,6 +257,7 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> t
         push = np.concatenate([-push, push])
         r, z = (np.bincount(free.ravel(), part, len(x)) for part in (push.real, push.imag))
         moved = inner + 0.2 * (r + 1j * z)[fixed:]
+        # a point that would come too close to the border or the axis keeps its place
         clear = np.minimum(room(domain, moved), moved.real)
         free_to_move = clear > 0.3 * sizing.size
         tight = np.flatnonzero(~free_to_move)
@@ -238,7 +267,10 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> t
 
 
 def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
-    """Which points, shape (n,), have an odd number of the segments, shape (m, 2), straight to their right."""
+    """Return a mask (n,) of the points inside a closed polygon: a ray to the right crosses an odd number of segments.
+
+    ends : end points of the segments, shape (m, 2).
+    """
     p, q, z = ends[:, 0], ends[:, 1], x.imag[:, None]
     slope = (q.real - p.real) / np.where(p.imag == q.imag, 1.0, q.imag - p.imag)
     cut = ((p.imag > z) != (q.imag > z)) & (p.real + (z - p.imag) * slope > x.real[:, None])
@@ -246,7 +278,7 @@ def _within(x: Points, ends: Points) -> NDArray[np.bool_]:
 
 
 def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> tuple[Ints, Ints]:
-    """Triangles of the silicone and of the magnet, shape (n, 3)."""
+    """Return the triangles of the silicone and of the magnet, both of shape (n, 3)."""
     x, ends = np.concatenate([border.node, inner]), border.node[border.segment]
     t = _delaunay(x, sizing)
     t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
@@ -258,7 +290,7 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -
 
 
 def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) -> Any:
-    """Raise the triangles to second order with the middle nodes on the curves, name the parts and check them."""
+    """Return the second-order mesh with middle nodes on the curves and named parts; check that it is valid."""
     corners, t = pairs(np.concatenate([border.node, inner])).T, np.concatenate([silicone, core]).T
     straight = skfem.MeshTri(np.ascontiguousarray(corners), np.ascontiguousarray(t), sort_t=False, validate=False)
     key = _keys(*straight.facets.astype(np.int64))

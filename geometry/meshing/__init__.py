@@ -1,1 +1,1 @@
-"""Meshes of the beam and its magnet: sizes of edges, surfaces, curved cells, quality, and meshes kept on disk."""
+"""Meshing of the beam and its magnet: edge lengths, surfaces, curved cells, quality, cache and imported meshes."""

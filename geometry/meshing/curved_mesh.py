@@ -1,9 +1,12 @@
-"""From a straight mesh to one of second order on the exact surfaces.
+"""Conversion of a straight mesh to a second-order mesh on the exact surfaces.
 
-Vertices are put on the surfaces, nodes in the middle of edges too, and then these are moved off again by as much as
-the quadratic facets around them stray from the surface in the mean: the volume between facets and surface vanishes to
-first order, where facets through points of the surface alone would leave out some 1e-4 of a coarsely meshed body.
-A sharp edge that stands for a small fillet is drawn in until the magnet has its volume.
+Vertices and middle nodes of edges are moved to the exact surfaces. A quadratic facet through points of a curved
+surface still deviates from the surface between these points; on a coarse mesh the deviation would change the volume
+by about 1e-4. So the middle nodes are moved along the normal until the mean deviation of the facets around each one
+vanishes: then the volume between facets and surface vanishes to first order.
+
+A small fillet of the magnet may be meshed as a sharp edge. This edge is moved inwards until the magnet has its exact
+volume.
 """
 
 from __future__ import annotations
@@ -27,15 +30,18 @@ from geometry.meshing.exact_surfaces import Masks
 About = Callable[[Array, Shape], exact_surfaces.Near]
 
 LEAST_JACOBIAN = 0.05
-"""Least ratio in a cell of the least to the greatest Jacobian at the quadrature points of order 4."""
+"""Least allowed ratio, in a cell, of the least to the greatest Jacobian at the quadrature points of order 4."""
 LEAST_SHAPE = 0.02
-"""Least shape of a straight cell: three times its inscribed over its circumscribed radius."""
+"""Least allowed shape of a straight cell: three times its inscribed over its circumscribed radius."""
 ROUNDS, VOLUME = 10, 1e-5
-"""Most rounds of fitting facets and relaxing cells, and the share of a volume that may be missing in the end."""
+"""Most rounds of fitting facets and straightening cells; largest relative error of a volume at the end."""
 
 
 def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
-    """The straight mesh with its boundaries, found from where the facets lie and how they face."""
+    """Return the straight mesh with its boundaries, found from the positions and normals of the facets.
+
+    tolerance : largest distance of a facet from the plane of base or symmetry. half : True for the part y >= 0.
+    """
     first, second = mesh.f2t
     outer = np.flatnonzero(second < 0)
     corners = mesh.p[:, mesh.facets[:, outer]]
@@ -43,25 +49,25 @@ def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
     flat = [(np.abs(corners[k]).max(axis=0) < tolerance) & (np.abs(normal[k]) > 0.7) for k in range(3)]
     base = flat[2]
     mirror = flat[1] & ~base & half
-    found = {"base": outer[base], "skin": outer[~base & ~mirror]}
+    boundaries = {"base": outer[base], "skin": outer[~base & ~mirror]}
     if half:
-        found["symmetry"] = outer[mirror]
+        boundaries["symmetry"] = outer[mirror]
     if "magnet" in mesh.subdomains:
         inside = np.zeros(mesh.nelements, dtype=bool)
         inside[mesh.subdomains["magnet"]] = True
-        found["magnet"] = np.flatnonzero((second >= 0) & (inside[first] != inside[second]))
-    return replace(mesh, _boundaries=found)
+        boundaries["magnet"] = np.flatnonzero((second >= 0) & (inside[first] != inside[second]))
+    return replace(mesh, _boundaries=boundaries)
 
 
 def normals(mesh: MeshTet1, facets: Ints) -> Array:
-    """Unit normals of facets, shape (3, n), of either sign."""
+    """Return unit normals of facets, shape (3, n), of arbitrary sign."""
     a, b, c = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 1, 0)
     normal = np.cross(b - a, c - a, axis=0)
     return np.asarray(normal / np.linalg.norm(normal, axis=0))
 
 
 def _nodes_on(mesh: MeshTet1, facets: Ints) -> NDArray[np.bool_]:
-    """Which vertices and edges, in this order, belong to the facets."""
+    """Return a mask of the vertices and edges, in this order, that belong to the facets."""
     count = mesh.nvertices
     corners = np.sort(mesh.facets[:, facets], axis=0).astype(np.int64)
     on = np.zeros(count + mesh.nedges, dtype=bool)
@@ -75,7 +81,7 @@ def _nodes_on(mesh: MeshTet1, facets: Ints) -> NDArray[np.bool_]:
 
 
 def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
-    """Which vertices and edges, in this order, are on the ring; None if a facet lies on both its sides."""
+    """Return a mask of the vertices and edges, in this order, on the ring; None if a facet crosses the ring."""
     skin = mesh.boundaries["skin"]
     out = np.hypot(mesh.p[0], mesh.p[1])
     near = np.hypot(out - sizes.ring_radius, mesh.p[2] - sizes.ring_height) < 2 * surface_triangulation.envelope(
@@ -90,10 +96,14 @@ def _ring(mesh: MeshTet1, sizes: Sizes) -> NDArray[np.bool_] | None:
 
 
 def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
-    """The mesh with quadratic cells on the exact surfaces; None if that fails.
+    """Return the mesh with quadratic cells on the exact surfaces.
 
-    It fails if a cell folds or flattens, if a facet lies on both sides of the ring, or if a volume is missed.
-    sizes : those it was meshed with. true : the body, whose magnet may have been meshed enlarged.
+    The result is None if a cell folds or becomes flat, a facet crosses the ring, or a volume is wrong.
+
+    Parameters
+    ----------
+    sizes : the sizes with which the mesh was made.
+    true : the true body; `sizes.shape` may have an enlarged magnet.
     """
     on = {name: _nodes_on(mesh, facets) for name, facets in mesh.boundaries.items()}
     if sizes.ring:
@@ -111,12 +121,13 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     p = exact_surfaces.project(mesh.p, {name: mask[:n] for name, mask in on.items()}, shape, at_ring)
     top = p[2].argmax()
     if math.hypot(p[0, top], p[1, top]) < max(0.01 * shape.R, 0.3 * sizes.tip):
-        p[:, top] = 0, 0, shape.L  # what a plate touches first
+        p[:, top] = 0, 0, shape.L  # a vertex exactly at the tip, which a plate touches first
     p = mended(p, mesh.t, {name: mask[:n] for name, mask in on.items()})
     if shapes(p[:, mesh.t]).min() < LEAST_SHAPE:
         return None
     x = exact_surfaces.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
     x[:, :n] = p
+    # nodes of the ring stay on it; each round adds the nodes that a distorted cell has moved back
     kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
     half = 0.5 if "symmetry" in on else 1.0
     fits = [_Fit(facet_nodes(mesh, mesh.boundaries["skin"]), exact_surfaces.skin, 0.0, half * cad.beam_volume(true))]
@@ -126,51 +137,55 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     for k in range(ROUNDS):
         for fit in fits:
             if fit.about is exact_surfaces.magnet and "edge" in on:
-                x = x if k else _around(x, magnet[:, ~lid], exact_surfaces.side, shape, kept)
-                x = _drawn_in(x, fit, on["edge"])
+                x = x if k else _fit_locally(x, magnet[:, ~lid], exact_surfaces.side, shape, kept)
+                x = _move_edges_in(x, fit, on["edge"])
             else:
-                x = _leveled(_around(x, fit.nodes, fit.about, shape, kept), fit, shape, kept)
-        found = _relaxed(mesh, x, on)
-        if found is None or not found[1].any():
+                x = _match_volume(_fit_locally(x, fit.nodes, fit.about, shape, kept), fit, shape, kept)
+        straightened = _straighten(mesh, x, on)
+        if straightened is None or not straightened[1].any():
             break
-        x, kept = found[0].doflocs.copy(), kept | found[1]
-    if found is None:
+        x, kept = straightened[0].doflocs.copy(), kept | straightened[1]
+    if straightened is None:
         return None
     inner = fits[1].volume if "magnet" in on else 0.0
-    right = {"silicone": fits[0].volume - inner, "magnet": inner}
-    # by the cells, since facets that fold over would deceive a sum over facets
-    if any(abs(volume - right[name]) > VOLUME * right[name] for name, volume in volumes(found[0]).items()):
+    exact = {"silicone": fits[0].volume - inner, "magnet": inner}
+    # volumes of cells, not of facets: a sum over facets that fold over may be right by chance
+    if any(abs(volume - exact[name]) > VOLUME * exact[name] for name, volume in volumes(straightened[0]).items()):
         return None
-    return found[0]
+    return straightened[0]
 
 
 def volumes(mesh: MeshTet2) -> dict[str, float]:
-    """The volume of each region, by its curved cells."""
+    """Return the volume of each region, integrated over its curved cells."""
     weights = get_quadrature(ElementTetP2().refdom, 4)[1]
     cells = weights @ determinants(mesh.doflocs, mesh.dofs.element_dofs)[4:]
     return {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
 
 
 def mended(p: Array, t: Ints, on: Masks) -> Array:
-    """The vertices p, shape (3, n), where cells are flat moved to where the worst cell around them is best.
+    """Return vertices, shape (3, n), some of them moved to improve flat cells.
 
-    fTetWild leaves flat cells at a magnet's edge, between three vertices of it and one beside, and putting vertices
-    on the surfaces flattens some more. Only vertices inside and on the plane of symmetry move, and none if no cell is
-    too flat.
+    fTetWild leaves flat cells at a magnet's edge, between three vertices of the edge and one next to it. Moving
+    vertices to the exact surfaces makes a few more cells flat. A vertex of a flat cell moves to that point, of 27
+    around it, where the worst of its cells has the best shape. Only vertices inside the body and on the plane of
+    symmetry move, and none if every cell has at least `LEAST_SHAPE`.
+
+    p, t : vertices, shape (3, n), and cells, shape (4, m). on : masks (n,) of the vertices on each boundary.
     """
     if shapes(p[:, t]).min() >= LEAST_SHAPE:
         return p
-    p, ways = p.copy(), np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]])).reshape(3, -1)
+    p, steps = p.copy(), np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]])).reshape(3, -1)
     fixed = on["base"] | on["skin"] | on.get("magnet", False)
+    # large steps first, then small ones; the sequence is repeated because neighbours may have moved
     for reach in np.repeat([0.2, 0.1, 0.05, 0.2, 0.1, 0.05], 3):
         flat = np.flatnonzero(shapes(p[:, t]) < 3 * LEAST_SHAPE)
         for vertex in np.setdiff1d(t[:, flat], np.flatnonzero(fixed)):
             cells = t[:, (t == vertex).any(axis=0)]
-            step = reach * np.linalg.norm(p[:, cells] - p[:, [vertex], None], axis=0).max()
-            places = p[:, [vertex]] + step * ways
+            length = reach * np.linalg.norm(p[:, cells] - p[:, [vertex], None], axis=0).max()
+            places = p[:, [vertex]] + length * steps
             if "symmetry" in on and on["symmetry"][vertex]:
                 places[1] = 0
-            around = np.repeat(p[:, cells, None], ways.shape[1], axis=3)
+            around = np.repeat(p[:, cells, None], steps.shape[1], axis=3)
             around = np.where(cells[None, :, :, None] == vertex, places[:, None, None], around)
             worst = shapes(around.reshape(3, 4, -1)).reshape(cells.shape[1], -1).min(axis=0)
             p[:, vertex] = places[:, worst.argmax()]
@@ -179,14 +194,14 @@ def mended(p: Array, t: Ints, on: Masks) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """A surface's facets and what they have to enclose, with planes through a pole on the axis.
+    """The facets of a surface, and the volume that they must enclose together with planes through a pole on the axis.
 
     Attributes
     ----------
-    nodes : of the facets, shape (6, n).
-    about : the surface.
-    pole : its height; the body is star-shaped about it.
-    volume : wanted.
+    nodes : nodes of the facets, shape (6, n).
+    about : function that returns the position of points relative to the exact surface.
+    pole : height of the pole; the body is star-shaped about the pole.
+    volume : exact volume.
     """
 
     nodes: Ints
@@ -195,14 +210,18 @@ class _Fit:
     volume: float
 
     def missing(self, x: Array) -> float:
-        """Volume that the facets leave out, by the divergence theorem; planes through the pole add nothing."""
+        """Return the exact volume less that of the facets, for node coordinates x, shape (3, n).
+
+        The divergence theorem turns the volume into an integral over facets. Base and plane of symmetry contain the
+        pole, so they add nothing.
+        """
         points, areas = patches(x, self.nodes)
         points[2] -= self.pole
         return self.volume - float(np.abs((points * areas).sum(axis=0)).sum()) / 3
 
 
 def facet_nodes(mesh: MeshTet1, facets: Ints) -> Ints:
-    """Nodes of quadratic facets, shape (6, n): corners, then the middles of the edges 01, 12 and 02."""
+    """Return the nodes of quadratic facets, shape (6, n): corners, then middle nodes of the edges 01, 12 and 02."""
     corners = mesh.facets[:, facets].astype(np.int64)
     ends = np.sort(corners[[[0, 1], [1, 2], [0, 2]]], axis=1)
     low, high = np.sort(mesh.edges, axis=0).astype(np.int64)
@@ -213,7 +232,7 @@ def facet_nodes(mesh: MeshTet1, facets: Ints) -> Ints:
 
 
 def patches(x: Array, nodes: Ints) -> tuple[Array, Array]:
-    """Points of quadratic facets and their shares of area as normal vectors, both of shape (3, points, facets)."""
+    """Return quadrature points of quadratic facets and their area vectors, both of shape (3, points, facets)."""
     element = ElementTriP2()
     at, weights = get_quadrature(element.refdom, 6)
     values, slopes = zip(*(element.lbasis(at, k) for k in range(6)), strict=True)
@@ -222,8 +241,8 @@ def patches(x: Array, nodes: Ints) -> tuple[Array, Array]:
     return points, np.cross(along[0], along[1], axis=0) * weights[:, None]
 
 
-def _around(x: Array, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Array:
-    """Middle nodes that are not `kept`, moved until the volume between the facets around and the surface vanishes."""
+def _fit_locally(x: Array, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.bool_]) -> Array:
+    """Move each middle node that is not `kept` until the volume between its facets and the surface vanishes."""
     x = x.copy()
     middles = np.unique(nodes[3:])
     middles = middles[~kept[middles]]
@@ -231,6 +250,7 @@ def _around(x: Array, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.
         points, areas = patches(x, nodes)
         near = about(points, shape)
         area = np.abs((areas * near.normal).sum(axis=0))
+        # volume between facet and surface; the second term accounts for the change of area along the normal
         volume = area * near.distance * (1 - near.curvature * near.distance / 2)
         out, whole = (
             np.bincount(nodes[3:].ravel(), np.tile(share.sum(axis=0), 3))[middles] for share in (volume, area)
@@ -239,8 +259,8 @@ def _around(x: Array, nodes: Ints, about: About, shape: Shape, kept: NDArray[np.
     return x
 
 
-def _leveled(x: Array, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Array:
-    """Middle nodes that are not `kept`, all moved by the same, until the volume is right."""
+def _match_volume(x: Array, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Array:
+    """Move all middle nodes that are not `kept` by one common distance, so that the enclosed volume is exact."""
     x = x.copy()
     middles = np.unique(fit.nodes[3:])
     middles = middles[~kept[middles]]
@@ -251,8 +271,8 @@ def _leveled(x: Array, fit: _Fit, shape: Shape, kept: NDArray[np.bool_]) -> Arra
     return x
 
 
-def _drawn_in(x: Array, fit: _Fit, edge: NDArray[np.bool_]) -> Array:
-    """A magnet with sharp edges, those moved inwards until its volume is that with the fillets."""
+def _move_edges_in(x: Array, fit: _Fit, edge: NDArray[np.bool_]) -> Array:
+    """Move the sharp edges of a magnet inwards until its volume is that of the magnet with fillets."""
     inwards = np.zeros_like(x)
     inwards[:2, edge] = -x[:2, edge] / np.hypot(*x[:2, edge])
     inwards[2, edge] = np.sign(fit.pole - x[2, edge])
@@ -264,28 +284,35 @@ def _drawn_in(x: Array, fit: _Fit, edge: NDArray[np.bool_]) -> Array:
     return x + depth * inwards
 
 
-def _relaxed(mesh: MeshTet1, x: Array, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
-    """The mesh with the nodes x, and which of its middle nodes had to move back because a cell was too distorted."""
+def _straighten(mesh: MeshTet1, x: Array, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
+    """Return the mesh with nodes x, shape (3, n), and a mask of the middle nodes that had to be moved back.
+
+    The middle nodes of a distorted cell are moved back, in steps, towards the middles of its straight edges. The
+    result is None if twenty steps are not enough.
+    """
     n = mesh.nvertices
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=np.ascontiguousarray(x[:, :n])))
     nodes = straight.dofs.element_dofs
-    bend = _spread(x - straight.doflocs, nodes[4:], on)
+    bend = _extend_inside(x - straight.doflocs, nodes[4:], on)
     share = np.ones(x.shape[1])
     for _ in range(20):
-        now = straight.doflocs + share * bend
-        det = determinants(now, nodes)
+        moved = straight.doflocs + share * bend
+        det = determinants(moved, nodes)
         bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < LEAST_JACOBIAN * det[4:].max(axis=0))
         if not bad.any():
-            made = MeshTet2(now, straight.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
-            return made, (share < 1) & bend.any(axis=0)
+            curved = MeshTet2(moved, straight.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
+            return curved, (share < 1) & bend.any(axis=0)
         share[nodes[4:, bad]] *= 0.75
     return None
 
 
-def _spread(bend: Array, middles: Ints, on: Masks) -> Array:
-    """Shifts of nodes, shape (3, n), of which those inside follow those on the surfaces.
+def _extend_inside(bend: Array, middles: Ints, on: Masks) -> Array:
+    """Extend the shifts of the nodes on the surfaces to the middle nodes inside, shape (3, n).
 
-    middles : nodes in the middle of the edges of each cell, shape (6, cells).
+    Each middle node inside gets the mean shift of the cells around it, in eight rounds: cells near a curved surface
+    are then less distorted than with straight edges inside.
+
+    middles : middle nodes of the edges of each cell, shape (6, cells).
     """
     held = on["base"] | on["skin"] | on.get("magnet", False)
     held[: middles.min()] = True
@@ -300,7 +327,10 @@ def _spread(bend: Array, middles: Ints, on: Masks) -> Array:
 
 
 def determinants(x: Array, nodes: Ints) -> Array:
-    """Jacobian determinants at the corners and quadrature points of order 4, shape (points, cells)."""
+    """Return the Jacobian determinants at corners and quadrature points of order 4, shape (points, cells).
+
+    x, nodes : coordinates, shape (3, n), and nodes of each cell, shape (10, cells).
+    """
     element = ElementTetP2()
     points = np.hstack([element.refdom.p, get_quadrature(element.refdom, 4)[0]])
     slopes = np.stack([element.lbasis(points, k)[1] for k in range(10)])
@@ -309,17 +339,15 @@ def determinants(x: Array, nodes: Ints) -> Array:
 
 
 def shapes(corners: Array) -> Array:
-    """`radius_ratios`, negative for cells that are turned inside out; corners of shape (3, 4, cells)."""
+    """Return `radius_ratios`, negative for inverted cells (J <= 0), of corners of shape (3, 4, cells)."""
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     return np.asarray(np.sign((a * np.cross(b, c, axis=0)).sum(axis=0)) * radius_ratios(corners))
 
 
 def radius_ratios(corners: Array) -> Array:
-    """Three times the inscribed over the circumscribed radius, 0 where two corners are one.
+    """Return three times the inscribed over the circumscribed radius of cells; 0 where two corners coincide.
 
-    Parameters
-    ----------
-    corners : of shape (3, 4, cells).
+    corners : coordinates of the corners, shape (3, 4, cells).
     """
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     ab, bc, ca = (np.cross(u, v, axis=0) for u, v in ((a, b), (b, c), (c, a)))

@@ -1,7 +1,8 @@
-"""The wanted edge length at every place in the beam, and the grid that tells it to fTetWild.
+"""The target edge length of tetrahedra at every point of the beam, and its background grid for fTetWild.
 
-Small at the tip where a plate touches, at the clamped outer edge, at the magnet's two edges and in thin layers; it
-grows in proportion to the distance from them. All lengths are in the unit of the `Shape` that is passed in.
+Edges are short at the tip, where a plate touches, at the clamped outer edge, at the magnet's two edges and in thin
+layers of silicone. Their length grows in proportion to the distance from these features. All lengths are in the unit
+of the `Shape` that is passed in.
 """
 
 from __future__ import annotations
@@ -17,21 +18,25 @@ from geometry.arrays import Array, Ints
 from geometry.design import Shape
 
 GROWTH = 0.7
-"""Growth of the edge length per length away from a refined place."""
+"""Growth of the edge length per unit of distance from a refined feature."""
 
 TUBE = 0.05
-"""How far around a ring, over D, the sizing field is told on tubes, which its grid is too coarse for."""
+"""Radius around a ring, in units of D, within which tubes of points refine the background grid.
+
+The spacing of the grid alone, 0.04 D, is too coarse for the short edges at the ring.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Target edge length as a function of the place in the half-plane (r, z).
+    """The target edge length as a function of the point in the half-plane (r, z).
 
     Attributes
     ----------
-    bulk, tip, rim, edge : far from everything, at the tip, at the clamped outer edge, at the magnet's two edges.
+    bulk, tip, rim, edge : edge lengths far from all features, at the tip, at the clamped outer edge, and at the
+        magnet's two edges.
     centre : height of the magnet's centre.
-    ring, ring_radius : on a ring around the axis on the dome, and its radius; 0 without a ring.
+    ring, ring_radius : edge length on a ring on the dome around the axis, and radius of the ring; 0 without a ring.
     """
 
     shape: Shape
@@ -52,7 +57,14 @@ class Sizes:
         ring: tuple[float, float] | None = None,
         centre: float | None = None,
     ) -> Sizes:
-        """The sizes that follow from that in the bulk, which is at most half the radius; centre is H if not told."""
+        """Return the sizes for an edge length `size` in the bulk, which is limited to half the radius.
+
+        Parameters
+        ----------
+        tip_size : edge length at the tip; None: half of that in the bulk.
+        ring : radius of the ring, and edge length on it.
+        centre : height of the magnet's centre; None: H.
+        """
         bulk = min(size, shape.R / 2)
         edge = bulk / 2
         if shape.has_magnet:
@@ -64,23 +76,23 @@ class Sizes:
         return cls(shape, bulk, tip, clamp, edge, middle, min(at_ring, bulk), radius)
 
     def scaled(self, factor: float) -> Sizes:
-        """The same in another unit of length."""
+        """Return the sizes in another unit of length."""
         places = {name: factor * getattr(self, name) for name in ("centre", "ring_radius")}
         return replace(self.finer(factor), shape=self.shape.scaled(factor), **places)
 
     def finer(self, factor: float) -> Sizes:
-        """All sizes multiplied by a factor."""
+        """Return the sizes with every edge length multiplied by `factor`; the shape stays."""
         names = ("bulk", "tip", "rim", "edge", "ring")
         return replace(self, **{name: factor * getattr(self, name) for name in names})
 
     @property
     def rounded(self) -> bool:
-        """Whether the fillet of the magnet is large enough to be seen by the facets."""
+        """True if the facets resolve the fillet of the magnet; a smaller fillet is meshed as a sharp edge."""
         return self.shape.has_magnet and self.shape.magnet_edge_radius >= 0.25 * self.edge
 
     @property
     def wall(self) -> float:
-        """Least thickness of silicone around the magnet, or little less."""
+        """Least thickness of silicone around the magnet; for an enlarged magnet a lower bound of it."""
         s = self.shape
         if not s.has_magnet or self.centre == s.H:
             return s.wall
@@ -89,12 +101,13 @@ class Sizes:
 
     @property
     def ring_height(self) -> float:
-        """z of the ring."""
+        """Height z of the ring."""
         return self.shape.H + math.sqrt(self.shape.R**2 - self.ring_radius**2)
 
     def at(self, r: Array, z: Array) -> Array:
-        """Target edge length at points (r, z), arrays of one shape."""
+        """Return the target edge length at points (r, z); r, z and the result have the same shape."""
         s = self.shape
+        # the tip's edge length holds within this distance of the tip: the zone of contact
         contact = 1.5 * 0.35 * s.R
         tip = self.tip + GROWTH * np.maximum(np.hypot(r, z - s.L) - contact, 0)
         rim = self.rim + GROWTH * np.hypot(r - s.R, z)
@@ -110,12 +123,16 @@ class Sizes:
         return np.asarray(np.minimum(np.minimum(size, edge), self._layer(r, z, a, b)))
 
     def steps(self, r: float, z: float, half: bool) -> int:
-        """Number of steps of that length around the axis."""
+        """Return the number of edges of the target length on a circle around the axis, or on its half."""
         turn = math.pi if half else 2 * math.pi
         return max(math.ceil(turn * r / float(self.at(np.array(r), np.array(z)))), 6 if half else 12)
 
     def _layer(self, r: Array, z: Array, a: float, b: float) -> Array:
-        """1.5 times the thickness of the silicone around the magnet, at least an eighth of the bulk size."""
+        """Return the edge length that a thin layer of silicone needs.
+
+        This is 1.5 times the thickness of the layer between the magnet and the outer surface at the point, and at
+        least an eighth of the bulk size.
+        """
         s = self.shape
         skin = np.where(z > s.H, np.abs(s.R - np.hypot(r, z - s.H)), np.abs(s.R - r))
         dr, dz = r - a, np.abs(z - self.centre) - b
@@ -124,7 +141,10 @@ class Sizes:
 
 
 def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
-    """Sizing field on a grid around the beam: points (n, 3), tetrahedra (m, 4) and edge lengths (n,)."""
+    """Return the background grid around the beam: points (n, 3), tetrahedra (m, 4) and target edge lengths (n,).
+
+    fTetWild interpolates the edge lengths linearly in the tetrahedra.
+    """
     s = sizes.shape
     margin = 0.02 * s.D
     low = np.array([-s.R, 0.0 if half else -s.R, 0.0]) - margin
@@ -132,6 +152,7 @@ def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
     axes = [np.linspace(a, b, math.ceil((b - a) / (0.04 * s.D)) + 1) for a, b in zip(low, high, strict=True)]
     places = np.array([0.0, sizes.centre - s.magnet_height / 2, sizes.centre + s.magnet_height / 2, s.H, s.L])
     near = np.abs(axes[2][:, None] - places).min(axis=1) < s.D
+    # along a slender beam, far from all features, every eighth plane of the grid is enough
     near[::8] = near[-1] = True
     axes[2] = axes[2][near]
     n = [len(axis) for axis in axes]
@@ -146,6 +167,8 @@ def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
         kept = np.ones(corner.shape, dtype=bool)
         kept[tuple(slice(each.start, each.stop - 1) for each in around)] = False
         corner = corner[kept]
+    # Kuhn's subdivision: six tetrahedra in each box, one for each order in which a path from its lowest to its
+    # highest # corner takes the three axes; odd orders have two corners exchanged, so that all volumes are positive
     corner, tets = corner.ravel(), [denser]
     for order in permutations(range(3)):
         path = np.concatenate([[0], np.cumsum(strides[list(order)])])
@@ -155,19 +178,20 @@ def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
 
 
 def _around_ring(axes: list[Array], sizes: Sizes) -> list[slice]:
-    """Which points of a grid, along each axis, make the least box that holds the ring and TUBE around it."""
+    """Return, for each axis, the slice of grid points of the smallest box that holds the ring and its tubes."""
     r, z, wide = sizes.ring_radius, sizes.ring_height, TUBE * sizes.shape.D
-    found = []
+    slices = []
     for axis, middle, reach in zip(axes, (0.0, 0.0, z), (r + wide, r + wide, wide), strict=True):
         first = int(np.searchsorted(axis, middle - reach, side="right")) - 1
-        found.append(slice(max(first, 0), int(np.searchsorted(axis, middle + reach)) + 1))
-    return found
+        slices.append(slice(max(first, 0), int(np.searchsorted(axis, middle + reach)) + 1))
+    return slices
 
 
 def _denser(grid: Array, sizes: Sizes, half: bool) -> tuple[Array, Ints]:
-    """The points (n, 3) of a grid with those of tubes around the ring, and the tetrahedra (m, 4) between them.
+    """Add the points of tubes around the ring to a grid; return all points (n, 3) and their tetrahedra (m, 4).
 
-    The points are moved at random by little, or Delaunay's tetrahedra of a regular grid would not be unique.
+    Points inside the box are displaced by small pseudo-random amounts of a fixed seed, because the Delaunay
+    tetrahedra of a regular grid are not unique.
     """
     low, high = grid.min(axis=0), grid.max(axis=0)
     r, z, h = sizes.ring_radius, sizes.ring_height, sizes.ring

@@ -18,13 +18,13 @@ Masks = dict[str, NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True)
 class Near:
-    """Where points, shape (3, ...), lie about a surface.
+    """The position of points, shape (3, ...), relative to a surface.
 
     Attributes
     ----------
-    distance : from the surface, positive outside, shape (...).
-    normal : outward unit normals at the closest points, shape (3, ...).
-    curvature : sum of both curvatures of the parallel surface through the point, shape (...).
+    distance : signed distance from the surface, positive outside, shape (...).
+    normal : outward unit normals at the closest points of the surface, shape (3, ...).
+    curvature : sum of the two principal curvatures of the parallel surface through the point, shape (...).
     """
 
     distance: Array
@@ -33,16 +33,17 @@ class Near:
 
 
 def skin(x: Array, shape: Shape) -> Near:
-    """About side and dome."""
+    """Return the position of points, shape (3, ...), relative to the skin: side and dome of the beam."""
     rise = np.maximum(x[2] - shape.H, 0)
     arm = np.stack([x[0], x[1], rise])
     length = np.linalg.norm(arm, axis=0)
-    some = np.where(length > 0, length, 1.0)
-    return Near(length - shape.R, arm / some, np.where(rise > 0, 2, 1) / some)
+    divisor = np.where(length > 0, length, 1.0)  # points on the axis have no normal: avoid a division by 0
+    return Near(length - shape.R, arm / divisor, np.where(rise > 0, 2, 1) / divisor)
 
 
 def magnet(x: Array, shape: Shape) -> Near:
-    """About the magnet with its rounded edges."""
+    """Return the position of points, shape (3, ...), relative to the magnet with its rounded edges."""
+    # the rounded cylinder is a sharp one, smaller by rho on all sides, whose distance is reduced by rho
     rho = shape.magnet_edge_radius
     r, up = np.hypot(x[0], x[1]), x[2] - shape.H
     dr, dz = r - (shape.magnet_diameter / 2 - rho), np.abs(up) - (shape.magnet_height / 2 - rho)
@@ -57,20 +58,22 @@ def magnet(x: Array, shape: Shape) -> Near:
 
 
 def side(x: Array, shape: Shape) -> Near:
-    """About the magnet's cylinder."""
+    """Return the position of points, shape (3, ...), relative to the magnet's cylindrical side."""
     r = np.hypot(x[0], x[1])
     return Near(r - shape.magnet_diameter / 2, np.stack([x[0] / r, x[1] / r, np.zeros_like(r)]), 1 / r)
 
 
 def project(x: Array, on: Masks, shape: Shape, ring: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """The points moved to the closest points of the surfaces that they are on.
+    """Return the points moved to the closest points of the surfaces to which they belong.
 
     Parameters
     ----------
+    x : points, shape (3, n).
     on : masks (n,) of the points on "base", "skin", "symmetry", "magnet", on its sharp "edge", and on the "ring".
     ring : radius and height of the ring.
     """
     x = x.copy()
+    # surfaces first, lines last: points of the ring and of a sharp edge then lie on them exactly
     if "symmetry" in on:
         x[1, on["symmetry"]] = 0
     x[2, on["base"]] = 0

@@ -1,13 +1,13 @@
-"""Meshes kept on disk by what they were made from, so that nobody waits for the same one twice.
+"""The cache of meshes on disk: a mesh that was made once is read again, not made again.
 
-The folder is the platform's own for caches (on Linux `$XDG_CACHE_HOME/magtip`, mostly `~/.cache/magtip`), or what the
-environment variable MAGTIP_CACHE names; `MAGTIP_CACHE=off` keeps nothing. MAGTIP_CACHE_MB limits its size: beyond it
-the files that were not used for longest go.
+The environment variable MAGTIP_CACHE names the folder; default: the platform's folder for caches (on Linux
+`$XDG_CACHE_HOME/magtip`, usually `~/.cache/magtip`). `MAGTIP_CACHE=off` disables the cache. MAGTIP_CACHE_MB limits
+its size: above the limit, the least recently used files are deleted.
 
-A file is one line with the SHA-256 of the rest, and the rest is an .npz archive without pickles. It is written under
-another name and renamed, so any number of processes may read, write and clear at once; of two that make the same mesh
-the last one stays. A file that does not match its checksum is removed and said to be. Whatever else goes wrong here
-(no right to write, disk full) is said once, and meshes are made as if there were no cache.
+A file holds one line with the SHA-256 of the rest, then an .npz archive without pickles. It is written under a
+temporary name and renamed, so any number of processes may read, write and clear at the same time. If two processes
+make the same mesh, the file of the later one remains. A file that does not match its checksum is deleted, with a
+warning. All other errors (no permission, full disk) cause one warning, and meshes are made without the cache.
 """
 
 from __future__ import annotations
@@ -39,18 +39,26 @@ Arrays = dict[str, NDArray[Any]]
 VARIABLE, LIMIT_VARIABLE = "MAGTIP_CACHE", "MAGTIP_CACHE_MB"
 OFF = "off"
 LIMIT_MB = 1000.0
+"""Default of the limit, MB (10^6 bytes)."""
 MOST = 2.0**63
-"""Of all limits, bytes: more than any disk has."""
+"""Largest limit, bytes: more than any disk has, and still an exact integer."""
 SUFFIX = ".mesh"
 FORGOTTEN_S = 3600.0
-"""Age of a temporary file whose process must have died."""
+"""Age of a temporary file, s, beyond which its process must have died: writing a mesh takes seconds."""
 
 _bypassed: ContextVar[bool] = ContextVar("bypassed", default=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What the cache holds: its folder (None if it is off), number of files, their size and its limit in bytes."""
+    """The contents of the cache.
+
+    Attributes
+    ----------
+    folder : folder of the files; None if the cache is off.
+    files : number of files.
+    size, limit : total size of the files and its limit, bytes.
+    """
 
     folder: Path | None
     files: int
@@ -60,7 +68,7 @@ class Contents:
 
 @contextlib.contextmanager
 def bypassed() -> Iterator[None]:
-    """Neither read nor write the cache meanwhile: for whoever measures meshing or the noise of meshes."""
+    """Disable the cache within a `with` block, in order to measure the time of meshing or the scatter of meshes."""
     token = _bypassed.set(True)
     try:
         yield
@@ -69,7 +77,7 @@ def bypassed() -> Iterator[None]:
 
 
 def folder() -> Path | None:
-    """Where the files are, or None if the cache is off. Need not exist."""
+    """Return the folder of the files, which need not exist; None if the cache is off."""
     chosen = os.environ.get(VARIABLE, "")
     if _bypassed.get() or chosen.lower() == OFF:
         return None
@@ -77,7 +85,7 @@ def folder() -> Path | None:
 
 
 def limit() -> int:
-    """Most bytes that the files may take together.
+    """Return the limit of the total size of all files, bytes.
 
     Raises
     ------
@@ -95,7 +103,7 @@ def limit() -> int:
 
 
 def key(**parts: Any) -> str:
-    """A name for what is made from these parts, numbers, texts and lists of them.
+    """Return the name of a mesh: a hash of all that determines it, given as numbers, texts and lists of them.
 
     >>> key(size=0.1, half=True) == key(half=True, size=0.1) != key(half=True, size=0.2)
     True
@@ -104,11 +112,11 @@ def key(**parts: Any) -> str:
 
 
 def load(name: str) -> Arrays | None:
-    """The arrays stored under a name, or None. Also refuses a bad limit, which `store` would find too late."""
+    """Return the arrays stored under a name, or None if there are none."""
     place = folder()
     if place is None:
         return None
-    limit()
+    limit()  # raises BadInput for a bad limit now: `store` would raise it only after the mesh is made
     file = place / f"{name}{SUFFIX}"
     try:
         content = file.read_bytes()
@@ -127,12 +135,12 @@ def load(name: str) -> Arrays | None:
             file.unlink()
         return None
     with contextlib.suppress(OSError):
-        os.utime(file)  # its turn to go comes last
+        os.utime(file)  # marks the file as the most recently used
     return arrays
 
 
 def store(name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Keep arrays under a name, and let old files go beyond the limit."""
+    """Store arrays under a name; delete the least recently used files if the limit would be exceeded."""
     place = folder()
     if place is None:
         return
@@ -155,14 +163,14 @@ def store(name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def contents() -> Contents:
-    """What there is."""
+    """Return the contents of the cache."""
     place = folder()
-    found = [] if place is None else _files(place)
-    return Contents(place, len(found), sum(size for _, size, _ in found), limit())
+    files = [] if place is None else _files(place)
+    return Contents(place, len(files), sum(size for _, size, _ in files), limit())
 
 
 def clear() -> Contents:
-    """Remove all files, and tell what is left."""
+    """Delete all files of the cache and return its contents afterwards."""
     place = folder()
     if place is not None:
         for file, _, _ in _files(place):
@@ -172,7 +180,7 @@ def clear() -> Contents:
 
 
 def _opened(content: bytes) -> Arrays | None:
-    """The arrays in a file, or None if it is not what was written."""
+    """Return the arrays in the content of a file; None if it is damaged."""
     checksum, _, archive = content.partition(b"\n")
     if hashlib.sha256(archive).hexdigest().encode() != checksum:
         return None
@@ -184,7 +192,7 @@ def _opened(content: bytes) -> Arrays | None:
 
 
 def _put_aside(file: Path) -> None:
-    """Rename a folder that stands in the place of a file; it is not removed, for it may hold somebody's files."""
+    """Rename a folder that has the name of a file of the cache; it is not deleted, as it may hold a user's files."""
     other = file.with_name(f"{file.stem}-{time.time_ns()}.folder")
     try:
         file.rename(other)
@@ -195,6 +203,7 @@ def _put_aside(file: Path) -> None:
 
 
 def _write(place: Path, name: str, content: bytes) -> None:
+    """Write a file under a temporary name and rename it, so that no process ever reads half a file."""
     handle, temporary = tempfile.mkstemp(prefix=".writing-", dir=place)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -207,32 +216,32 @@ def _write(place: Path, name: str, content: bytes) -> None:
 
 
 def _files(place: Path) -> list[tuple[Path, int, float]]:
-    """The files with their sizes and times of last use, the oldest first."""
-    found = []
+    """Return the files with their sizes, bytes, and times of last use, s; the least recently used first."""
+    files = []
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         for entry in os.scandir(place):
             if entry.name.endswith(SUFFIX):
                 with contextlib.suppress(FileNotFoundError):  # another process may have removed it
                     state = entry.stat()
                     if not entry.is_dir():
-                        found.append((Path(entry.path), state.st_size, state.st_mtime))
-    return sorted(found, key=lambda one: one[2])
+                        files.append((Path(entry.path), state.st_size, state.st_mtime))
+    return sorted(files, key=lambda file: file[2])
 
 
 def _prune(place: Path, most: int) -> None:
-    """Remove the files that were not used for longest until the rest fits, and what dead processes left."""
+    """Delete temporary files of dead processes, then the least recently used files until `most` bytes remain."""
     _forget(place, FORGOTTEN_S)
     files = _files(place)
-    size = sum(one[1] for one in files)
-    for file, own, _ in files:
-        if size <= most:
+    total = sum(size for _, size, _ in files)
+    for file, size, _ in files:
+        if total <= most:
             return
         file.unlink(missing_ok=True)
-        size -= own
+        total -= size
 
 
 def _forget(place: Path, age: float) -> None:
-    """Remove temporary files of at least an age in seconds."""
+    """Delete temporary files that are at least `age` seconds old."""
     for file in place.glob(".writing-*"):
         with contextlib.suppress(OSError):
             if time.time() - file.stat().st_mtime >= age:

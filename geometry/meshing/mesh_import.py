@@ -1,10 +1,14 @@
-"""Meshes from elsewhere: tetrahedra in any format that meshio reads, checked against the design's exact bodies.
+"""Import of a mesh: tetrahedra in any format that meshio reads, checked against the design's exact bodies.
 
-The frame is the sensor's (base at z = 0, beam along +z, mm). A half body lies in y >= 0. Linear tetrahedra are curved
-to the exact surfaces as those of `geometry.mesh` are; quadratic ones stay as they are. Regions are named "silicone"
-and "magnet" (physical groups, cell sets or tags, upper case or lower, or the cells' number `region` as magtip writes
-it, 0 and 1); without names, cells within the magnet are the magnet. A mesh without cells there has the magnet as a
-hole. Facets are found from where they lie; sets of facets named "base", "skin", "symmetry" or "magnet" must agree.
+The mesh is in the sensor's frame, mm: base at z = 0, beam along +z. Half a body lies in y >= 0. Linear tetrahedra are
+curved to the exact surfaces, as those of `geometry.mesh` are; quadratic ones are not changed.
+
+The regions are named "silicone" and "magnet", in upper or lower case, by physical groups, cell sets or tags, or
+numbered 0 and 1 by the cell data `region`, as magtip writes them. Without names and numbers, the cells inside the
+magnet form the region "magnet". A mesh without cells inside the magnet has the magnet as a hole.
+
+The boundaries are found from the positions of the facets. A set of facets named "base", "skin", "symmetry" or
+"magnet" must agree with these positions.
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ from geometry.meshing.edge_lengths import Sizes
 from geometry.meshing.mesh_quality import quality
 
 OFF = 5e-3
-"""Greatest distance of a node from the surface that it is on, in D."""
+"""Greatest distance of a node from the surface to which it belongs, in units of D."""
 VOLUME = 2e-3
 """Greatest relative error of a region's volume."""
 SIDES = ("base", "skin", "symmetry", "magnet")
@@ -39,15 +43,15 @@ KINDS = {"tetra": 4, "tetra10": 10}
 
 @dataclass(frozen=True, slots=True)
 class _Cells:
-    """Tetrahedra as they stand in a file.
+    """The tetrahedra of a file.
 
     Attributes
     ----------
-    points : shape (n, 3), mm.
+    points : coordinates, shape (n, 3), mm.
     cells : indices of points, shape (m, 4) or (m, 10), corners first, in VTK's order.
-    region : number of each cell's region in REGIONS, or -1 where it has no name.
-    sides : corners of the facets that carry a side's name, shape (k, 3).
-    text : the file's name, for messages.
+    region : index in REGIONS of each cell's region, shape (m,); -1 for a cell without a region.
+    sides : corners of the named facets, shape (k, 3), by the name of their side.
+    text : name of the file in messages.
     """
 
     points: Array
@@ -60,19 +64,20 @@ class _Cells:
 def read(
     path: str | Path, shape: Shape, magnet: Parts = "regions", warn: Callable[[str], None] | None = None
 ) -> MeshTet2:
-    """The mesh in a file, mm, with boundaries and subdomains as `geometry.mesh.tetrahedra` gives them.
+    """Read a mesh, mm, with the boundaries and subdomains of `geometry.mesh.tetrahedra`.
 
     Parameters
     ----------
-    magnet : "regions" keeps it, if there are cells in it; "hole" leaves them out; "none" takes all for silicone.
-    warn : takes a sentence about a file that does not say for which sensor it was made, as `magtip mesh` lets it.
+    magnet : "regions" keeps the cells inside the magnet, "hole" leaves them out, "none" makes all cells silicone.
+    warn : function that receives a warning about a file without a label. `magtip mesh` labels its files with the
+        sensor for which they were made.
 
     Raises
     ------
     BadInput
-        The file cannot be read, was made for another sensor, has no tetrahedra or others than linear or quadratic
-        ones, a cell is inverted, names and places disagree, or the mesh does not conform, leaves gaps or is one of
-        another design.
+        The file cannot be read or was made for another sensor; its cells are not all linear or all quadratic
+        tetrahedra; a cell is inverted (J <= 0); names and positions disagree; or the mesh does not conform, has gaps
+        or does not fit the design.
     """
     text = repr(str(path))
     content = _opened(path, text)
@@ -82,26 +87,27 @@ def read(
             f"the mesh {text} does not say for which sensor it was made: only its surfaces (to {100 * OFF:g} % of D) "
             f"and volumes (to {100 * VOLUME:g} %) are checked"
         )
-    given = _checked(_parsed(content, text), shape)
-    region = _regions(given, shape)
+    source = _checked(_parsed(content, text), shape)
+    region = _regions(source, shape)
     if magnet == "none":
         shape, region = shape.without_magnet(), np.zeros_like(region)
     elif magnet == "hole":
-        given = replace(given, cells=given.cells[region == 0])
+        source = replace(source, cells=source.cells[region == 0])
         region = region[region == 0]
-    straight, corner = _straight(given, region)
-    straight = _sided(straight, given, corner, shape)
-    mesh = _linear(straight, given, shape) if given.cells.shape[1] == 4 else _quadratic(straight, given)
+    straight, corner = _straight(source, region)
+    straight = _with_boundaries(straight, source, corner, shape)
+    mesh = _linear(straight, source, shape) if source.cells.shape[1] == 4 else _quadratic(straight, source)
     for name, error in quality(mesh, shape).volume_errors.items():
         if not abs(error) < VOLUME:
             raise BadInput(
-                f"the volume of the {name} in the mesh {given.text} is wrong by {100 * error:.3g} % (at most "
+                f"the volume of the {name} in the mesh {source.text} is wrong by {100 * error:.3g} % (at most "
                 f"{100 * VOLUME:g} % is allowed): mesh this design, without gaps or overlaps"
             )
     return mesh
 
 
 def _opened(path: str | Path, text: str) -> Any:
+    """Return meshio's mesh of a file; raise BadInput if meshio cannot read it."""
     import meshio
 
     if not Path(path).is_file():
@@ -110,24 +116,24 @@ def _opened(path: str | Path, text: str) -> Any:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
     except (Exception, SystemExit) as error:
-        # its readers end in whatever way a broken file leads them to
+        # meshio's readers raise many kinds of errors on a damaged file, and some of them exit
         reason = "damaged or truncated" if isinstance(error, SystemExit) else str(error) or type(error).__name__
         raise BadInput(f"meshio cannot read the mesh {text} ({reason}): save it in another format") from None
 
 
 def _label(content: Any) -> dict[str, Any]:
-    """What the file says of itself."""
+    """Return the label in the file's field data; an empty one if it has none."""
     single = {name: np.ravel(values)[0] for name, values in content.field_data.items() if np.size(values) == 1}
     return design_digest.from_numbers(single)
 
 
 def _parsed(content: Any, text: str) -> _Cells:
-    """What is there of tetrahedra and names."""
+    """Return the tetrahedra of a file with the names of regions and sides."""
     others = set(content.cells_dict) - {*KINDS, "vertex", "line", "line3", "triangle", "triangle6"}
     kinds = [kind for kind in KINDS if kind in content.cells_dict]
     if others or len(kinds) != 1:
-        found = ", ".join(sorted(content.cells_dict)) or "no cells"
-        raise BadInput(f"the mesh {text} must consist of tetrahedra, all linear or all quadratic; got {found}")
+        present = ", ".join(sorted(content.cells_dict)) or "no cells"
+        raise BadInput(f"the mesh {text} must consist of tetrahedra, all linear or all quadratic; got {present}")
     kind = kinds[0]
     cells = np.asarray(content.cells_dict[kind], dtype=np.int64)
     named = _named(content)
@@ -150,23 +156,26 @@ def _parsed(content: Any, text: str) -> _Cells:
 
 
 def _named(content: Any) -> dict[str, dict[str, Ints]]:
-    """Indices of cells by the name of their set, physical group or tag, in lower case, and by their kind."""
-    found: dict[str, dict[str, Ints]] = {}
+    """Return the indices of named cells: first by name in lower case, then by kind of cell.
+
+    Names come from cell sets, from Gmsh's physical groups and from MED's tags. Cell sets take precedence.
+    """
+    indices: dict[str, dict[str, Ints]] = {}
     for name, by_kind in content.cell_sets_dict.items():
-        found.setdefault(name.lower(), {}).update(by_kind)
+        indices.setdefault(name.lower(), {}).update(by_kind)
     tags: list[tuple[str, int, str]] = [
         (name, int(tag[0]), "gmsh:physical") for name, tag in content.field_data.items()
     ]
     tags += [(name, tag, "cell_tags") for tag, names in getattr(content, "cell_tags", {}).items() for name in names]
     for name, tag, data in tags:
         for kind, numbers in content.cell_data_dict.get(data, {}).items():
-            found.setdefault(name.strip().lower(), {}).setdefault(kind, np.flatnonzero(np.asarray(numbers) == tag))
-    return found
+            indices.setdefault(name.strip().lower(), {}).setdefault(kind, np.flatnonzero(np.asarray(numbers) == tag))
+    return indices
 
 
-def _checked(given: _Cells, shape: Shape) -> _Cells:
-    """The same with all cells upright, if numbers and measures make sense."""
-    points, cells, text = given.points, given.cells, given.text
+def _checked(source: _Cells, shape: Shape) -> _Cells:
+    """Check indices, coordinates, height and volumes; return the cells with all corner orders positive."""
+    points, cells, text = source.points, source.cells, source.text
     if not len(cells) or cells.min() < 0 or cells.max() >= len(points) or points.shape[1] != 3:
         raise BadInput(f"the cells of the mesh {text} refer to points that do not exist: export it again")
     used = points[cells[:, :4]]
@@ -183,47 +192,48 @@ def _checked(given: _Cells, shape: Shape) -> _Cells:
     flat = np.abs(six) < 1e-9 * np.abs(sides).max(axis=(1, 2)) ** 3
     if flat.any():
         raise BadInput(f"{flat.sum()} of {len(cells)} cells of the mesh {text} are flat: mesh it again")
-    turned = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8][: cells.shape[1]]
-    return replace(given, cells=np.where((six < 0)[:, None], cells[:, turned], cells))
+    # some programs write all cells with the opposite order: exchange corners 1 and 2, and the middle nodes with them
+    mirrored = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8][: cells.shape[1]]
+    return replace(source, cells=np.where((six < 0)[:, None], cells[:, mirrored], cells))
 
 
-def _regions(given: _Cells, shape: Shape) -> Ints:
-    """The number of each cell's region, from its name or else from its place."""
-    centres = given.points[given.cells[:, :4]].mean(axis=1).T
-    depth = exact_surfaces.magnet(centres, shape).distance if shape.has_magnet else np.ones(len(given.cells))
+def _regions(source: _Cells, shape: Shape) -> Ints:
+    """Return the index in REGIONS of each cell's region, from its name or else from its position."""
+    centres = source.points[source.cells[:, :4]].mean(axis=1).T
+    depth = exact_surfaces.magnet(centres, shape).distance if shape.has_magnet else np.ones(len(source.cells))
     place = (depth < 0).astype(np.int64)
-    if (given.region < 0).all():
+    if (source.region < 0).all():
         return place
-    if (given.region < 0).any():
-        count = int((given.region < 0).sum())
+    if (source.region < 0).any():
+        count = int((source.region < 0).sum())
         raise BadInput(
-            f"{count} of {len(place)} cells of the mesh {given.text} belong to neither of the regions silicone and "
+            f"{count} of {len(place)} cells of the mesh {source.text} belong to neither of the regions silicone and "
             f"magnet: assign a region to every cell, or to none"
         )
-    wrong = (place != given.region) & (np.abs(depth) > OFF * shape.D)
+    wrong = (place != source.region) & (np.abs(depth) > OFF * shape.D)
     if wrong.any():
         raise BadInput(
-            f"{int(wrong.sum())} of {len(place)} cells of the mesh {given.text} are assigned to the wrong region: "
+            f"{int(wrong.sum())} of {len(place)} cells of the mesh {source.text} are assigned to the wrong region: "
             f"check the names of the regions, and that this is a mesh of this design"
         )
-    return given.region
+    return source.region
 
 
-def _straight(given: _Cells, region: Ints) -> tuple[MeshTet1, Ints]:
-    """Linear cells with their regions, and the number of each point among their corners (-1: none)."""
-    used, t = np.unique(given.cells[:, :4], return_inverse=True)
-    corner = np.full(len(given.points), -1)
+def _straight(source: _Cells, region: Ints) -> tuple[MeshTet1, Ints]:
+    """Return the linear mesh with its regions, and the index of each point among its vertices (-1: none)."""
+    used, t = np.unique(source.cells[:, :4], return_inverse=True)
+    corner = np.full(len(source.points), -1)
     corner[used] = np.arange(len(used))
     parts = {name: np.flatnonzero(region == k) for k, name in enumerate(REGIONS) if (region == k).any()}
-    p, t = np.ascontiguousarray(given.points[used].T), np.ascontiguousarray(t.reshape(-1, 4).T)
+    p, t = np.ascontiguousarray(source.points[used].T), np.ascontiguousarray(t.reshape(-1, 4).T)
     facets = np.sort(t[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].transpose(0, 2, 1).reshape(-1, 3), axis=1)
     if np.unique(facets, axis=0, return_counts=True)[1].max() > 2:
-        raise BadInput(f"the cells of the mesh {given.text} overlap: more than two share a facet")
+        raise BadInput(f"the cells of the mesh {source.text} overlap: more than two share a facet")
     return MeshTet1(p, t, _subdomains=parts, sort_t=False), corner
 
 
-def _sided(mesh: MeshTet1, given: _Cells, corner: Ints, shape: Shape) -> MeshTet1:
-    """The mesh with its boundaries, found from where facets lie, and compared with the names that they carry."""
+def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape) -> MeshTet1:
+    """Add the boundaries, found from the positions of the facets, and compare them with the named facets."""
     near = OFF * shape.D
     half = bool(mesh.p[1].min() > -near)
     mesh = curved_mesh.labelled(mesh, near, half)
@@ -234,6 +244,7 @@ def _sided(mesh: MeshTet1, given: _Cells, corner: Ints, shape: Shape) -> MeshTet
 
     skin, hole = on(exact_surfaces.skin, shape), np.zeros(len(rest), dtype=bool)
     if shape.has_magnet:
+        # linear cells may represent a small fillet of the magnet by a sharp edge
         hole = (
             on(exact_surfaces.magnet, shape) | on(exact_surfaces.magnet, replace(shape, magnet_edge_radius=0.0))
         ) & ~skin
@@ -241,21 +252,24 @@ def _sided(mesh: MeshTet1, given: _Cells, corner: Ints, shape: Shape) -> MeshTet
     if len(lost) or (hole.any() and "magnet" in mesh.subdomains):
         where = mesh.p[:, mesh.facets[:, (lost if len(lost) else rest[hole])[0]]].mean(axis=1)
         raise BadInput(
-            f"the mesh {given.text} has an outer facet at ({where[0]:.4g}, {where[1]:.4g}, {where[2]:.4g}) mm that "
+            f"the mesh {source.text} has an outer facet at ({where[0]:.4g}, {where[1]:.4g}, {where[2]:.4g}) mm that "
             f"lies on no outer surface of this design (within {near:.3g} mm): merge equal nodes, so that it "
             "conforms, or mesh this design"
         )
     sides = dict(mesh.boundaries) | {"skin": rest[skin]}
     if hole.any():
         sides["magnet"] = rest[hole]
-    for name, facets in given.sides.items():
-        _agree(name, mesh, sides.get(name, rest[:0]), corner[facets], given.text)
+    for name, facets in source.sides.items():
+        _check_names(name, mesh, sides.get(name, rest[:0]), corner[facets], source.text)
     return replace(mesh, _boundaries=sides)
 
 
-def _agree(name: str, mesh: MeshTet1, found: Ints, named: Ints, text: str) -> None:
-    """Refuse names of facets that do not match where they lie."""
-    places = {tuple(sorted(facet)) for facet in mesh.facets[:, found].T.tolist()}
+def _check_names(name: str, mesh: MeshTet1, located: Ints, named: Ints, text: str) -> None:
+    """Raise BadInput if the facets with a name are not those that lie on the surface of this name.
+
+    located : indices of the facets on the surface, shape (n,). named : corners of the named facets, shape (m, 3).
+    """
+    places = {tuple(sorted(facet)) for facet in mesh.facets[:, located].T.tolist()}
     names = {tuple(sorted(facet)) for facet in named.tolist()}
     if places != names:
         raise BadInput(
@@ -264,19 +278,19 @@ def _agree(name: str, mesh: MeshTet1, found: Ints, named: Ints, text: str) -> No
         )
 
 
-def _linear(mesh: MeshTet1, given: _Cells, shape: Shape) -> MeshTet2:
-    """The mesh of second order on the exact surfaces."""
-    made = curved_mesh.curved(mesh, _sizes(mesh, shape), shape)
-    if made is None:
+def _linear(mesh: MeshTet1, source: _Cells, shape: Shape) -> MeshTet2:
+    """Return the second-order mesh on the exact surfaces."""
+    curved = curved_mesh.curved(mesh, _sizes(mesh, shape), shape)
+    if curved is None:
         raise BadInput(
-            f"the mesh {given.text} has folded or flat cells, or a wrong volume, on the exact surfaces: refine it "
+            f"the mesh {source.text} has folded or flat cells, or a wrong volume, on the exact surfaces: refine it "
             f"where they are curved"
         )
-    return made
+    return curved
 
 
 def _sizes(mesh: MeshTet1, shape: Shape) -> Sizes:
-    """Sizes that tell whether the magnet's fillets have nodes of their own, or are sharp edges in the mesh."""
+    """Return sizes whose `rounded` is False if the mesh represents the magnet's fillets by sharp edges."""
     sizes = Sizes.of(shape, shape.R / 2, None)
     rho = shape.magnet_edge_radius
     if "magnet" not in mesh.boundaries or not rho:
@@ -287,21 +301,22 @@ def _sizes(mesh: MeshTet1, shape: Shape) -> Sizes:
     return replace(sizes, edge=np.inf if sharp.any() else rho)
 
 
-def _quadratic(mesh: MeshTet1, given: _Cells) -> MeshTet2:
-    """The mesh with the middle nodes that it was given."""
-    made = MeshTet2.from_mesh(mesh)
-    nodes = made.dofs.element_dofs
-    number = np.full(made.doflocs.shape[1], -1)
-    number[nodes[4:]] = given.cells[:, 4:].T
-    if (number[nodes[4:]] != given.cells[:, 4:].T).any():
-        raise BadInput(f"cells of the mesh {given.text} have different nodes on a shared edge: merge equal nodes")
-    x = made.doflocs.copy()
-    x[:, mesh.nvertices :] = given.points[number[mesh.nvertices :]].T
+def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
+    """Return the second-order mesh with the middle nodes of the file."""
+    straight = MeshTet2.from_mesh(mesh)
+    nodes = straight.dofs.element_dofs
+    number = np.full(straight.doflocs.shape[1], -1)
+    # cells that share an edge must name the same middle node: the last one written is compared with all
+    number[nodes[4:]] = source.cells[:, 4:].T
+    if (number[nodes[4:]] != source.cells[:, 4:].T).any():
+        raise BadInput(f"cells of the mesh {source.text} have different nodes on a shared edge: merge equal nodes")
+    x = straight.doflocs.copy()
+    x[:, mesh.nvertices :] = source.points[number[mesh.nvertices :]].T
     det = curved_mesh.determinants(x, nodes)
     folded = (det[4:] <= 0).any(axis=0) | ~np.isfinite(det).all(axis=0)
     if folded.any():
         raise BadInput(
-            f"{int(folded.sum())} of {folded.size} cells of the mesh {given.text} are inverted or folded: "
+            f"{int(folded.sum())} of {folded.size} cells of the mesh {source.text} are inverted or folded: "
             "mesh it again"
         )
     return MeshTet2(x, mesh.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains, sort_t=False)

@@ -1,15 +1,16 @@
-"""A small magnet is meshed enlarged, and the mesh is then drawn together around a pole on the axis.
+"""Enlargement of a small magnet for meshing, and the map of the mesh back to the true body.
 
-fTetWild's time grows with the area of all surfaces over the square of the smallest detail, and a disc of 0.2 mm in a
-beam of 50 mm would take it hours. Around the pole (the magnet's centre, or that of the base for a magnet close to it)
-distances s of the enlarged body become rho, bearings stay:
+fTetWild's time grows with the area of all surfaces over the square of the smallest detail: a disc of 0.2 mm in a beam
+of 50 mm would take it hours. So the magnet is enlarged, the enlarged body is meshed, and the mesh is contracted
+around a pole on the axis. The pole is the magnet's centre or, for a magnet close to the base, the base's centre. A
+point at distance s from the pole moves along its ray to the distance rho:
 
-    rho = s / factor            s <= core        the magnet, similar to itself
+    rho = s / factor            s <= core        the magnet, similar to the enlarged one
     rho = room (s / room)^q     core < s < room  with q = 1 + log(factor) / log(room / core)
-    rho = s                     s >= room        base, side and dome stay as they are
+    rho = s                     s >= room        base, side and dome do not move
 
-so that cells between core and room become longer by q along the radius. The core is a fifth of the room, or for
-magnets that are not small enough to be enlarged much by that, as much more as makes q = 2.
+Cells between core and room become longer along the radius by the ratio q. The core is a fifth of the room. A magnet
+that is too large for a core of this size gets a larger one, with which q is 2.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from geometry.arrays import Array
 from geometry.design import Shape
 
 CORE, MARGIN, ROOM = 0.2, 1.5, 0.9
-"""Least radius of the enlarged core over the room, and core over the magnet's reach, and room over what there is."""
+"""Least core over room; core over the radius about the pole that the enlarged magnet takes up; and room over the
+distance from the pole to the closest outer surface."""
 LEAST = 1.5
-"""Magnets that would be enlarged by less stay as they are."""
+"""Least useful factor: a magnet that would be enlarged by less is meshed at its true size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +37,9 @@ class Zoom:
     Attributes
     ----------
     shape : the body with the enlarged magnet.
-    centre : height of that magnet's centre.
-    pole, factor, core, room : height of the pole on the axis, and s, factor and room as above.
+    centre : height of the enlarged magnet's centre.
+    pole : height of the pole on the axis.
+    factor, core, room : as in the equations of this module.
     """
 
     shape: Shape
@@ -48,11 +51,12 @@ class Zoom:
 
     @classmethod
     def of(cls, shape: Shape) -> Zoom:
-        """That by which a magnet is enlarged most; one of factor 1 if it is large enough."""
+        """Return the enlargement with the better of two poles; the factor is 1 for a magnet that is large enough."""
         a, b = shape.magnet_diameter / 2, shape.magnet_height / 2
         near = (shape.H, ROOM * min(shape.R, shape.H), math.hypot(a, b))
         low = (0.0, ROOM * shape.R, math.hypot(a, shape.H + b))
-        pole, room, reach = max(near, low, key=lambda one: one[1] / one[2] if one[2] else 0.0)
+        # the factor grows with the room over the magnet's reach
+        pole, room, reach = max(near, low, key=lambda choice: choice[1] / choice[2] if choice[2] else 0.0)
         core = room * max(CORE, math.sqrt(MARGIN * reach / room))
         factor = core / (MARGIN * reach) if shape.has_magnet else 0.0
         if not factor >= LEAST:
@@ -66,7 +70,7 @@ class Zoom:
         return cls(enlarged, pole + factor * (shape.H - pole), pole, factor, core, room)
 
     def back(self, points: Array) -> Array:
-        """Points of the enlarged body, shape (3, n), at their places in the true one."""
+        """Return the points of the true body, shape (3, n), that belong to points of the enlarged body."""
         if self.factor == 1:
             return points
         arm = points - np.array([[0.0], [0.0], [self.pole]])

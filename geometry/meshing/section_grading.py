@@ -1,6 +1,6 @@
-"""The wanted edge length in the (r, z) section: small at the features of the shape, larger with distance from them.
+"""The target edge length in the (r, z) section: small at the features of the shape, growing with distance from them.
 
-A point (r, z) is the complex number r + 1j z; all is in units of D.
+A point (r, z) is the complex number r + 1j z. All lengths are in units of D.
 """
 
 from __future__ import annotations
@@ -19,26 +19,47 @@ from geometry.meshing.section_outline import SMALLEST, Curve, room
 Points = NDArray[np.complex128]
 
 TIP, CLAMP, SHARP_EDGE, ROUND_EDGE = 1 / 2, 1 / 15, 1 / 5, 1 / 2
-"""Edge length at a feature as a fraction of the size: the tip (by default), (R, 0), the magnet's edges."""
+"""Edge length at a feature as a fraction of the size: at the tip (by default), at the clamped corner (R, 0), at a
+sharp edge and at a rounded edge of the magnet."""
 LEAST_CLAMP, CORNER = 0.012, 0.012
-"""Least edge lengths at the clamp and at the magnet's sharp edge, in D: finer elements there only follow the
-singularity and turn inside out. At the clamp it costs the force of a press to 3/8 D less than 0.1 %."""
+"""Least edge lengths at the clamped corner and at a sharp edge of the magnet, in units of D.
+
+Both are singularities: smaller elements there gain no accuracy and become inverted (J <= 0) under load. At the clamp
+this bound changes the force of a press to 3/8 D by less than 0.1 %.
+"""
 FILLET, ARC, GAP = 0.75, 0.1, 0.42
-"""Largest edge length at a fillet, as a fraction of its radius (by default) and of the root of D times its radius, so
-that parabolas for arcs err by less than 1e-5 of the volume; and in a thin layer, as a fraction of its thickness."""
+"""Largest edge lengths at a fillet and in a thin layer.
+
+FILLET is a fraction of the fillet's radius (by default). ARC is a fraction of the root of D times the radius; with
+it, parabolas in place of arcs change the volume by less than 1e-5. GAP is a fraction of the layer's thickness.
+"""
 TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
-"""Growth of the edge length with distance from the tip and from other features, and sizes (in D) below which they
-shrink with the size, so that halving the size halves every edge length."""
+"""Growth of the edge length per distance from the tip and from other features, each with a size in units of D.
+
+Below that size the growth is proportional to the size, so that half the size gives half of every edge length.
+"""
 DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
-"""Largest edge length along the dome, as a fraction of the size, up to a bearing (rad) from the tip, and how fast it
-grows inwards: wherever the contact ends, it ends in small elements. Without them forces scatter with its place."""
+"""Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,
+and its growth inwards.
+
+The edge of the contact area then always lies in small elements. In larger elements, forces would scatter with the
+position of this edge.
+"""
 BLOCK = 32
-"""Points along a curve that are looked up together."""
+"""Number of successive points that `Grading.along` looks up together."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grading:
-    """The wanted edge length: `size`, or less near the points `source` (first the tip), where it is `least`."""
+    """The target edge length as a function of the point, in units of D.
+
+    Attributes
+    ----------
+    size : greatest edge length.
+    source : points with a smaller edge length, shape (m,); the first one is the tip.
+    least : edge length at each source, shape (m,).
+    growth : growth of the edge length per distance from each source, shape (m,).
+    """
 
     size: float
     source: Points
@@ -46,16 +67,22 @@ class Grading:
     growth: Array
 
     def __call__(self, x: Points) -> Array:
-        wanted: Array = np.minimum(self.size, self._asked(x).min(axis=1))
+        """Return the target edge length at points, shape (n,)."""
+        wanted: Array = np.minimum(self.size, self._lengths(x).min(axis=1))
         return wanted
 
     def along(self, x: Points) -> Array:
-        """The very same at points that follow each other: blocks of them ask only sources that can matter."""
+        """Return the target edge length at successive points, shape (n,): the same bits as `__call__`, but faster.
+
+        The points are divided into blocks. For each block, only those sources are evaluated that can determine the
+        edge length somewhere in it.
+        """
         blocks = x[np.minimum(np.arange(len(x) + -len(x) % BLOCK), len(x) - 1)].reshape(-1, BLOCK)
         middle = (blocks[:, 0] + blocks[:, -1]) / 2
-        asked, change = self._asked(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
-        most = np.minimum(self.size, (asked + change).min(axis=1)) + SMALLEST
-        block, i = np.nonzero(asked - change <= most[:, None])
+        # within a block, the edge length of a source differs by at most `change` from that at the block's middle
+        length, change = self._lengths(middle), np.abs(blocks - middle[:, None]).max(axis=1)[:, None] * self.growth
+        most = np.minimum(self.size, (length + change).min(axis=1)) + SMALLEST
+        block, i = np.nonzero(length - change <= most[:, None])
         r, z = blocks.real[block] - self.source.real[i, None], blocks.imag[block] - self.source.imag[i, None]
         near = np.sqrt(r * r + z * z)
         near *= self.growth[i, None]
@@ -65,22 +92,25 @@ class Grading:
         wanted[block[first]] = np.minimum(self.size, np.minimum.reduceat(near, first))
         return wanted.ravel()[: len(x)]
 
-    def _asked(self, x: Points) -> Array:
-        """The edge length that each source asks for, shape (n, sources)."""
-        asked: Array = cdist(pairs(x), pairs(self.source))
-        asked *= self.growth
-        asked += self.least
-        return asked
+    def _lengths(self, x: Points) -> Array:
+        """Return the edge length that each source requires at each point, shape (n, m)."""
+        length: Array = cdist(pairs(x), pairs(self.source))
+        length *= self.growth
+        length += self.least
+        return length
 
     def reduced(self) -> Grading:
-        """The same without the sources that ask for more than another one everywhere (the tip stays)."""
-        more = (self.least - SMALLEST > self._asked(self.source).T) & (self.growth >= self.growth[:, None])
+        """Return the grading without sources that have no effect: another source requires less everywhere.
+
+        The tip always stays.
+        """
+        more = (self.least - SMALLEST > self._lengths(self.source).T) & (self.growth >= self.growth[:, None])
         used = np.append(0, 1 + np.flatnonzero(~np.any(more, axis=0)[1:]))
         return Grading(self.size, self.source[used], self.least[used], self.growth[used])
 
 
 def pairs(x: Points) -> Array:
-    """The same numbers as real and imaginary parts, shape (n, 2)."""
+    """Return complex numbers, shape (n,), as real and imaginary parts, shape (n, 2)."""
     return np.ascontiguousarray(x).view(np.float64).reshape(-1, 2)
 
 
@@ -93,7 +123,11 @@ def grading(
     fillet: float,
     meshed: bool,
 ) -> Grading:
-    """Collect the features that ask for less than `size`, for D = 1."""
+    """Return the grading of a section: its sources are the features that require edges shorter than `size`.
+
+    All lengths are in units of D. The parameters are those of `geometry.section.section`; `meshed` is True if the
+    magnet is meshed too.
+    """
     source, least = (
         [np.array([1j * shape.L, shape.R])],
         [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])],

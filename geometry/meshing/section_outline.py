@@ -1,4 +1,7 @@
-"""The outline of the (r, z) section as curves, and distances from it. A point (r, z) is the number r + 1j z."""
+"""The outline of the (r, z) section as curves, and distances from it.
+
+A point (r, z) is the complex number r + 1j z.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from geometry.design import Shape
 Points = NDArray[np.complex128]
 
 SMALLEST = 1e-9
-"""Lengths in D that count as zero."""
+"""Length, in units of D, below which a length counts as zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Curve:
         return abs(self.start - self.centre) * abs(self.bearing[1] - self.bearing[0])
 
     def at(self, t: Array) -> Points:
-        """The points at the fractions t of the length, exact at both ends."""
+        """Return the points at fractions t of the length, shape (n,); both ends are exact."""
         if self.centre is None:
             points = np.asarray(self.start + (self.end - self.start) * t, dtype=np.complex128)
         else:
@@ -46,7 +49,10 @@ class Curve:
 
 
 def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
-    """The curves around the silicone, and around the magnet from its top; a ring of radius `rim` cuts the dome."""
+    """Return the curves of the outline: base, skin and axis, then the magnet's outline from its top to its bottom.
+
+    magnet : "hole", "meshed" or "none". rim : radius of a ring that divides the dome into two curves.
+    """
     R, H, a, b, rho = shape.R, shape.H, shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
     tip, equator, top, bottom = complex(0, shape.L), complex(R, H), complex(0, H + b), complex(0, H - b)
     curves = [
@@ -60,6 +66,7 @@ def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
     if magnet == "meshed":
         curves.append(Curve("axis", top, bottom))
     tiny = SMALLEST * shape.D
+    # an edge radius that equals a, b or 0 up to rounding is set to it: otherwise a curve of almost no length remains
     rho = next((whole for whole in (a, b, 0.0) if abs(rho - whole) < tiny), rho)
     up, down, upper, lower = complex(a - rho, H + b), complex(a - rho, H - b), H + (b - rho), H - (b - rho)
     parts = [
@@ -73,7 +80,7 @@ def outline(shape: Shape, magnet: str, rim: float | None = None) -> list[Curve]:
 
 
 def _dome(shape: Shape, rim: float | None) -> list[Curve]:
-    """The dome from the equator to the tip, in two arcs if a ring cuts it."""
+    """Return the dome from the equator to the tip, in two arcs if a ring divides it."""
     R, centre = shape.R, complex(0, shape.H)
     stops = [(math.pi / 2, complex(R, shape.H)), (0.0, complex(0, shape.L))]
     if rim is not None and SMALLEST < rim / R < 1 - SMALLEST:
@@ -83,7 +90,7 @@ def _dome(shape: Shape, rim: float | None) -> list[Curve]:
 
 
 def room(shape: Shape, x: Points) -> Array:
-    """Distance of points, shape (n,), from base, skin and magnet, negative outside the silicone."""
+    """Return the least distance of points, shape (n,), from base, skin and magnet; negative outside the silicone."""
     dome = shape.R - np.abs(x - 1j * shape.H)
     room: Array = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
     if not shape.has_magnet:

@@ -1,4 +1,4 @@
-"""Closed triangle surfaces of the beam and of its magnet, by revolving their profiles, and their checks.
+"""Closed surfaces of triangles of the beam and of its magnet, made by revolving their profiles, and checks of them.
 
 All lengths are in the unit of the `Shape` that is passed in. A half surface is the part y >= 0, closed at y = 0.
 """
@@ -17,11 +17,14 @@ from geometry.meshing import exact_surfaces
 from geometry.meshing.edge_lengths import Sizes
 
 SHARE, FILLET = 0.12, 0.25
-"""Envelope over the smallest edge length, and over the radius of a fillet: vertices are put on the surfaces later."""
+"""Largest envelope, as a fraction of the smallest edge length and of a fillet's radius.
+
+It may be this large because vertices are projected to the exact surfaces afterwards.
+"""
 
 
 def body(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
-    """Outer surface of the beam: points of shape (n, 3) and outward triangles of shape (m, 3)."""
+    """Return the outer surface of the beam: points of shape (n, 3) and outward triangles of shape (m, 3)."""
     s = sizes.shape
     side = _line(sizes, (s.R, 0.0), (s.R, s.H))
     cuts = [0.0, math.acos(sizes.ring_radius / s.R), math.pi / 2] if sizes.ring else [0.0, math.pi / 2]
@@ -30,9 +33,10 @@ def body(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
 
 
 def fin(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
-    """A narrow strip through the ring, normal to the dome, from within the beam to without.
+    """Return a narrow strip of triangles through the ring, normal to the dome, from inside the beam to outside.
 
-    A mesh that conforms to it and to the dome has edges along the ring, where they cross.
+    Strip and dome cross along the ring, so a mesh that conforms to both has edges along the ring. Points have shape
+    (n, 3), triangles (m, 3).
     """
     s = sizes.shape
     x, y = _arc(sizes, (0.0, s.H), s.R, 0.0, math.acos(sizes.ring_radius / s.R))[-1]
@@ -45,7 +49,7 @@ def fin(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
 
 
 def magnet(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
-    """Surface of the magnet: points of shape (n, 3) and outward triangles of shape (m, 3)."""
+    """Return the surface of the magnet: points of shape (n, 3) and outward triangles of shape (m, 3)."""
     s = sizes.shape
     a, b, rho = s.magnet_diameter / 2, s.magnet_height / 2, s.magnet_edge_radius if sizes.rounded else 0.0
     quarter = math.pi / 2
@@ -58,6 +62,7 @@ def magnet(sizes: Sizes, half: bool) -> tuple[Array, Ints]:
 
 
 def _line(sizes: Sizes, start: tuple[float, float], end: tuple[float, float]) -> Array:
+    """Return points (r, z) on a line, shape (n, 2), spaced by the target edge length."""
     if math.dist(start, end) < 1e-9 * sizes.shape.R:
         return np.array([start])
     share = np.linspace(0, 1, 4001)[:, None]
@@ -65,12 +70,17 @@ def _line(sizes: Sizes, start: tuple[float, float], end: tuple[float, float]) ->
 
 
 def _arc(sizes: Sizes, centre: tuple[float, float], radius: float, start: float, end: float) -> Array:
+    """Return points (r, z) on an arc between two angles, rad, shape (n, 2), spaced by the target edge length."""
     angle = np.linspace(start, end, 4001)
     return _spaced(sizes, np.array(centre) + radius * np.column_stack([np.cos(angle), np.sin(angle)]), 1)
 
 
 def _spaced(sizes: Sizes, curve: Array, least: int) -> Array:
-    """Points of the curve, shape (n, 2), whose distances follow the sizes; at least `least` intervals."""
+    """Return points of a finely sampled curve, shape (n, 2), spaced by the target edge length.
+
+    least : least number of intervals.
+    """
+    # the cumulative number of edges along the curve: points lie where it takes evenly spaced values
     middle = (curve[1:] + curve[:-1]) / 2
     steps = np.hypot(*np.diff(curve, axis=0).T) / sizes.at(middle[:, 0], middle[:, 1])
     count = np.concatenate([[0.0], np.cumsum(steps)])
@@ -80,7 +90,10 @@ def _spaced(sizes: Sizes, curve: Array, least: int) -> Array:
 
 
 def _revolve(sizes: Sizes, profile: Array, half: bool) -> tuple[Array, Ints]:
-    """Closed surface from a profile (r, z), shape (n, 2), of rising z, with flat lids where it ends off the axis."""
+    """Return the closed surface of revolution of a profile (r, z), shape (n, 2), with rising z.
+
+    Flat lids close the ends of a profile that do not lie on the axis.
+    """
     points: list[Array] = []
     rings: list[Ints] = []
     first = 0
@@ -98,13 +111,14 @@ def _revolve(sizes: Sizes, profile: Array, half: bool) -> tuple[Array, Ints]:
         faces += _strip(low, high)
         if half:
             faces += [(low[-1], low[0], high[0]), (low[-1], high[0], high[-1])]
-    found = np.array(faces, dtype=np.int64)
-    whole = (found[:, 0] != found[:, 1]) & (found[:, 1] != found[:, 2]) & (found[:, 2] != found[:, 0])
-    return np.vstack(points), found[whole]
+    # at points on the axis, a ring is a single point, and some triangles have two equal corners: leave these out
+    t = np.array(faces, dtype=np.int64)
+    proper = (t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0])
+    return np.vstack(points), t[proper]
 
 
 def _circle(r: float, z: float, count: int, half: bool) -> Array:
-    """Points (n, 3) in so many steps around the axis."""
+    """Return points (n, 3) on a circle around the axis, or on its half y >= 0, with `count` steps between them."""
     angle = np.linspace(0, math.pi if half else 2 * math.pi, count + 1)[: None if half or count == 0 else -1]
     ring = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)])
     if half and count:
@@ -113,12 +127,13 @@ def _circle(r: float, z: float, count: int, half: bool) -> Array:
 
 
 def _lid(ring: Ints) -> Ints:
-    """Fan of triangles over a flat ring, seen from above."""
+    """Return a fan of triangles over a flat ring; their normals point up."""
     return np.array([(ring[0], ring[k], ring[k + 1]) for k in range(1, len(ring) - 1)], dtype=np.int64).reshape(-1, 3)
 
 
 def _strip(low: Ints, high: Ints) -> list[tuple[int, int, int]]:
-    """Triangles between two rings of possibly different counts, outward."""
+    """Return the outward triangles between two rings, which may have different numbers of points."""
+    # advance on the ring whose next point is the earlier one, as a fraction of the circle
     i = j = 0
     faces = []
     while i < len(low) - 1 or j < len(high) - 1:
@@ -134,19 +149,19 @@ def _strip(low: Ints, high: Ints) -> list[tuple[int, int, int]]:
 
 
 def envelope(sizes: Sizes) -> float:
-    """Greatest distance that fTetWild may stray from the facets."""
+    """Return the envelope: the greatest distance between fTetWild's surface and the facets."""
     fillet = FILLET * sizes.shape.magnet_edge_radius if sizes.rounded else math.inf
     least = min(sizes.edge, sizes.rim, sizes.ring or math.inf)
     return min(SHARE * least, fillet, sizes.wall / 5)
 
 
 def check_surface(points: Array, faces: Ints, epsilon: float, wall: float) -> None:
-    """Refuse what makes fTetWild crash, hang or answer wrongly.
+    """Raise ValueError for a surface with which fTetWild crashes, hangs or returns a wrong mesh.
 
     Parameters
     ----------
-    points, faces : shape (n, 3) and (m, 3): one or more closed surfaces, outward.
-    epsilon, wall : size of the envelope and least distance between two surfaces, in the unit of `points`.
+    points, faces : one or more closed surfaces with outward triangles, shapes (n, 3) and (m, 3).
+    epsilon, wall : size of the envelope, and least distance between two surfaces, in the unit of `points`.
 
     Raises
     ------
@@ -160,6 +175,7 @@ def check_surface(points: Array, faces: Ints, epsilon: float, wall: float) -> No
     if faces.min() < 0 or faces.max() >= len(points):
         raise ValueError(f"faces must number points from 0 to {len(points) - 1}; got {faces.min()} to {faces.max()}")
     edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    # in a closed oriented surface each edge occurs once in either direction
     there, back = (np.sort(edges[:, k] * len(points) + edges[:, 1 - k]) for k in (0, 1))
     if not np.array_equal(there, back) or (np.diff(there) == 0).any():
         raise ValueError("the surface is not closed: every edge must belong to two triangles of opposite sense")
@@ -172,7 +188,7 @@ def check_surface(points: Array, faces: Ints, epsilon: float, wall: float) -> No
 
 
 def in_body(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie inside the beam's surface."""
+    """Return a mask (n,) of the points, shape (n, 3), that lie inside the beam's surface of triangles."""
 
     def out(x: Array) -> Array:
         beyond = np.maximum(exact_surfaces.skin(x.T, sizes.shape).distance, -x[:, 2])
@@ -182,7 +198,7 @@ def in_body(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
 
 
 def in_magnet(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie inside the magnet's surface."""
+    """Return a mask (n,) of the points, shape (n, 3), that lie inside the magnet's surface of triangles."""
     a, b = sizes.shape.magnet_diameter / 2, sizes.shape.magnet_height / 2
 
     def out(x: Array) -> Array:
@@ -193,22 +209,30 @@ def in_magnet(x: Array, sizes: Sizes, half: bool) -> NDArray[np.bool_]:
 
 
 def _inside(x: Array, points: Array, faces: Ints, out: Callable[[Array], Array]) -> NDArray[np.bool_]:
-    """Which points x (n, 3) lie inside a closed surface: near it by its winding, elsewhere as in the exact body.
+    """Return a mask (n,) of the points x, shape (n, 3), that lie inside a closed surface of triangles.
 
-    out : how far points lie outside of that body, negative within.
+    Winding numbers are exact but slow, so they are computed only near the surface. All other points are classified by
+    the exact body.
+
+    out : function that returns the signed distance of points, shape (n, 3), from the exact body, positive outside.
     """
     corners = points[faces]
     middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    # how far the triangles are from the exact body, sampled at their corners, edges and centres
     apart = np.abs(out(np.concatenate([corners, middles, corners.mean(axis=1)[:, None]], axis=1).reshape(-1, 3)))
-    how = out(x)
-    near = np.abs(how) <= 1.5 * apart.max()
-    found = np.asarray(how < 0)
-    found[near] = winding(x[near], points, faces) > 0.5
-    return found
+    distance = out(x)
+    near = np.abs(distance) <= 1.5 * apart.max()
+    inside = np.asarray(distance < 0)
+    inside[near] = winding(x[near], points, faces) > 0.5
+    return inside
 
 
 def winding(points: Array, vertices: Array, faces: Ints) -> Array:
-    """How often a closed outward surface winds around each of the points (n, 3): 1 inside, 0 outside."""
+    """Return the winding number of a closed outward surface about each point (n, 3): 1 inside, 0 outside.
+
+    It is the sum of the signed solid angles of the triangles (van Oosterom and Strackee 1983) over 4 pi; the
+    formula's arctangent is half a solid angle.
+    """
     total = np.zeros(len(points))
     for face in faces:
         a, b, c = (vertices[k] - points for k in face)

@@ -1,12 +1,14 @@
-"""The process in which fTetWild runs, with a fixed seed: `python tetwild_process.py GIVEN.npz FOUND.npz`.
+"""A program that runs fTetWild with a fixed seed: `python tetwild_process.py INPUT.npz OUTPUT.npz`.
 
-fTetWild inserts the facets in an order that it shuffles with a generator seeded by std::random_device. That alone
-makes two of its meshes of one shape differ; threads, addresses and the state of Python do not. Neither fTetWild nor
-pytetwild has an option for the seed. So the library's own reference to std::random_device is replaced in this
-process: it calls a function that returns SEED. This needs the tables of ELF, as on Linux with 64 bits. Elsewhere, and
-with a library that is built another way, fTetWild runs as it is, and `seeded` in FOUND.npz is false.
+fTetWild inserts the facets in an order that it shuffles with a generator seeded by std::random_device. This is the
+only reason why two meshes of one shape differ; threads, addresses and the state of Python have no effect. Neither
+fTetWild nor pytetwild has an option for the seed. So this program replaces the library's reference to
+std::random_device with a function that returns SEED. The replacement needs the ELF tables of 64-bit Linux. On other
+platforms, and with a library that was built differently, fTetWild runs without a fixed seed, and `seeded` in
+OUTPUT.npz is false.
 
-The process is one of its own because fTetWild crashes or hangs on bad input. It imports nothing of the project.
+fTetWild crashes or hangs on bad input; therefore it runs in a separate process. This file is run by its path and
+imports nothing of the project.
 """
 
 from __future__ import annotations
@@ -21,26 +23,28 @@ import pytetwild
 from pytetwild import PyfTetWildWrapper
 
 SEED = 1
+"""Value of every draw from std::random_device. Any fixed number serves; another number gives another mesh."""
 RANDOM = b"_ZNSt13random_device9_M_getvalEv"
-"""What libstdc++ calls the function behind std::random_device::operator()."""
+"""Name in libstdc++ of the function behind std::random_device::operator()."""
 
 NULL, SIZE_OF_CALLS, STRINGS, SYMBOLS, CALLS, FLAGS, EXTRA_FLAGS = 0, 2, 5, 6, 23, 30, 0x6FFFFFFB
 """Tags of a dynamic section: DT_NULL, DT_PLTRELSZ, DT_STRTAB, DT_SYMTAB, DT_JMPREL, DT_FLAGS, DT_FLAGS_1."""
 NOW, NOW_1 = 8, 1
-"""Bits DF_BIND_NOW and DF_1_NOW of the flags: with them the table of calls cannot be written."""
+"""Bits DF_BIND_NOW and DF_1_NOW of the flags: with either of them the table of calls is read-only."""
 SYMBOL_BYTES = 24
+"""Size of one entry of the symbol table (Elf64_Sym)."""
 
 Draw = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_void_p)
 
 
 class Library(ctypes.Structure):
-    """First fields of what dlopen returns (struct link_map)."""
+    """First fields of struct link_map, to which the handle of dlopen points."""
 
     _fields_ = (("base", ctypes.c_size_t), ("name", ctypes.c_char_p), ("dynamic", ctypes.c_size_t))
 
 
 class Entry(ctypes.Structure):
-    """One of a dynamic section (Elf64_Dyn)."""
+    """One entry of a dynamic section (Elf64_Dyn)."""
 
     _fields_ = (("tag", ctypes.c_int64), ("value", ctypes.c_size_t))
 
@@ -52,7 +56,7 @@ class Call(ctypes.Structure):
 
 
 def slot(path: str, function: bytes) -> int | None:
-    """Address of the pointer through which a loaded library calls a function; None if it has none to write to."""
+    """Return the address of the pointer through which a library calls a function; None if it cannot be replaced."""
     library = Library.from_address(ctypes.CDLL(path)._handle)
     table: dict[int, int] = {}
     place = library.dynamic
@@ -65,7 +69,7 @@ def slot(path: str, function: bytes) -> int | None:
         return None
 
     def absolute(tag: int) -> int:
-        # glibc has added the base already, musl has not
+        # glibc stores absolute addresses in the loaded table, musl stores them relative to the base
         return table[tag] if table[tag] >= library.base else table[tag] + library.base
 
     for k in range(table[SIZE_OF_CALLS] // ctypes.sizeof(Call)):
@@ -77,35 +81,35 @@ def slot(path: str, function: bytes) -> int | None:
     return None
 
 
-def main(given: Path, found: Path) -> None:
-    """Mesh what one file holds, into the other."""
+def main(input_file: Path, output_file: Path) -> None:
+    """Mesh the surface in the input file and write points, cells and `seeded` to the output file."""
     drawn: list[int] = []
 
     def draw(_: Any) -> int:
         drawn.append(SEED)
         return SEED
 
-    constant = Draw(draw)
+    constant = Draw(draw)  # a name keeps the callback alive while the library may call it
     if sys.platform == "linux" and sys.maxsize > 2**32:
         place = slot(str(PyfTetWildWrapper.__file__), RANDOM)
         if place is not None:
             ctypes.c_size_t.from_address(place).value = ctypes.cast(constant, ctypes.c_void_p).value or 0
-    with np.load(given) as wanted:
+    with np.load(input_file) as request:
         points, cells = pytetwild.tetrahedralize(
-            wanted["points"],
-            wanted["faces"],
-            edge_length_abs=float(wanted["size"]),
-            epsilon=float(wanted["epsilon"]),
+            request["points"],
+            request["faces"],
+            edge_length_abs=float(request["size"]),
+            epsilon=float(request["epsilon"]),
             num_threads=1,
-            num_opt_iter=int(wanted["passes"]),
-            disable_filtering=bool(wanted["around"]),
+            num_opt_iter=int(request["passes"]),
+            disable_filtering=bool(request["around"]),
             vtk_ordering=True,
             quiet=True,
-            bg_vertices=wanted["grid"],
-            bg_tets=wanted["tets"],
-            bg_values=wanted["values"],
+            bg_vertices=request["grid"],
+            bg_tets=request["tets"],
+            bg_values=request["values"],
         )
-    np.savez(found, points=points, cells=cells, seeded=bool(drawn))
+    np.savez(output_file, points=points, cells=cells, seeded=bool(drawn))
 
 
 if __name__ == "__main__":
