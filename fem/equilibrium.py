@@ -1,9 +1,9 @@
-"""From a scene to solutions: its loads are applied one after the other, and the errors of each state are estimated.
+"""Solutions of a scene: loads are applied one after the other, and the errors of each state are estimated.
 
-Every scene is solved with lengths divided by D and stresses by E, so designs of one law that differ only in E, f or
-scale are the same problem: pose and depth over D are shared, forces are proportional to E D^2.
+Every scene is solved with lengths over D and stresses over E. Designs of one law that differ only in E, f or scale
+are therefore one problem: pose and depth over D are equal, and forces are proportional to E D^2.
 
-Signs: the plate's lower face starts at z = L and comes down by `depth`; the reported force is the load on the tip,
+Signs: the plate's lower face starts at z = L and moves down by `depth`. The reported force is the load on the tip,
 positive in compression and along the shear.
 """
 
@@ -41,7 +41,7 @@ def solve(
     magnet: Magnet = "rigid",
     model: Model = "auto",
 ) -> Solution:
-    """The state under one load. See `walk`."""
+    """Solve for the state under one load; see `walk`."""
     return trace(design, [load], accuracy, magnet=magnet, model=model)[-1]
 
 
@@ -55,7 +55,7 @@ def trace(
     estimate: bool = True,
     progress: Progress | None = None,
 ) -> list[Solution]:
-    """All states of `walk` for a scene of these values."""
+    """Return all states of `walk` for a scene of these values."""
     scene = Scene(design, tuple(loads), accuracy, magnet, model)
     return list(walk(scene, estimate=estimate, progress=progress))
 
@@ -67,27 +67,26 @@ def walk(
     progress: Progress | None = None,
     mesh: skfem.MeshTet2 | None = None,
 ) -> Iterator[Solution]:
-    """The states under the loads of a scene: for each one first the depth, then the shear.
+    """Solve for the states under the loads of a scene; each load applies first its depth, then its shear.
 
     Parameters
     ----------
-    estimate : estimate the errors of force, shift and tilt from a companion, the same scene on a mesh coarser by
-        COARSER and with one harmonic less (two harmonics for one). `fem.error_estimates` says how they follow from
-        the difference.
-        Also look whether an axisymmetric press would be stable sideways, and say so in the message if not.
-    progress : called with a fraction of the path and a text.
-    mesh : tetrahedra in units of D to solve on, as `fem.discretisation.symmetry_models.solid` takes them; then
-        nothing is estimated.
+    estimate : estimate the errors of force, shift and tilt from a second solve of the same scene, on a mesh coarser
+        by COARSER and with one harmonic less (two in place of one), see `fem.error_estimates`. Also check whether an
+        axisymmetric press would be stable sideways; if not, the message says so.
+    progress : called with the completed share of the path and a text.
+    mesh : tetrahedra in units of D to solve on, see `fem.discretisation.symmetry_models.solid`; errors are then not
+        estimated.
 
     Yields
     ------
-    One solution per load that was reached, as soon as it is; where the solve stopped short, the last one holds the
-    last good state with its status and message.
+    One solution per load, as soon as it is solved. Where a solve stops early, the last solution is the last converged
+    state, with its status and message.
 
     Raises
     ------
     BadInput
-        At once, if the coarser mesh of the companion misses the gripped skin.
+        Before the first state, if the coarser mesh does not resolve the gripped skin.
     """
     coarse = replace(scene, accuracy=coarser(scene.accuracy)) if estimate and mesh is None else None
     return _walk(scene, coarse, progress, mesh)
@@ -96,7 +95,7 @@ def walk(
 def _walk(
     scene: Scene, coarse: Scene | None, progress: Progress | None, mesh: skfem.MeshTet2 | None
 ) -> Iterator[Solution]:
-    """All parts of the path, one after the other; `coarse` is the companion's scene."""
+    """Solve all parts of the path one after the other; `coarse` is the scene with the coarser mesh."""
     done = 0
     for loads in split_by_mesh(scene):
         report = (
@@ -117,7 +116,7 @@ def _walk(
 def _walk_part(
     scene: Scene, coarse: Scene | None, progress: Progress | None, mesh: skfem.MeshTet2 | None
 ) -> Generator[Solution]:
-    """The states of loads that share a mesh, each with the errors that its companion tells."""
+    """Solve for the states of loads that share a mesh, each with error estimates from the coarser solve."""
     states = _follow(scene, progress, watch=coarse is not None, mesh=mesh)
     if coarse is None:
         yield from states
@@ -130,12 +129,12 @@ def _walk_part(
 
 
 def _report_share(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
-    """Report the share of a part, of `count` loads after `done`, as one of the `whole` path."""
+    """Report the completed share of a part, `count` loads after the first `done`, as a share of all `whole` loads."""
     progress((done + share * count) / whole, text)
 
 
 def _with_estimates(state: Solution, companion: Solution, scene: Scene) -> Solution:
-    """The state with the differences to its companion, if that one has reached the same load."""
+    """Return the state with error estimates, if the coarser solve has reached the same load."""
     seconds = state.seconds + companion.seconds
     one, other = state.load, companion.load
     same = (one.depth, one.imposed_shear) == (other.depth, other.imposed_shear)
@@ -148,7 +147,7 @@ def _with_estimates(state: Solution, companion: Solution, scene: Scene) -> Solut
 def _follow(
     scene: Scene, progress: Progress | None, *, watch: bool = False, mesh: skfem.MeshTet2 | None = None
 ) -> Generator[Solution]:
-    """The states of loads that share a mesh."""
+    """Solve for the states of loads that share a mesh."""
     begin, D = time.perf_counter(), scene.design.D
     path = start_path(scene, mesh)
     sideways = SidewaysModel(path.raised) if watch and path.raised is not None else None
@@ -179,7 +178,7 @@ def _follow(
 
 
 def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
-    """The path of a scene at rest, on its own mesh or on tetrahedra in units of D."""
+    """Return the path of a scene at rest, on its own mesh or on tetrahedra in units of D."""
     models = path_models(scene, mesh)
     return Path(
         models.first.build(),

@@ -1,9 +1,9 @@
-"""Rules by which the relative error of an answer follows from its difference to that of a coarser companion.
+"""Rules for the relative error of an answer, from its relative difference to that of a coarser mesh.
 
-The numbers come from the study `magtip accuracy --out results/accuracy`, which holds solutions of twelve designs at
-levels quick, standard and fine against much finer meshes (1766 states, listed in results/accuracy/accuracy.csv): m, p
-and q are such that half of the differences found there exceed the usual one, c and s about the least that cover 95 %
-of the true errors. What was set from other states, or taken over, is said beside the table.
+The constants come from the study `magtip accuracy --out results/accuracy`, which compares solutions of twelve designs
+at levels quick, standard and fine with much finer meshes (1766 states in results/accuracy/accuracy.csv). m, p and q
+are chosen so that half of the differences in the study exceed the usual one; c and s are about the least that cover
+95 % of the true errors. Constants from other states, or copied from another rule, are listed beside the table.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ TangentQuantity = Literal[
 ]
 
 LEAST_SHARE = 0.2
-"""Difference to the companion over the usual one that counts at least: meshes may agree by chance. Of 1214
-differences in the study 9 % are smaller."""
+"""Lower bound of the difference over the usual one: two meshes may agree by chance. Of the 1214 differences in the
+study 9 % are smaller."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorRule:
-    """How the relative error of one quantity follows from its relative difference d to the companion's.
+    """Relative error of one quantity from its relative difference d to the coarser mesh.
 
-    With the edge length h of the mesh, and a base b that says how hard the state is to resolve (see the tables),
+    With the edge length h of the mesh, and a base b that measures how hard the state is to resolve (see the tables),
 
         usual difference    u = m (h / D)^p / b^q
         expected error      c u^(1 - s) max(d, LEAST_SHARE u)^s
 
-    Where between two points of a mesh a contact ends is chance, and makes for errors of either sign: often u tells
-    more of the error than d, and s is small.
+    Where a contact ends between two integration points is random, which causes errors of either sign. u is therefore
+    often a better measure of the error than d, and s is small.
 
     Attributes
     ----------
     m : usual difference at an edge length of D and a base of 1.
-    p : order by which the usual difference falls with the edge length.
-    q : power of the base by which it falls; negative where it grows.
-    c : expected error over the usual difference, where the difference found is the usual one.
-    s : share of the difference found in the expected error, 0 (u alone counts) to 1 (d alone), as powers.
+    p : order with which the usual difference decreases with the edge length.
+    q : power of the base with which it decreases; negative where it grows.
+    c : expected error over the usual difference, where the actual difference is the usual one.
+    s : weight of the actual difference in the expected error, as an exponent: from 0 (only u) to 1 (only d).
     """
 
     m: float
@@ -53,11 +53,11 @@ class ErrorRule:
     s: float
 
     def usual(self, edge: float, base: float) -> float:
-        """Usual difference u at an edge length over D."""
+        """Return the usual difference u at an edge length over D."""
         return self.m * math.pow(edge, self.p) / math.pow(base, self.q)
 
     def expected(self, usual: float, difference: float) -> float:
-        """Expected error where the usual difference is u and the one found d.
+        """Return the expected error from the usual difference u and the actual difference d.
 
         >>> ErrorRule(m=1.0, p=2.0, q=0.0, c=2.0, s=0.5).expected(usual=0.25, difference=1.0)
         1.0
@@ -67,10 +67,10 @@ class ErrorRule:
 
 @dataclass(frozen=True, slots=True)
 class ResponseRules:
-    """Rules of one kind of load: for the vectors of force, shift and tilt, and for the force along the shear alone.
+    """Rules of one load case: for the vectors of force, shift and tilt, and for the force along the shear alone.
 
     The base is the contact radius over D, at least LEAST_RADIUS. For the force along the shear it is the share of
-    that component in the whole force: what slips is a matter of the normal force, beside which it may be small.
+    that component in the whole force: slip depends on the normal force, beside which the component may be small.
     """
 
     force: ErrorRule
@@ -181,26 +181,25 @@ RESPONSE_RULES: dict[tuple[LoadCase, Magnet], ResponseRules] = {
         tilt=ErrorRule(m=0.0121, p=1.0, q=0.0, c=2.5, s=0.0),
     ),
 }
-"""Rules by the kind of load (`fem.error_estimates.load_case`) and by whether the magnet is rigid.
+"""Rules by load case (`fem.error_estimates.load_case`) and by whether the magnet is rigid.
 
-On sections: "press" and "deep" are frictionless presses above and below the first of `press_limits`; "stick" and
-"far" shears of a glued plate up to STICK_SHEAR and beyond; "pressed" is a press on the path of such a shear, whose
-mesh is fine where the contact ends; "grip" is a shear of a grip, whose force is all along the shear; "friction" any
-state with Coulomb friction, where the companion takes longer steps too. "solid" are tetrahedra that are fine where
-the contact ends, "solid press" those that are not, as in an upright press.
+On sections: "press" and "deep" are frictionless presses above and below the first depth of `press_limits`. "stick"
+and "far" are shears of a glued plate up to STICK_SHEAR and beyond. "pressed" is a press on the path of such a shear,
+whose mesh is refined where the contact ends. "grip" is a shear of a grip, whose force is all along the shear.
+"friction" is any state with Coulomb friction, where the coarser solve also takes longer load steps. "solid" are
+tetrahedra refined where the contact ends, "solid press" those that are not, as in an upright press.
 
-Upright presses have no tilt: presses take the rule of the shift for it. "friction" and "far" were set with a rigid
-magnet, and are taken over for the beam without. Tetrahedra with Coulomb friction, which the study does not hold, take
-the rule of "friction" for the force along the shear.
+Upright presses have no tilt; for presses, the rule of the shift is used for it. "friction" and "far" were determined
+with a rigid magnet and are also used for the beam without. Tetrahedra with Coulomb friction are not in the study; for
+the force along the shear they use the rule of "friction".
 
-Two meshes of tetrahedra agree by chance more often than others, so that d tells little: s is small, and c such that
-the estimate holds for each mesh with each companion. Those of "solid" were set from all nine pairs of three meshes
-and three companions in each of 24 states (designs 0 and 3, levels quick and standard), with 4 to 17 % to spare, and
-checked at quick on shears to 0.3 D and after the deepest of the presses; those of "solid press" from presses of
-seven designs at quick to three depths each, of some with several meshes, at standard, or deeper; that of the shift
-was raised by 16 % for the states of the study. Designs 2, 3 and 7, with large magnets, ask for the power of the
-contact radius.
-"""
+Two meshes of tetrahedra agree by chance more often than other meshes, so d is a weak indicator: s is small, and c is
+such that the estimate holds for each mesh with each coarser one. The rules of "solid" come from all nine pairs of
+three meshes and three coarser ones in each of 24 states (designs 0 and 3, levels quick and standard), with a margin
+of 4 to 17 %; they were checked at quick on shears to 0.3 D and after the deepest presses. The rules of "solid press"
+come from presses of seven designs at quick to three depths each, and from some on several meshes, at standard, or
+deeper; that of the shift was raised by 16 % for the states of the study. Designs 2, 3 and 7, with large magnets,
+determine the power of the contact radius."""
 
 TANGENT_RULES: dict[tuple[TangentQuantity, Magnet], ErrorRule] = {
     ("critical depth", "rigid"): ErrorRule(m=0.217, p=0.5, q=-2.0, c=1.92, s=0.0),
@@ -218,44 +217,46 @@ TANGENT_RULES: dict[tuple[TangentQuantity, Magnet], ErrorRule] = {
     ("pressed frequency", "rigid"): ErrorRule(m=0.0073, p=1.5, q=-0.5, c=5.2, s=0.3),
     ("pressed frequency", "ignored"): ErrorRule(m=0.00273, p=1.0, q=0.0, c=5.47, s=0.1),
 }
-"""Rules of single numbers that follow from the tangent about a press: critical depth and force, a small shear of a
-glued plate, frequencies of the unpressed and of the pressed sensor.
+"""Rules for single numbers computed from the tangent about a press.
 
-The base of a critical state is its depth over D, at least LEAST_DEPTH; that of a small shear the contact radius over
-D, at least LEAST_RADIUS; that of a frequency 1 / (omega D (rho / E)^(1/2)). The rules were set from all such states
-of the study: the twelve designs with their magnet, the six even-numbered ones without. It holds no guided tips.
-"""
+These are critical depth and force, a small shear of a glued plate, and frequencies of the unpressed and of the
+pressed sensor. The base of a critical state is its depth over D, at least LEAST_DEPTH. The base of a small shear is
+the contact radius over D, at least LEAST_RADIUS. The base of a frequency is 1 / (omega D (rho / E)^(1/2)). The rules
+come from all such states of the study: the twelve designs with their magnet, the six even-numbered ones without. The
+study has no guided tips."""
 
 LEAST_RADIUS = 0.06
-"""Contact radius over D below which the usual difference grows no more. The lightest presses of the study have 0.07;
-below, the mesh shrinks with the contact (`fem.solvers.depth_ranges`)."""
+"""Contact radius over D below which the usual difference no longer grows. The lightest presses of the study have
+0.07; below, the mesh is graded to the contact (`fem.solvers.depth_ranges`)."""
 LEAST_DEPTH = 0.15
-"""Critical depth over D below which the usual difference shrinks no more: slender beams give way at depths that the
-study does not hold, whose shallowest are 0.12."""
+"""Critical depth over D below which the usual difference no longer decreases: slender beams buckle at smaller depths
+than the study has, whose smallest is 0.12."""
 SURE_SHARE = 0.25
-"""Estimated error over the difference found, at least: a mesh that converges with order 4, faster than those here,
+"""Least estimated error over the actual difference: a mesh that converges with order 4, faster than the meshes here,
 has the error d / (COARSER^4 - 1) = 0.25 d."""
 UNUSUAL = 8.0
-"""Difference found over the usual one from which on a state is unlike those of the study, where 1.4 % of 1214
-differences are larger: what exceeds it counts as error."""
+"""Actual over usual difference above which a state is unlike those of the study, where 1.4 % of 1214 differences are
+larger. The excess counts as error."""
 
 PRESS_DEPTH, PRESS_SHARE = 0.25, 0.3
-"""Depth to which "press" holds, over D and over the silicone above the magnet (or the base), whichever is less. Up to
-there an error falls as the contact grows (q > 0), beyond hardly, or it grows."""
+"""Largest depth of "press", over D and over the silicone above the magnet (or the base), whichever depth is less. Up
+to this depth the error decreases as the contact grows (q > 0); beyond, it hardly decreases, or grows."""
 DEEP_RATIO, DEEP_SHARE = 3.3, 0.45
-"""Depth to which "deep" holds, over that of "press" and over the silicone on the axis: the deepest of the study."""
+"""Largest depth of "deep", over that of "press" and over the silicone on the axis: the deepest presses of the
+study."""
 STICK_SHEAR, FAR_SHEAR, FRICTION_SHEAR = 0.15, 0.6, 0.25
-"""Shears over D to which "stick" (and "grip"), "far" and "friction" hold: the farthest of the study."""
+"""Largest shears over D of "stick" (and "grip"), "far" and "friction": the largest of the study."""
 ON_LIMIT = 1.001
-"""Loads over such a limit that count as on it: those of the study are rounded to four digits."""
+"""Load over such a limit up to which it counts as on the limit: the loads of the study are rounded to four digits."""
 DEPTH_POWER = 1.5
-"""Beyond the deepest presses of the study errors are expected to grow like this power of the depth. Four times as
-deep as "press" holds (`magtip solve paper --depth 3.6`) the force at level standard is off that at fine by five times
-what its rule says, and 4^1.5 = 8. Beyond the farthest shears errors are expected to grow like the shear."""
+"""Power of the depth with which errors are expected to grow beyond the deepest presses of the study. At four times
+the largest depth of "press" (`magtip solve paper --depth 3.6`) the force at level standard differs from that at fine
+by five times what its rule expects, and 4^1.5 = 8. Beyond the largest shears errors are expected to grow in
+proportion to the shear."""
 
 
 def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
-    """Depths to which "press" and "deep" hold, mm.
+    """Return the largest depths of the rules "press" and "deep", mm.
 
     >>> from geometry.design import paper
     >>> [round(depth, 9) for depth in press_limits(paper(), "rigid")]

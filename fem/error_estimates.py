@@ -1,6 +1,7 @@
-"""Relative errors of a solution, estimated from its difference to a companion that is solved more coarsely.
+"""Relative errors of a solution, estimated from its difference to a solution on a coarser mesh.
 
-The rules are those of `fem.error_estimate_rules`; `magtip accuracy` holds the estimates against much finer meshes.
+The rules are those of `fem.error_estimate_rules`; `magtip accuracy` compares the estimates with the errors against
+much finer meshes.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ from fem.solution import Estimates
 from geometry.loads import Load, Response
 
 NOTHING = 1e-12
-"""Tilts (rad) and numbers of a tangent below this are rounding, which no error is relative to; forces and shifts are
-small at small loads."""
+"""Tilts (rad) and numbers of a tangent below this are rounding errors, to which no error is relative. Forces and
+shifts have no such bound: they are small at small loads."""
 
 
 def estimate_response(one: Response, other: Response, load: Load, scene: Scene, model: str) -> Estimates:
-    """Errors of a response to one of a scene's loads, from its companion's.
+    """Return the estimated errors of the response to one load of a scene.
 
     Parameters
     ----------
-    one, other : the response, and its companion's.
-    load : which the response answers; less than one of the scene where the path stopped on the way.
-    scene : of the response.
-    model : that the response was read from; before a shear it may have no harmonics yet.
+    one, other : the response, and the response on the coarser mesh.
+    load : load of the response; less than the scene's where the path stopped early.
+    scene : scene of the response.
+    model : model of the response; before a shear it may still be axisymmetric.
     """
     case, accuracy = load_case(load, scene), scene.accuracy
     rules = RESPONSE_RULES[case, scene.magnet]
@@ -49,7 +50,7 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     edge = accuracy.solid_size if scene.solid else accuracy.section_size
     radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
     growth = _growth_beyond_study(case, load, scene)
-    # what a second harmonic changes is all missing from an answer with one
+    # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
 
     def estimate(
@@ -68,26 +69,28 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     return Estimates(
         force=estimate(rules.force, one.force, other.force, radius),
         shift=estimate(rules.shift, one.shift, other.shift, radius),
-        # what tetrahedra tilt by under an upright press is noise
+        # the tilt of tetrahedra under an upright press is mesh noise
         tilt=None if tilt is None or (upright and tilt > 1) else tilt,
         sideways=sideways,
     )
 
 
 def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: float, base: float) -> float | None:
-    """Error of a number, from its companion's; None where it is 0 or the companion has none.
+    """Return the estimated error of a number; None where it is 0 or the coarser mesh has none.
 
     Parameters
     ----------
-    rule : one of `fem.error_estimate_rules.TANGENT_RULES`, whose base is told there.
+    rule : one of `fem.error_estimate_rules.TANGENT_RULES`.
+    one, other : the number, and the number on the coarser mesh.
     edge : edge length of the section over D.
+    base : base of the rule, see TANGENT_RULES.
     """
     difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
     return None if difference is None else _bounded_error(rule, difference, edge, base)
 
 
 def load_case(load: Load, scene: Scene) -> LoadCase:
-    """The kind of a scene's load that a rule is for, see RESPONSE_RULES.
+    """Return the load case of a scene's load by which its rules are selected, see RESPONSE_RULES.
 
     >>> from geometry.design import paper
     >>> load_case(Load(depth=0.5), Scene(paper(), (Load(depth=0.5),)))
@@ -107,7 +110,7 @@ def load_case(load: Load, scene: Scene) -> LoadCase:
 
 
 def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
-    """How much more than by its rule to expect of a load beyond those of the study, see DEPTH_POWER."""
+    """Return the factor on the expected error for a load beyond those of the study, see DEPTH_POWER."""
     first, deepest = press_limits(scene.design, scene.magnet)
     depth = load.depth / (deepest if case == "deep" else first)
     farthest = FAR_SHEAR if case == "far" else STICK_SHEAR if load.coulomb is None else FRICTION_SHEAR
@@ -116,20 +119,20 @@ def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
 
 
 def _mirrored(response: Response) -> Response:
-    """The response that leans to the other side: an imperfect press may give way to either."""
+    """Return the response that leans to the other side: an imperfect press may buckle to either."""
     x, y, z = response.shift
     return replace(response, shift=(-x, -y, z), tilt=-response.tilt, tilt_y=-response.tilt_y)
 
 
 def _force_along_shear(response: Response, load: Load) -> float:
-    """Component of the force along a load's shear, N; 0 where the load does not shear the tip."""
+    """Return the component of the force along a load's shear, N; 0 where the load does not shear the tip."""
     if not load.shears_tip:
         return 0.0
     return (response.force[0] * load.shear_x + response.force[1] * load.shear_y) / load.shear
 
 
 def _relative_difference(one: Sequence[float], other: Sequence[float], nothing: float) -> float | None:
-    """Length of the difference of two vectors over that of the first; None if that is no longer than `nothing`."""
+    """Return the distance of two vectors over the length of the first; None if that is at most `nothing`."""
     size = math.hypot(*one)
     return None if size <= nothing else math.dist(one, other) / size
 
@@ -137,6 +140,11 @@ def _relative_difference(one: Sequence[float], other: Sequence[float], nothing: 
 def _bounded_error(
     rule: ErrorRule, difference: float, edge: float, base: float, growth: float = 1.0, sure: float = SURE_SHARE
 ) -> float:
-    """The error that a rule expects at an edge length over D, times a growth, and no less than what is sure."""
+    """Return the error that a rule expects, times a growth factor, at least `sure` times the difference.
+
+    Parameters
+    ----------
+    edge, base : edge length over D, and base of the rule.
+    """
     usual = rule.usual(edge, base)
     return max(growth * rule.expected(usual, difference), sure * difference, difference - UNUSUAL * usual)

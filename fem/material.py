@@ -1,19 +1,19 @@
-"""Hyperelastic laws: one function per energy, with stress and tangent beside it.
+"""Hyperelastic laws: one function per energy, with its stress and tangent.
 
-The argument is the displacement gradient G = F - 1, not F: the stresses are written so that no digits are lost
-when G is small (a contact of a nanometre has strains of 1e-12 far from the patch).
+The argument is the displacement gradient G = F - 1, not F, and the stresses are written so that no digits are lost
+when G is small (a contact of a nanometre has strains of 1e-12 far from the contact area).
 
 Near incompressibility is treated by a perturbed Lagrangian with an independent pressure p,
 
-    Psi(F, p) = W(F) + p (J - 1) - p^2 / (2 K),        J = det F,
+    Psi(F, p) = W(F) + p (J - 1) - p^2 / (2 K),        J = det F.
 
-whose stationary point in p is p = K (J - 1), that is a volumetric energy K/2 (J - 1)^2. 1/K = 0 (nu = 0.5) is
-allowed. W is isochoric, so p is minus the mean Cauchy pressure.
+It is stationary in p at p = K (J - 1), which gives the volumetric energy K/2 (J - 1)^2. 1/K = 0 (nu = 0.5) is
+allowed. W is isochoric, so p is the mean Cauchy stress, positive in tension.
 
-Components come first, points last, as loops are long over points: G and stresses have shape (3, 3, ...), tangents
-(9, 9, ...) or, for some of the components, (c, c, ...).
+Components come first and points last, because loops are long over points: G and stresses have shape (3, 3, ...),
+tangents (9, 9, ...) or, for a selection of c components, (c, c, ...).
 
-Every law has the shear modulus mu at small strain as its scale; what else it takes are pure numbers, so stresses are
+Every law has the shear modulus mu at small strain as its scale. Its other constants are pure numbers, so stresses are
 proportional to mu at any strain.
 """
 
@@ -35,7 +35,7 @@ _UP, _DOWN = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 class Kinematics(NamedTuple):
-    """What every law needs of a displacement gradient G = F - 1."""
+    """Quantities that every law computes from, for a displacement gradient G = F - 1."""
 
     G: Array
     """Displacement gradient, shape (3, 3, ...)."""
@@ -46,20 +46,20 @@ class Kinematics(NamedTuple):
     H: Array
     """F^-T, shape (3, 3, ...)."""
     components: Components | None = None
-    """Positions in a row-major 3 x 3 tensor that tangents are wanted for, all 9 if None. The others must
+    """Positions in a row-major 3 x 3 tensor for which tangents are computed; None: all 9. The other components must
     not couple to them, as in a section of revolution."""
     tangent: bool = True
-    """Whether tangents are wanted at all; if not, empty ones are returned."""
+    """Whether tangents are computed; if not, empty arrays are returned."""
 
 
 class Law(Protocol):
-    """A law with its numbers: from kinematics, mu and a pressure to W, P and dP/dF, as `neo_hookean`."""
+    """A law with its constants: maps kinematics, mu and a pressure to W, P and dP/dF, like `neo_hookean`."""
 
     def __call__(self, k: Kinematics, mu: Array | float, p: Array | float = ..., /) -> tuple[Array, Array, Array]: ...
 
 
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
-    """The law of a name of `geometry.design.LAWS`, with its numbers in the order given there."""
+    """Return the law of a name in `geometry.design.LAWS`, with its constants in the order given there."""
     match name, numbers:
         case "neo-hookean", ():
             return neo_hookean
@@ -73,7 +73,9 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
 
 
 class Strain(NamedTuple):
-    """A displacement gradient (3, 3, ...), J - 1 (...) and cof F - J 1 (3, 3, ...), these to full precision."""
+    """A displacement gradient (3, 3, ...), J - 1 (...) and cof F - J 1 (3, 3, ...), the last two to full relative
+    precision.
+    """
 
     G: Array
     Jm1: Array
@@ -81,7 +83,7 @@ class Strain(NamedTuple):
 
 
 def strain(G: Array) -> Strain:
-    """The strain of a displacement gradient, shape (3, 3, ...).
+    """Return the strain of a displacement gradient, shape (3, 3, ...).
 
     cof (1 + G) = 1 + tr G - G^T + cof G, and J = 1 + tr G + tr cof G + det G.
     """
@@ -96,13 +98,13 @@ def strain(G: Array) -> Strain:
 
 
 def kinematics(strain: Strain, components: Components | None = None, *, tangent: bool = True) -> Kinematics:
-    """What laws need of a strain whose J is not zero."""
+    """Return the kinematics of a strain whose J is not zero."""
     Hm1 = strain.cofactor_excess / (1 + strain.Jm1)
     return Kinematics(strain.G, strain.Jm1, Hm1, Hm1 + _unit(Hm1), components, tangent)
 
 
 def _diagonal(T: Array) -> Array:
-    """A view of the diagonal of tensors (k, k, ...), shape (k, ...)."""
+    """Return a view of the diagonal of tensors (k, k, ...), shape (k, ...)."""
     return np.asarray(np.einsum("ii...->i...", T))
 
 
@@ -111,12 +113,12 @@ def _trace(T: Array) -> Array:
 
 
 def _unit(T: Array) -> Array:
-    """The unit tensor, in a shape to be added to tensors (3, 3, ...)."""
+    """Return the unit tensor in a shape that can be added to tensors (3, 3, ...)."""
     return np.eye(3).reshape(3, 3, *(1,) * (T.ndim - 2))
 
 
 def lame(E: float, nu: float) -> tuple[float, float]:
-    """Shear modulus and the inverse of the bulk modulus (0 for nu = 0.5).
+    """Return the shear modulus and the inverse of the bulk modulus (0 for nu = 0.5).
 
     >>> lame(3.0, 0.5)
     (1.0, 0.0)
@@ -125,32 +127,32 @@ def lame(E: float, nu: float) -> tuple[float, float]:
 
 
 def _multiply(X: Array, Y: Array) -> Array:
-    """X Y of tensors (3, 3, ...)."""
+    """Return X Y of tensors (3, 3, ...)."""
     return np.asarray(np.einsum("ij...,jk...->ik...", X, Y))
 
 
 @functools.lru_cache
 def _places(components: Components | None) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Positions (c,) of components iJ, and (c, c) of iL and kJ for the pairs (iJ), (kL)."""
+    """Return the positions (c,) of components iJ, and (c, c) of iL and kJ for the pairs (iJ), (kL)."""
     own = np.arange(9) if components is None else np.array(components)
     i, J = np.divmod(own, 3)
     return own, 3 * i[:, None] + J, 3 * i + J[:, None]
 
 
 def _select(T: Array, components: Components | None) -> Array:
-    """The components of tensors (3, 3, ...) that tangents are wanted for, (c, ...)."""
+    """Return the selected components of tensors (3, 3, ...), shape (c, ...)."""
     T = T.reshape(9, *T.shape[2:])
     return T if components is None else T[_places(components)[0]]
 
 
 def _select_pairs(A: Array, components: Components | None) -> Array:
-    """The components of tangents (9, 9, ...) that are wanted."""
+    """Return the selected components of tangents (9, 9, ...), shape (c, c, ...)."""
     own = _places(components)[0]
     return A if components is None else A[own[:, None], own]
 
 
 def _pairs(X: Array, Y: Array, components: Components | None = None) -> Array:
-    """X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (c, c, ...)."""
+    """Return X_iL Y_kJ as a matrix over the pairs (iJ), (kL), shape (c, c, ...)."""
     if components is None:
         return np.asarray(X[:, None, None] * np.swapaxes(Y, 0, 1)[None, :, :, None]).reshape(9, 9, *X.shape[2:])
     _, first, second = _places(components)
@@ -158,7 +160,7 @@ def _pairs(X: Array, Y: Array, components: Components | None = None) -> Array:
 
 
 def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
-    """x H + H x, for x (c, ...), and `cross` (...) times H_iL H_kJ, shape (c, c, ...)."""
+    """Return x H + H x for x (c, ...), plus `cross` (...) times H_iL H_kJ, shape (c, c, ...)."""
     H = _select(k.H, k.components)
     A = x[:, None] * H
     A += H[:, None] * x
@@ -169,18 +171,19 @@ def _tangent(k: Kinematics, x: Array, cross: Array) -> Array:
 def neo_hookean(k: Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
     """Isochoric neo-Hookean law, W = mu/2 (J^-2/3 tr(F^T F) - 3), and p (J - 1).
 
-    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T; the first is written as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T].
+    P = mu J^-2/3 (F - I1/3 F^-T) + p J F^-T. The first term is evaluated as mu J^-2/3 [(F - F^-T) - (I1 - 3)/3 F^-T],
+    which keeps its digits at small strain.
 
     Parameters
     ----------
     k : kinematics of G, shape (3, 3, ...).
     mu : shear modulus, a number or shape (...), MPa.
-    p : pressure (minus the mean Cauchy pressure), a number or shape (...), MPa; its energy, stress and tangent are
-        added to those of the law.
+    p : pressure (the mean Cauchy stress), a number or shape (...), MPa; its energy, stress and tangent are added to
+        those of the law.
 
     Returns
     -------
-    W (...), first Piola-Kirchhoff stress P (3, 3, ...), tangent dP/dF (9, 9, ...) or (c, c, ...), MPa.
+    W (...), first Piola-Kirchhoff stress P (3, 3, ...), and tangent dP/dF (9, 9, ...) or (c, c, ...), MPa.
     """
     G, H = k.G, k.H
     I1m3 = 2 * _trace(G) + np.einsum("ij...,ij...->...", G, G)
@@ -258,10 +261,10 @@ def ogden(
 ) -> tuple[Array, Array, Array]:
     """Isochoric Ogden law, W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3), l of J^-1/3 F.
 
-    In logarithms h of the stretches, less their mean, the principal Kirchhoff stresses are
-    tau_a = t_a - mean(t), t_a = sum_i 2 mu_i / alpha_i (exp(alpha_i h_a) - 1). The tangent in the principal frame
-    holds divided differences of S_a = tau_a / l_a^2, sums of exponentials of h_a, over l_a^2: these are quotients of
-    hyperbolic sines, exact for equal and nearly equal stretches alike.
+    With h the logarithms of the stretches less their mean, the principal Kirchhoff stresses are tau_a = t_a -
+    mean(t), t_a = sum_i 2 mu_i / alpha_i (exp(alpha_i h_a) - 1). The tangent in the principal frame contains divided
+    differences of S_a = tau_a / l_a^2, which is a sum of exponentials. They are evaluated as quotients of hyperbolic
+    sines, exact for distinct, nearly equal and equal stretches.
 
     Parameters
     ----------
@@ -305,12 +308,12 @@ def ogden(
 
 
 def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Array:
-    """dP/dF over pairs of principal directions (spatial, material), shape (..., 9, 9).
+    """Return dP/dF over pairs of principal directions (spatial, material), shape (..., 9, 9).
 
     Parameters
     ----------
     S : principal second Piola-Kirchhoff stresses, shape (..., 3).
-    D : derivative of the Kirchhoff stresses by the logarithmic strains, shape (..., 3, 3).
+    D : derivatives of the Kirchhoff stresses by the logarithmic strains, shape (..., 3, 3).
     theta : divided differences of S by the Green strains, shape (..., 3, 3).
     inverse : 1 / l^2, shape (..., 3).
     """
@@ -328,25 +331,25 @@ def _principal_tangent(S: Array, D: Array, theta: Array, inverse: Array) -> Arra
 
 
 def _quotient(beta: float, d: Array, around: Array) -> Array:
-    """(exp(beta x) - exp(beta y)) / (exp(2 x) - exp(2 y)) * 2 with d = x - y, around = x + y; d = 0 is its limit."""
+    """Return 2 (exp(beta x) - exp(beta y)) / (exp(2 x) - exp(2 y)), d = x - y, around = x + y; at d = 0 its limit."""
     safe = np.where(d == 0, 1.0, d)
     ratio = np.where(d == 0, beta / 2, np.sinh(beta * safe / 2) / np.sinh(safe))
     return 2 * np.exp((beta / 2 - 1) * around) * ratio
 
 
 def cofactor(k: Kinematics) -> Array:
-    """J F^-T, the derivative of J by F, shape (3, 3, ...)."""
+    """Return J F^-T, the derivative of J by F, shape (3, 3, ...)."""
     return np.asarray((1 + k.Jm1) * k.H)
 
 
 def _add_pressure(W: Array, P: Array, A: Array, k: Kinematics, p: Array | float) -> tuple[Array, Array, Array]:
-    """Energy, stress and tangent with those of p (J - 1)."""
+    """Return energy, stress and tangent with those of p (J - 1) added."""
     Pp, Ap = pressure_terms(k, p)
     return W + p * k.Jm1, P + Pp, A + Ap
 
 
 def pressure_terms(k: Kinematics, p: Array | float) -> tuple[Array, Array]:
-    """Stress P = p J F^-T (3, 3, ...) of p (J - 1), and its tangent (9, 9, ...) or (c, c, ...)."""
+    """Return the stress P = p J F^-T (3, 3, ...) of p (J - 1), and its tangent (9, 9, ...) or (c, c, ...)."""
     pJ = p * (1 + k.Jm1)
     A = _tangent(k, pJ / 2 * _select(k.H, k.components), -pJ) if k.tangent else _NONE
     return np.asarray(pJ * k.H), A

@@ -1,14 +1,14 @@
-"""Free vibration about the unloaded or a pressed state: frequencies and shapes.
+"""Natural frequencies and mode shapes about the unloaded or a pressed state.
 
-(K - omega^2 M) x = 0 with the tangent K of the section model with two harmonics and the consistent mass M of
-silicone and magnet; pressures have no mass, so K stays the symmetric indefinite matrix of the statics. Two harmonics
-hold axial (0), bending (1) and ovalling (2) modes; torsion, u_theta alone, is solved beside them. Bending and
-ovalling modes come in pairs that differ by a turn about the axis, and are given once.
+(K - omega^2 M) x = 0 has the tangent K of the section model with two harmonics and the consistent mass M of silicone
+and magnet. Pressures have no mass, so K is the symmetric indefinite matrix of the static problem. Two harmonics
+contain the axial (0), bending (1) and ovalling (2) modes. Torsion (u_theta alone) is solved separately. Bending and
+ovalling modes come in pairs that differ by a rotation about the axis; each pair is listed once.
 
-A pressed state is that of the frictionless press, then the patch in contact is glued to the plate, which stands
-still (friction holds it at small amplitudes). No damping, no mass of air or base.
+The pressed state is that of the frictionless press; its contact area is then glued to the fixed plate, because
+friction holds it at small amplitudes. There is no damping, and no mass of air or base.
 
-Lengths are in units of D and stresses in units of E: omega = sqrt(lambda E / rho) / D, with the silicone's rho.
+Lengths are over D and stresses over E: omega = sqrt(lambda E / rho) / D, with the silicone's density rho.
 """
 
 from __future__ import annotations
@@ -42,13 +42,14 @@ from geometry.loads import Load, Magnet
 SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
+"""Largest number of modes that can be requested."""
 
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """Natural frequencies, Hz, in rising order, and the names of their shapes.
+    """Natural frequencies in rising order, Hz, and the names of their shapes.
 
-    `estimates` are those of their relative errors from the mesh, None where they were not estimated.
+    `estimates` are the estimated relative errors from the mesh, None where they were not estimated.
     """
 
     frequency: tuple[float, ...]
@@ -65,16 +66,16 @@ def modes(
     accuracy: Accuracy = STANDARD,
     estimate: bool = True,
 ) -> Modes:
-    """The lowest modes about a press to a depth in mm, 0 for the free sensor.
+    """Return the lowest modes about a press to a depth in mm; 0 is the free sensor.
 
     Parameters
     ----------
-    estimate : estimate the errors, by a companion on a mesh coarser by COARSER.
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER.
 
     Raises
     ------
     BadInput
-        The count or the depth does not fit, the press does not reach the depth or is not stable there.
+        The count or the depth is out of range, or the press does not reach the depth or is unstable there.
     """
     if not 1 <= count <= MOST:
         raise BadInput(f"count must be between 1 and {MOST}; got {count}")
@@ -84,15 +85,15 @@ def modes(
         return lowest
     try:
         companion = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
-    except BadInput:  # a coarse mesh may stop before, or turn unstable
+    except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
         return lowest
     return replace(lowest, estimates=estimate_frequencies(lowest, companion, scene))
 
 
 def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
-    """Errors of frequencies, from those of a mesh coarser by COARSER.
+    """Return the estimated errors of frequencies, from those on a mesh coarser by COARSER.
 
-    The first, second, ... mode of a shape belong together.
+    The first, second, ... modes of each shape are compared.
     """
     left = {
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
@@ -107,29 +108,30 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
 
 
 def _solve_modes(scene: Scene, count: int) -> Modes:
+    """Return the lowest modes of a scene, without error estimates."""
     press = _solve_press(scene)
-    found = [*_solve_symmetric(press, scene, count), *_solve_torsion(press, scene, max(count // 3, 2))]
+    eigenvalues = [*_solve_symmetric(press, scene, count), *_solve_torsion(press, scene, max(count // 3, 2))]
     depth = scene.loads[0].depth
-    if min(found)[0] < 0:
+    if min(eigenvalues)[0] < 0:
         raise BadInput(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
     scale = _frequency_unit(scene.design)
-    found = sorted(found)[:count]
-    frequencies = tuple(math.sqrt(value) * scale for value, _ in found)
-    return Modes(frequencies, tuple(name for _, name in found), (None,) * len(found))
+    lowest = sorted(eigenvalues)[:count]
+    frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
+    return Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
 
 
 def _frequency_unit(design: Design) -> float:
-    """Frequency whose omega D (rho / E)^(1/2) is 1, Hz; mm, MPa and kg/m^3 in."""
+    """Return the frequency at which omega D (rho / E)^(1/2) is 1, Hz; inputs in mm, MPa and kg/m^3."""
     return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
 
 
 def spring_mass(design: Design) -> tuple[float, float]:
-    """sqrt(k / m) / 2 pi of an axial spring k = E A / L, Hz, with a third of the silicone's mass (Rayleigh's rod).
+    """Return the frequencies of a mass on an axial spring, Hz, without and with the magnet's mass.
 
-    First without the magnet: the paper's "approximately 970 Hz" (section IV.C), as we read it; then with all of the
-    magnet's mass added.
+    The frequency is sqrt(k / m) / 2 pi with k = E A / L and a third of the silicone's mass (Rayleigh's rod). Without
+    the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
     """
     area, volume = math.pi * design.R**2, math.pi * design.R**2 * (design.H + 2 / 3 * design.R)
     core = math.pi * design.magnet_diameter**2 / 4 * design.magnet_height
@@ -140,7 +142,7 @@ def spring_mass(design: Design) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Press:
-    """An axisymmetric press to vibrate about.
+    """An axisymmetric press about which the sensor vibrates.
 
     Attributes
     ----------
@@ -154,7 +156,7 @@ class _Press:
 
 
 def _solve_press(scene: Scene) -> _Press:
-    """The press, on a mesh that is fine where the contact ends."""
+    """Solve for the press, on a mesh refined where the contact ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
     depth, edge = scene.loads[0].depth / D, None
     section = specification(scene, size, size / 2)
@@ -174,7 +176,7 @@ def _solve_press(scene: Scene) -> _Press:
 
 
 def _glue_plate(press: _Press, system: System, q: Array) -> Plate | None:
-    """The plate with what it touches glued to it, in a model of the press."""
+    """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
     if press.edge is None:
         return None
     assert system.surface is not None
@@ -182,7 +184,7 @@ def _glue_plate(press: _Press, system: System, q: Array) -> Plate | None:
 
 
 def _inertia(scene: Scene) -> tuple[float, float, float]:
-    """Mass of the magnet and its moments of inertia across and along its axis, in units of silicone and D."""
+    """Return the magnet's mass and its moments of inertia across and along its axis, over those of silicone and D."""
     design = scene.design
     if scene.magnet != "rigid":
         return 0.0, 0.0, 0.0
@@ -192,7 +194,7 @@ def _inertia(scene: Scene) -> tuple[float, float, float]:
 
 
 def _solve_symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
-    """Eigenvalues and names of axial, bending and ovalling modes."""
+    """Return eigenvalues and names of the axial, bending and ovalling modes."""
     system, q = press.high.d.system, press.high.q
     m, across, _ = _inertia(scene)
     K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
@@ -207,7 +209,7 @@ def _solve_symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[floa
 
 
 def _harmonic_energies(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
-    """Kinetic energy of harmonics 0, 1, 2 in a mode; the magnet moves with harmonics 0 and 1."""
+    """Return the kinetic energy of harmonics 0, 1, 2 in a mode; the magnet moves with harmonics 0 and 1."""
     energy = []
     for n in range(3):
         part = np.zeros(len(x))
@@ -221,7 +223,7 @@ def _harmonic_energies(system: System, M: sp.csr_matrix, x: Array, order: Array)
 
 
 def _solve_torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
-    """Eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
+    """Return the eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
     d, rigid = press.low.d, scene.magnet == "rigid"
     e = elements.build(d.mesh, axisymmetric=True, angles=elements.torsion_fields())
     fixed = np.zeros((len(e.nodes), 3), dtype=bool)
@@ -238,7 +240,7 @@ def _solve_torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float,
     m, _, along = _inertia(scene)
     K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
-    # torsion does not couple to the rest: keep its unknowns only
+    # torsion does not couple to the other unknowns of this model, which are dropped
     twist = np.zeros(system.size, dtype=bool)
     twist[: system.n_free] = np.broadcast_to([False, True, False], system.free.shape)[system.free]
     if body:
@@ -248,7 +250,10 @@ def _solve_torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float,
 
 
 def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
-    """Eigenvalues nearest to zero of K x = lambda M x for upper triangles K and M, rising, and vectors (n, count)."""
+    """Return the eigenvalues nearest to zero of K x = lambda M x in rising order, and their vectors (n, count).
+
+    K and M are upper triangles.
+    """
     n = K.shape[0]
     solver = Solver()
     try:

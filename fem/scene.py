@@ -1,7 +1,7 @@
-"""One problem for the finite elements: design, loads, accuracy, magnet and model, checked when it is made.
+"""One problem for the finite elements: design, loads, accuracy, magnet and model, checked on construction.
 
-Lengths over D and forces over E D^2 tell scenes apart: designs of one law that differ only in E, f or scale are the
-same problem, see `Scene.dimensionless`.
+Designs of one law that differ only in E, f or scale are the same problem in lengths over D and forces over E D^2, see
+`Scene.dimensionless`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from geometry.loads import Load, Magnet, check_load
 Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
 MOST_HARMONICS = 12
+"""Largest number of harmonics that can be requested."""
 LEAST_SPOT = 0.01
-"""Least radius over D of a gripped spot of skin: springs as soft as those of a grip let a smaller one slip by more
-than a percent."""
+"""Least radius over D of a gripped area of skin: with the stiffness of a grip's springs a smaller one would slip by
+more than a percent."""
 DIGITS = 12
-"""Significant digits to which the numbers of two dimensionless scenes must agree to be one."""
+"""Significant digits to which the numbers of two dimensionless scenes must agree to be the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +34,12 @@ class Scene:
     Attributes
     ----------
     design : the sensor.
-    loads : a path of them, all of one kind (plate or grip, friction, tilt of the plate, imperfection); under a glued
-        plate the depth must not change once it has sheared. With Coulomb friction the answer depends on the path: the
-        plate may come and go.
-    accuracy : level of the meshes.
+    loads : a path of loads of one kind (plate or grip, friction, tilt of the plate, imperfection). The depth under a
+        glued plate must not change after the first shear. With Coulomb friction the result depends on the path, which
+        may press, release and shear to and fro.
+    accuracy : accuracy level of the meshes.
     magnet : "rigid", or "ignored" for a beam that is all silicone.
-    model : "auto" becomes the smallest model that can carry the loads.
+    model : the model; "auto" is replaced by the smallest model that can carry the loads.
 
     Raises
     ------
@@ -73,23 +74,23 @@ class Scene:
 
     @property
     def solid(self) -> bool:
-        """Whether the model is one of tetrahedra."""
+        """Whether the model consists of tetrahedra."""
         return self.model in ("half", "full")
 
     @property
     def sheared(self) -> Load | None:
-        """The first load that moves the tip sideways, None in a press."""
+        """The first load that shears the tip, None in a press."""
         return next((load for load in self.loads if load.shears_tip), None)
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Unit vector in the user's (x, y) along which the model's x axis points: that of the shear, x for "full"."""
+        """Unit vector in the user's (x, y) of the model's x axis: the direction of the shear, x for full."""
         sheared = self.sheared
         return (1.0, 0.0) if sheared is None or self.model == "full" else sheared.direction
 
     @property
     def sideways(self) -> bool:
-        """Whether any load moves the tip sideways."""
+        """Whether any load shears the tip."""
         return self.sheared is not None
 
     @property
@@ -104,7 +105,7 @@ class Scene:
 
     @property
     def grip(self) -> float | None:
-        """Height over D within which the skin is gripped; None under a plate."""
+        """Height over D within which the skin is gripped, None under a plate."""
         grip = self.loads[0].grip
         return None if grip is None else grip / self.design.D
 
@@ -115,7 +116,7 @@ class Scene:
 
     @property
     def coulomb(self) -> float | None:
-        """Coefficient of Coulomb friction; None where the plate is frictionless or glued."""
+        """Coefficient of Coulomb friction, None where the plate is frictionless or glued."""
         return self.loads[0].coulomb
 
     @property
@@ -124,9 +125,9 @@ class Scene:
         return self.loads[0].imperfection / (self.design.E * self.design.D**2)
 
     def dimensionless(self) -> dict[str, Any]:
-        """All that its states depend on, as plain values: lengths over D, forces over E D^2, angles in rad.
+        """Return all values that the states depend on: lengths over D, forces over E D^2, angles in rad.
 
-        Numbers are rounded to DIGITS significant digits, so that similar designs share them.
+        Numbers are rounded to DIGITS significant digits, so that similar designs give equal values.
         """
         D = self.design.D
         shape = self.design.shape if self.magnet == "rigid" else self.design.shape.without_magnet()
@@ -154,7 +155,7 @@ class Scene:
 
 
 def choose_model(loads: Sequence[Load], model: Model) -> Model:
-    """The smallest model that can answer the loads, or BadInput if the one asked for cannot.
+    """Return the smallest model that can carry the loads, or the requested one; raises BadInput if that cannot.
 
     >>> choose_model([Load(depth=1.0)], "auto")
     'axisymmetric'
@@ -177,6 +178,7 @@ def choose_model(loads: Sequence[Load], model: Model) -> Model:
 
 
 def _check_path(loads: Sequence[Load]) -> None:
+    """Refuse loads of different kinds, a change of depth under a glued plate, and gluing without contact."""
     first = loads[0]
     if any(
         (load.grip, load.friction, load.plate_tilt, load.imperfection)
@@ -200,14 +202,14 @@ def _check_path(loads: Sequence[Load]) -> None:
 
 
 def _check_spot(design: Design, load: Load) -> None:
-    """Refuse a grip of so small a spot of skin that it would not be held firmly."""
+    """Refuse a grip of an area of skin that is too small to be held firmly."""
     least = LEAST_SPOT**2 * design.D
     if load.grip is not None and load.grip < least:
         raise BadInput(f"grip must be at least D/{LEAST_SPOT**-2:.0f} = {least:.3g} mm; got {load.grip:g} mm")
 
 
 def _check_cap(design: Design, grip: float, patch_size: float) -> None:
-    """Refuse a grip whose cap of skin is narrower than two elements."""
+    """Refuse a grip whose area of skin is narrower than two elements."""
     least = 2 * (2 * patch_size) ** 2 * design.D**2 / design.R / 4
     if grip < least:
         raise BadInput(
@@ -216,7 +218,7 @@ def _check_cap(design: Design, grip: float, patch_size: float) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """A plain value with its numbers rounded to DIGITS significant digits."""
+    """Return a plain value with its numbers rounded to DIGITS significant digits."""
     if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}") + 0.0
     if isinstance(value, dict):

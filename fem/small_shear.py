@@ -1,7 +1,7 @@
-"""Small shear of a glued plate about a press: stiffness, motion and tilt of the magnet from one tangent.
+"""Small shear of a glued plate about a press: stiffness, shift and tilt of the magnet from one tangent.
 
-A press is followed with the axisymmetric model; then the patch in contact is glued to the plate. With the plate moved
-sideways by s, K dq = -dR/ds s in the model with one harmonic gives the answer.
+The press is solved with the axisymmetric model; then the contact area is glued to the plate. For a sideways
+displacement s of the plate, K dq = -dR/ds s in the model with one harmonic gives the response.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
 ROUGH = 0.3
-"""Edge length over D of the section on which the place where the contact ends is found; it is fine there."""
+"""Edge length over D of the mesh on which the edge of the contact is located; it is refined there."""
 
 
 @dataclass(frozen=True, slots=True)
 class SmallShearEstimates:
-    """Estimates of the relative errors of a small shear from the mesh; None where there are none."""
+    """Estimated relative errors of a small shear from the mesh; None where they were not estimated."""
 
     stiffness: float | None = None
     shift: float | None = None
@@ -43,14 +43,15 @@ class SmallShearEstimates:
 
 @dataclass(frozen=True, slots=True)
 class SmallShear:
-    """The answer to a small sideways motion of a glued plate about a pressed state.
+    """Response to a small sideways displacement of a glued plate about a pressed state.
 
     Attributes
     ----------
-    stiffness : tangential force over the plate's motion, N/mm.
-    shift, tilt : motion of the magnet's centre over the plate's, and its rotation, rad/mm.
-    force, contact_radius : of the press, N and mm.
-    estimates : of the errors.
+    stiffness : tangential force over the plate's displacement, N/mm.
+    shift, tilt : displacement of the magnet's centre over the plate's, and its tilt over the plate's displacement,
+        rad/mm.
+    force, contact_radius : normal force and contact radius of the press, N and mm.
+    estimates : estimated errors.
     """
 
     stiffness: float
@@ -69,16 +70,16 @@ def small_shear(
     accuracy: Accuracy = STANDARD,
     estimate: bool = True,
 ) -> SmallShear:
-    """Stiffness, shift and tilt per mm of shear at a depth in mm, with the patch in contact glued.
+    """Return stiffness, shift and tilt per mm of shear at a depth in mm, with the contact area glued.
 
     Parameters
     ----------
-    estimate : estimate the errors, by a companion on a mesh coarser by COARSER.
+    estimate : estimate the errors from a second solve on a mesh coarser by COARSER.
 
     Raises
     ------
     BadInput
-        The depth is not positive or does not fit, the design has no magnet to be rigid, or the press does not
+        The depth is not positive or out of range, the design has no magnet to be rigid, or the press does not
         reach the depth.
     """
     check_depth(design, depth, magnet)
@@ -88,13 +89,13 @@ def small_shear(
         return shear
     try:
         companion = _solve_small_shear(replace(scene, accuracy=coarser(accuracy)))
-    except BadInput:  # a coarse mesh may stop before
+    except BadInput:  # the press may stop earlier on the coarser mesh
         return shear
     return replace(shear, estimates=estimate_small_shear(shear, companion, scene))
 
 
 def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> SmallShearEstimates:
-    """Errors of a small shear, from what a mesh coarser by COARSER says of it."""
+    """Return the estimated errors of a small shear, from that on a mesh coarser by COARSER."""
     magnet, edge = scene.magnet, scene.accuracy.section_size
     radius = max(one.contact_radius / scene.design.D, LEAST_RADIUS)
     return SmallShearEstimates(
@@ -105,6 +106,7 @@ def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> Sm
 
 
 def _solve_small_shear(scene: Scene) -> SmallShear:
+    """Return the small shear of a scene, without error estimates."""
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
@@ -121,21 +123,22 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
         )
     held = glue(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
     system, plate = held.d.system, held.plate
-    there = system.assemble(system.state(held.q), plate)
+    at_press = system.assemble(system.state(held.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
     moved = system.assemble(system.state(held.q), shear, tangent=False)
-    # the tangent is that of the plate at rest: what its motion adds to the residual is the load
-    return _read_small_shear(scene.design, pressed, held, _solve_linear(there, there.residual - moved.residual))
+    # the load is the change of the residual when the plate moves with the body held; it is linear in the motion
+    return _read_small_shear(scene.design, pressed, held, _solve_linear(at_press, at_press.residual - moved.residual))
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
-    """Refuse a depth, mm, at which there is no patch to shear."""
+    """Refuse a depth, mm, at which there is no contact area to shear."""
     check_load(design, Load(depth=depth), magnet)
     if not depth > 0:
         raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
 
 
 def _solve_linear(assembly: Assembly, right: Array) -> Array:
+    """Solve a tangent's linear system for one right-hand side (n,)."""
     solver = Solver()
     try:
         solver.factorise(assembly.tangent)
@@ -145,18 +148,21 @@ def _solve_linear(assembly: Assembly, right: Array) -> Array:
 
 
 def _read_small_shear(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
-    """Read the linear answer `step` per unit of shear, about a press whose patch is held."""
+    """Return the response from the linear solution `step` per unit of shear, about a press that is glued.
+
+    Pose and skin displacements are differentiated by a central difference along `step`.
+    """
     system, skin, plate, D = held.d.system, held.skin, held.plate, design.D
     assert plate.tied is not None
-    way = 1e-6
-    ahead, behind = system.state(held.q + way * step), system.state(held.q - way * step)
-    du = skin.displacement((ahead.u - behind.u) / (2 * way))[..., 0]
+    small = 1e-6
+    ahead, behind = system.state(held.q + small * step), system.state(held.q - small * step)
+    du = skin.displacement((ahead.u - behind.u) / (2 * small))[..., 0]
     stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
     (shift2, tilt2), (shift1, tilt1) = (read_pose(held.d, s.u, s.q) for s in (ahead, behind))
     return SmallShear(
         stiffness=stiffness * design.E * D,
-        shift=float(shift2[0] - shift1[0]) / (2 * way),
-        tilt=float(tilt2[0] - tilt1[0]) / (2 * way) / D,
+        shift=float(shift2[0] - shift1[0]) / (2 * small),
+        tilt=float(tilt2[0] - tilt1[0]) / (2 * small) / D,
         force=integrate_normal_force(pressed) * design.E * D**2,
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
     )

@@ -1,4 +1,4 @@
-"""What a solve returns, in the user's units: the state of each load, its field, and what is known of it."""
+"""The result of a solve in the user's units: the state of each load, its field, and facts about it."""
 
 from __future__ import annotations
 
@@ -32,27 +32,25 @@ Remark = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known of a state beside its numbers.
+    """Facts about a state beside its response.
 
     Attributes
     ----------
-    stop : why the path ended short of the load; empty if it did not.
-    unstable_directions : of the state; None where it is not known.
-    onset, onset_mm : what moved when the path turned unstable, and between which of its values (from, to), mm; None
-        where the path did not, or where nobody looked.
-    weak_at : principal stretches, the largest first, at which the law loses stability in the state, or just beyond
-        one that stopped or is unstable; None if nowhere.
-    inverted_share : share of the silicone's volume with det F <= 0; 0 where J at the points of integration is
-        above FLAT.
-    remark : what a user should know of the answer, None if nothing. "given_way" is a tip that left the symmetric
-        press to a side that the mesh chose, "leaning" one that an imperfection led there, "guided_only" a section
-        whose tip would give way if it were free to slide, "nearly_guided_only" one that is close to that, "pulled" a
-        glued plate that pulls at the tip.
-    sideways_stiffness_ratio : stiffness of a frictionless press's tip, free to slide, against a force sideways, over
-        that of the unpressed beam; 0 where it gives way sideways. None where nobody looked (see
-        `fem.results.lateral_stiffness`).
-    critical_depth : where that is to be expected, mm, to some 10 % (see `fem.results.lateral_stiffness`); None far
-        from it, before or past it. `fem.stability` finds it, with an error estimate.
+    stop : why the path ended before the load; empty if it did not.
+    unstable_directions : number of unstable directions; None where it is not known.
+    onset, onset_mm : the load coordinate that changed when the path became unstable, and its values (from, to) before
+        and after, mm; None where the path did not become unstable or was not checked.
+    weak_at : principal stretches, largest first, at which the law loses stability in the state, or just beyond a
+        state that stopped or is unstable; None if nowhere.
+    inverted_share : share of the silicone's volume with det F <= 0; 0 where J at the integration points is above
+        FLAT.
+    remark : the most important limitation of the answer, None if there is none. "given_way": the tip has buckled to a
+        side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
+        were free to slide. "nearly_guided_only": it is close to that. "pulled": a glued plate pulls at the tip.
+    sideways_stiffness_ratio : lateral stiffness of a frictionless press with a tip free to slide, over that of the
+        unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
+    critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
+        `fem.results.lateral_stiffness`). `fem.stability` computes it with an error estimate.
     """
 
     stop: Stop = ""
@@ -68,16 +66,15 @@ class Facts:
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """The deformed body.
+    """Fields of the deformed body.
 
     Attributes
     ----------
-    mesh : second order, mm.
+    mesh : second-order mesh, mm.
     u : (n, dim) nodal displacements, or (n, fields) those of a section with harmonics, mm.
     p : (k, 1) or (k, harmonics + 1) pressures at the vertices, MPa.
     vertices : (k,) nodes of the pressures.
-    angles : the functions of the angle that u and p are multiplied by; see `fem.results.revolved_body` for the solid
-        body.
+    angles : functions of the angle that multiply u and p; see `fem.results.revolved_body` for the solid body.
     """
 
     mesh: skfem.Mesh
@@ -89,10 +86,10 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Estimates of relative errors from the mesh (and the harmonics), see `fem.error_estimates`.
+    """Estimated relative errors from the mesh and the harmonics, see `fem.error_estimates`.
 
-    Those of force, shift and tilt of the magnet as vectors, and that of the force along the shear alone; None where
-    they were not estimated, or where there is nothing to be in error.
+    Those of force, shift and tilt are relative errors of the vectors; that of `sideways` is of the force along the
+    shear. None where they were not estimated, or where the quantity is zero.
     """
 
     force: float | None = None
@@ -103,21 +100,22 @@ class Estimates:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """One state of a load path.
+    """One state of a path of loads.
 
     Attributes
     ----------
-    load : the load that this state carries; less than the one asked for when the solve stopped on the way.
-    response, field : the answer, and what it was read from.
-    energy : stored in the deformed silicone, N mm; without Coulomb friction its derivative by the depth is the normal
-        force.
-    dissipated : energy that slipping on the plate has cost since the path began, N mm.
-    slip_share : share of the area in contact that slips, None without Coulomb friction or contact.
-    status, message : "ok", or why not and what to try; they follow from `facts`, by `fem.results.diagnostics` and
-        `fem.results.state_messages`.
-    dofs, newton_iterations, seconds : what it cost since the state before.
-    facts : what else is known of the state; whoever decides by it looks here and not at the message.
-    estimates : of the errors.
+    load : load that this state carries; less than the requested one when the solve stopped early.
+    response, field : the response, and the fields from which it was computed.
+    energy : energy stored in the deformed silicone, N mm; without Coulomb friction its derivative by the depth is the
+        normal force.
+    model : name of the model.
+    dofs, newton_iterations, seconds : number of unknowns, and iterations and time since the state before.
+    facts : further facts; code that decides by them reads them here, not in the message.
+    status, message : "ok", or what is wrong and how to remedy it; they follow from `facts`, by
+        `fem.results.diagnostics` and `fem.results.state_messages`.
+    dissipated : energy dissipated by slip on the plate since the path began, N mm.
+    slip_share : share of the contact area that slips; None without Coulomb friction or contact.
+    estimates : estimated errors.
     """
 
     load: Load

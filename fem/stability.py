@@ -1,10 +1,10 @@
 """Sideways stability of a pressed body of revolution, from one harmonic about the axisymmetric state.
 
-A press is followed with the axisymmetric model. It turns unstable sideways at the depth where its lateral stiffness
+The press is solved with the axisymmetric model. It becomes unstable sideways at the depth where its lateral stiffness
 passes through zero, see `fem.results.lateral_stiffness`.
 
-Two plates are told apart: a frictionless one, on which the tip is free to slide, and one to which the patch in
-contact is glued (a guided tip).
+There are two cases: a frictionless plate, on which the tip is free to slide, and a plate to which the contact area is
+glued (a guided tip).
 """
 
 from __future__ import annotations
@@ -27,26 +27,28 @@ from geometry.design import Design
 from geometry.loads import Load, Magnet
 
 DEEPEST = 0.5
-"""Depth over the silicone's height up to which an instability is looked for."""
+"""Depth over the silicone's height up to which an instability is searched for."""
 STEP = 0.05
 """Depth over D between two states that are checked."""
 TOLERANCE = 1e-4
-"""Relative width of the interval in which a critical depth lies."""
+"""Relative width of the interval in which a critical depth is located."""
 AROUND = 0.05
-"""Steps in which a critical depth is looked for around that of another mesh, over the depth."""
+"""Search steps around the critical depth of another mesh, over that depth."""
 MOVED = 0.02
-"""Relative change of the radius at which the contact ends that asks for another mesh."""
+"""Relative change of the radius at which the contact ends above which the mesh is refined again."""
 KAPPA = 3e5
-"""Stiffness of the plate: ten times that of other sections, for elements this small where a deep contact ends (see
-`fem.contact.plate_contact`). With less a wide magnet's press seemed unstable at level fine from 0.33 D on."""
+"""Stiffness number of the plate: ten times that of other sections, because elements are this small where a deep
+contact ends (see `fem.contact.plate_contact`). With a softer plate the press of a wide magnet seemed unstable at
+level fine from 0.33 D on."""
 RIM = 0.25
-"""Edge length where the contact ends, over that of a glued patch, at most EDGE_SHARE of the contact's radius. In
-larger elements the lateral stiffness scatters with the place where the contact ends: a critical depth by 2 %."""
+"""Edge length where the contact ends, over that of a glued area; at most EDGE_SHARE of the contact radius. With
+larger elements the lateral stiffness scatters with the position where the contact ends, and a critical depth by 2
+%."""
 
 
 @dataclass(frozen=True, slots=True)
 class CriticalEstimates:
-    """Estimates of the relative errors of a critical depth and force from the mesh; None where there are none."""
+    """Estimated relative errors of a critical depth and force from the mesh; None where they were not estimated."""
 
     depth: float | None = None
     force: float | None = None
@@ -54,14 +56,14 @@ class CriticalEstimates:
 
 @dataclass(frozen=True, slots=True)
 class Critical:
-    """Where a press turns unstable.
+    """Depth at which a press becomes unstable sideways.
 
     Attributes
     ----------
-    depth, force : mm and N, None where no sideways instability was found.
-    stable_to : depth up to which there is none, mm.
-    message : what to know; empty if nothing.
-    estimates : of the errors.
+    depth, force : critical depth, mm, and force, N; None where no sideways instability was found.
+    stable_to : depth up to which the press is stable, mm.
+    message : limitation of the result; empty if there is none.
+    estimates : estimated errors.
     """
 
     depth: float | None
@@ -80,15 +82,15 @@ def critical(
     deepest: float | None = None,
     estimate: bool = True,
 ) -> Critical:
-    """The depth at which a press turns unstable sideways.
+    """Return the depth at which a press becomes unstable sideways.
 
-    A coarse mesh first, then one that is fine where the contact ends at that depth. There the lateral stiffness is
-    followed to its zero (see `fem.results.lateral_stiffness`).
+    A coarse mesh locates the depth first; a second mesh is refined where the contact ends at that depth. On it the
+    zero of the lateral stiffness is found (see `fem.results.lateral_stiffness`).
 
     Parameters
     ----------
-    guided : the patch in contact is glued to the plate, which itself cannot move sideways.
-    deepest : where to stop looking, mm; default: half of the silicone's height.
+    guided : the contact area is glued to the plate, which itself cannot move sideways.
+    deepest : largest depth of the search, mm; default: half of the silicone's height.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def critical(
 
 
 def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalEstimates:
-    """Errors of a critical state, from what a mesh coarser by COARSER says of it."""
+    """Return the estimated errors of a critical state, from that on a mesh coarser by COARSER."""
     if one.depth is None or one.force is None:
         return CriticalEstimates()
     magnet, edge, base = scene.magnet, scene.accuracy.section_size, max(one.depth / scene.design.D, LEAST_DEPTH)
@@ -117,23 +119,24 @@ def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalE
 
 
 def _find_critical(scene: Scene, guided: bool) -> Critical:
+    """Return the critical state of a scene, without error estimates."""
     D = scene.design.D
     end = scene.loads[0].depth / D
     rough = fine_section(replace(scene, accuracy=QUICK))
-    first = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
-    if first is None or isinstance(first, float):
-        return _report_none(first or 0.0, end, D)
-    edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, first.depth)
-    found = _find_near(fine_section(scene, edge), guided, first.depth, end)
-    if not isinstance(found, float) and abs(found.edge / edge - 1) > MOVED:
-        found = _find_near(fine_section(scene, found.edge), guided, found.depth, end)
-    if isinstance(found, float):
-        return _report_none(found, end, D)
-    return Critical(found.depth * D, found.force * scene.design.E * D**2, found.stable * D, "")
+    coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
+    if coarse is None or isinstance(coarse, float):
+        return _report_none(coarse or 0.0, end, D)
+    edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, coarse.depth)
+    state = _find_near(fine_section(scene, edge), guided, coarse.depth, end)
+    if not isinstance(state, float) and abs(state.edge / edge - 1) > MOVED:
+        state = _find_near(fine_section(scene, state.edge), guided, state.depth, end)
+    if isinstance(state, float):
+        return _report_none(state, end, D)
+    return Critical(state.depth * D, state.force * scene.design.E * D**2, state.stable * D, "")
 
 
 def fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
-    """The axisymmetric section, fine at the undeformed radius `edge` over D at which the contact ends."""
+    """Return the axisymmetric section, refined at the undeformed radius `edge` over D at which the contact ends."""
     size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
     rim = None if edge is None else (edge, min(patch, EDGE_SHARE * edge))
     return replace(specification(scene, size, size / 2), fillet=PRESS_FILLET, rim=rim)
@@ -141,9 +144,13 @@ def fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
 
 @dataclass(frozen=True, slots=True)
 class _CriticalState:
-    """A critical state in units of D and E: depth, normal force, undeformed radius at which the contact ends.
+    """A critical state in units of D and E.
 
-    `stable` is the greatest depth that was found stable.
+    Attributes
+    ----------
+    depth, force : critical depth, and normal force there.
+    edge : undeformed radius at which the contact ends.
+    stable : greatest depth that was found to be stable.
     """
 
     depth: float
@@ -162,18 +169,22 @@ def _find_near(section: MeshSpecification, guided: bool, depth: float, end: floa
     An unstable state may lie on another branch, from which unloading does not return to the stable one.
     """
     for start in ((1 - AROUND) * depth, 0.0):
-        found = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
-        if found is not None:
-            return found
+        state = _find_on_mesh(section, guided, start, AROUND * depth if start else depth / 4, end)
+        if state is not None:
+            return state
     return 0.0
 
 
 def _find_on_mesh(
     section: MeshSpecification, guided: bool, start: float, step: float, end: float
 ) -> _CriticalState | float | None:
-    """The first instability, looked for from a depth on in steps; the depth reached if there is none.
+    """Find the first instability on one mesh; return the depth reached if there is none.
 
-    None where the press does not come to the start, or is unstable there.
+    None where the press does not reach the depth `start`, or is unstable there.
+
+    Parameters
+    ----------
+    start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
     path = Path(section.build(), kappa=KAPPA)
     try:
@@ -185,15 +196,16 @@ def _find_on_mesh(
 def _search_path(
     path: Path, sideways: SidewaysModel, guided: bool, start: float, step: float, end: float
 ) -> _CriticalState | float | None:
-    """The first instability that a path comes to: see `_find_on_mesh`."""
+    """Find the first instability on a path: see `_find_on_mesh`."""
     known: dict[float, float] = {}
 
     def stiffness(depth: float) -> float:
-        """Lateral stiffness, with a minus wherever there is an unstable direction."""
+        """Return the lateral stiffness, negative wherever there is an unstable direction."""
         if depth not in known:
             if path.go(depth, np.zeros(2)):
                 raise _StoppedError
             now = measure_lateral_stiffness(sideways, path.state, guided=guided)
+            # with several unstable directions the stiffness may be positive again: the count decides its sign
             known[depth] = -abs(now.stiffness) if now.unstable else abs(now.stiffness)
         return known[depth]
 
@@ -205,6 +217,7 @@ def _search_path(
             stable, depth = depth, min(depth + step, end)
         if start and not stable:
             return None
+        # the bracket begins at rest if the first step is already unstable
         if not stable:
             known[stable] = sideways.stiffness_at_rest
         depth = float(brentq(stiffness, stable, depth, rtol=TOLERANCE))
@@ -216,6 +229,7 @@ def _search_path(
 
 
 def _report_none(reached: float, end: float, D: float) -> Critical:
+    """Return the result of a search that reached a depth over D without an instability."""
     message = (
         "" if reached >= end else f"the press does not converge beyond {reached * D:.4g} mm; it is stable up to there"
     )

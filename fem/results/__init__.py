@@ -1,1 +1,1 @@
-"""Read off a solution: diagnostics, stability of the material, lateral stiffness, the body in three dimensions."""
+"""Evaluation of solutions: response, diagnostics, lateral stiffness, stability of the law, three-dimensional body."""

@@ -1,6 +1,6 @@
-"""What is known of a state beside its answer: why its path stopped, where it turned unstable, what to beware of.
+"""Facts of a state beside its response: why its path stopped, where it became unstable, and what limits its use.
 
-`gather` looks at a state and `classify` gives its status; `fem.results.state_messages` puts them into words.
+`gather` collects the facts and `classify` derives the status; `fem.results.state_messages` puts the facts into words.
 """
 
 from __future__ import annotations
@@ -22,37 +22,38 @@ from geometry.arrays import Array
 from geometry.loads import Response
 
 BUCKLED = 0.01
-"""Sideways shift of the magnet over D, or its tilt, beyond which a frictionless press is no longer the symmetric one;
-mesh noise alone stays below a third of it."""
+"""Sideways shift of the magnet over D, or its tilt in rad, beyond which a frictionless press has left the symmetric
+state; asymmetry of the mesh alone causes less than a third of this."""
 NEAR = 0.9
-"""Depth over the expected critical one from which a press is said to be near it."""
+"""Depth over the estimated critical depth beyond which a press is reported as close to it."""
 FLAT = 0.5
-"""Least volume ratio J at the points of integration below which it is looked for silicone that is inside out."""
+"""Least volume ratio J at the integration points below which the elements are searched for inverted silicone."""
 FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
-"""Steps along a triangle's side (a tetrahedron's: half as many) where it is looked, how far off its corners, and
-elements at a time."""
+"""Search for inverted silicone: grid steps along the side of a triangle (half as many for a tetrahedron), relative
+distance of the grid from the corners, and elements per batch."""
 
 
 def gather(
     state: PathState, solution: Solution, D: float, stop: Stop = "", sideways: SidewaysModel | None = None
 ) -> Facts:
-    """The facts of a path's state.
+    """Return the facts of a path's state.
 
     Parameters
     ----------
-    solution : what was read from the state, still without facts.
-    D : the beam's diameter, mm.
-    stop : why the path ended before the load that was asked for; empty if it did not.
-    sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
+    solution : read from the state, still without facts.
+    D : diameter of the beam, mm.
+    stop : why the path ended before the requested load; empty if it did not.
+    sideways : model in which the sideways stability of an axisymmetric press is checked; None: no check.
     """
     onset, between = _onset_range(state, D)
     upright = not stop and not state.unstable and onset is None and solution.load.depth > 0
     upright = upright and solution.response.force[2] > 0
-    looked = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
-    near = estimate_margin(looked, state) if looked and state.friction is None else None
-    gives_way = bool(near.unstable if near else looked and measure_lateral_stiffness(looked, state).unstable)
+    model = sideways if upright and state.d.model == "axisymmetric" and not state.sheared else None
+    near = estimate_margin(model, state) if model and state.friction is None else None
+    gives_way = bool(near.unstable if near else model and measure_lateral_stiffness(model, state).unstable)
     remark = None if stop else _choose_remark(state, solution, D, near, gives_way=gives_way)
-    # a good state may hold points beyond; where a path goes wrong they are beyond in the state that it did not reach
+    # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
+    # strains are extrapolated
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
     stretches = material_stability.find_loss(state.d.system, state.u, reach)
     return Facts(
@@ -69,7 +70,7 @@ def gather(
 
 
 def classify(facts: Facts) -> Status:
-    """What became of a state.
+    """Return the status that follows from the facts.
 
     >>> classify(Facts()), classify(Facts(unstable_directions=2)), classify(Facts("no_convergence", 2))
     ('ok', 'unstable', 'not_converged')
@@ -84,14 +85,14 @@ def classify(facts: Facts) -> Status:
 
 
 def inverted_share(d: Discretisation, u: Array) -> float:
-    """Share of the silicone's volume that is inside out (det F <= 0), on a grid of points in each element.
+    """Return the share of the silicone's volume that is inverted (det F <= 0), on a grid of points in each element.
 
-    Such spots lie between points of integration, where every J is positive.
+    Inverted spots lie between integration points, where every J is positive.
     """
     dim = d.elements.dim
     n = FOLD_GRID // (dim - 1)
     grid = np.indices((n + 1,) * dim).reshape(dim, -1)
-    # corners are where it begins; on the axis 1 / r has no value
+    # inversion begins at corners, but a corner on the axis has no 1 / r: the grid stays slightly inside
     points = 1 / (dim + 1) + (1 - OFF_CORNER) * (grid[:, grid.sum(axis=0) <= n] / n - 1 / (dim + 1))
     e = elements.build(d.mesh, axisymmetric=d.revolved, angles=d.elements.angles, points=points)
     folded = whole = 0.0
@@ -103,7 +104,7 @@ def inverted_share(d: Discretisation, u: Array) -> float:
 
 
 def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] | None, tuple[float, float] | None]:
-    """What moved when the path turned unstable, and between which of its values, mm."""
+    """Return which coordinate changed when the path became unstable, and between which values, mm."""
     if state.onset is None:
         return None, None
     before, after = state.onset
@@ -115,7 +116,7 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 def _choose_remark(
     state: PathState, solution: Solution, D: float, near: StabilityMargin | None, *, gives_way: bool
 ) -> Remark | None:
-    """What a user should know of an answer: first of all what it is not."""
+    """Return the most important limitation of an answer that a user should know, None if there is none."""
     load, normal, sheared = solution.load, solution.response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared:
@@ -141,5 +142,5 @@ def _choose_remark(
 
 
 def _distance_from_axis(response: Response, D: float) -> float:
-    """How far the magnet has left the axis: its sideways shift over D or its tilt, the larger one."""
+    """Return how far the magnet has left the axis: its sideways shift over D or its tilt, whichever is larger."""
     return max(math.hypot(*response.shift[:2]) / D, math.hypot(response.tilt, response.tilt_y))

@@ -1,20 +1,22 @@
-"""How stiff a pressed body of revolution still is against a force sideways on its tip, and when it gives way.
+"""Lateral stiffness of a pressed body of revolution, and the depth at which it buckles sideways.
 
-About an axisymmetric state the tangent K of the model with one harmonic falls apart into an axisymmetric block and
-the block of all motions that go like cos theta or sin theta: bending, sideways shear, rocking on the plate. A dead
-force along x, spread over the dome as f, moves the dome by f . K^-1 f for each unit; the lateral stiffness is
+About an axisymmetric state the tangent K of the model with one harmonic decouples into an axisymmetric block and the
+block of all displacements that vary like cos theta or sin theta: bending, sideways shear, rocking on the plate. A
+dead force along x, distributed over the dome as f, displaces the dome by f . K^-1 f per unit force. The lateral
+stiffness is
 
     k = 1 / (f . K^-1 f) = 1 / sum_i (f . v_i)^2 / lambda_i
 
-with the eigenvalues and vectors of K. It falls as the press goes deeper, much as that of a column does under a load,
-k = k_0 (1 - F / F_c), and passes through zero where the first eigenvalue does: there the press gives way. By
-Sylvester's law the number of negative eigenvalues of K, less that of the pressures and of the axisymmetric model, is
+with the eigenvalues and vectors of K. It decreases as the press goes deeper, much as that of a column under load, k =
+k_0 (1 - F / F_c), and passes through zero with the first eigenvalue: there the press buckles sideways. By Sylvester's
+law of inertia the number of negative eigenvalues of K, less those of the pressures and of the axisymmetric model, is
 the number of sideways directions in which the press is unstable.
 
-So one state tells how far it is from giving way: with r = k / k_0 the critical force is F / (1 - r), and where the
-force grows like d^n, n = F d / U - 1 from the energy U stored so far, the critical depth is d (1 - r)^(-1/n). Against
-`fem.stability.critical` on eleven beams (L/D 1 to 6, with and without magnet) states from 0.7 to 1.1 of that depth,
-where r is between FAR and PAST, err by at most 11 % at level quick and 7 % at standard.
+One state is therefore enough to estimate the critical load. With r = k / k_0 the critical force is F / (1 - r). Where
+the force grows like d^n, with n = F d / U - 1 from the energy U stored so far, the critical depth is d (1 -
+r)^(-1/n). Compared with `fem.stability.critical` on eleven beams (L/D 1 to 6, with and without magnet), estimates
+from states at 0.7 to 1.1 of the critical depth, where r is between FAR and PAST, are off by at most 11 % at level
+quick and 7 % at standard.
 """
 
 from __future__ import annotations
@@ -35,15 +37,16 @@ from fem.solvers.path_state import PathState, with_harmonics
 from geometry.arrays import Array
 
 FAR, PAST = 0.5, -0.3
-"""Ratios of the lateral stiffnesses between which something is said of a critical depth."""
+"""Ratios of the lateral stiffness to that at rest between which a critical depth is estimated: the range of the
+comparison in the module docstring."""
 
 
 class SidewaysModel:
-    """The model with harmonics in which presses on one mesh are looked at, and what it needs only once.
+    """Model with harmonics in which the axisymmetric presses on one mesh are checked for sideways stability.
 
     Parameters
     ----------
-    build : makes it; the model is built when it is first needed, as most paths never do.
+    build : builds the model at its first use, which most paths never reach.
     """
 
     def __init__(self, build: Callable[[], Discretisation]) -> None:
@@ -55,18 +58,18 @@ class SidewaysModel:
 
     @functools.cached_property
     def stiffness_at_rest(self) -> float:
-        """LateralStiffness stiffness of the beam that nothing presses, in units of E D."""
+        """Lateral stiffness of the unloaded beam, in units of E D."""
         return _solve_lateral(self.d, np.zeros(self.d.system.size), None)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class LateralStiffness:
-    """The sideways answer of an axisymmetric state.
+    """Lateral stiffness and stability of an axisymmetric state.
 
     Attributes
     ----------
-    stiffness : k, force over motion of the dome, in units of E D.
-    unstable : number of unstable sideways directions, None where it is not known.
+    stiffness : k, force over displacement of the dome, in units of E D.
+    unstable : number of unstable sideways directions; None where it is not known.
     """
 
     stiffness: float
@@ -74,11 +77,11 @@ class LateralStiffness:
 
 
 def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided: bool = False) -> LateralStiffness:
-    """Of the state of an axisymmetric press.
+    """Return the lateral stiffness of a state of an axisymmetric press.
 
     Parameters
     ----------
-    guided : what is in contact is glued to the plate; else the tip is free to slide.
+    guided : glue the contact area to the plate; otherwise the tip slides freely.
     """
     high = with_harmonics(state, model.d)
     plate = high.plate
@@ -86,19 +89,19 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
         tied = high.overlap > 0
         plate = replace(plate, tied=tied, targets=plate_contact.positions_along_plate(high.skin, high.u, plate))
     stiffness, negative = _solve_lateral(model.d, high.q, plate)
-    # directions in which the axisymmetric press is unstable are among them
+    # the count includes the directions in which the axisymmetric press itself is unstable
     return LateralStiffness(stiffness, None if negative is None else negative - (state.unstable or 0))
 
 
 @dataclass(frozen=True, slots=True)
 class StabilityMargin:
-    """How far a frictionless press is from giving way sideways.
+    """Distance of a frictionless press from sideways buckling.
 
     Attributes
     ----------
-    ratio : lateral stiffness over that of the beam which nothing presses; 0 at the critical depth, negative beyond.
-    critical_depth : estimate of that depth, in units of D, None where `ratio` is not between PAST and FAR.
-    unstable : number of unstable sideways directions, None where it is not known.
+    ratio : lateral stiffness over that of the unloaded beam; 0 at the critical depth, negative beyond.
+    critical_depth : estimate of that depth, over D; None where `ratio` is not between PAST and FAR.
+    unstable : number of unstable sideways directions; None where it is not known.
     """
 
     ratio: float
@@ -107,7 +110,7 @@ class StabilityMargin:
 
 
 def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
-    """Of the state of a frictionless axisymmetric press whose tip is free to slide."""
+    """Estimate the stability margin of a frictionless axisymmetric press whose tip slides freely."""
     now = measure_lateral_stiffness(model, state)
     ratio, depth = now.stiffness / model.stiffness_at_rest, float(state.position[0])
     growth = integrate_normal_force(state) * depth / state.energy - 1 if state.energy > 0 else 0.0
@@ -116,13 +119,13 @@ def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
 
 
 def integrate_normal_force(state: PathState) -> float:
-    """Normal force of the plate over E D^2."""
+    """Return the normal force of the plate, over E D^2."""
     residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
     return float(np.sum(state.skin.weights * residual[..., 2]))
 
 
 def _solve_lateral(d: Discretisation, q: Array, plate: Plate | None) -> tuple[float, int | None]:
-    """Stiffness against a force on the dome, and how many displacements are unstable."""
+    """Return the stiffness against a force on the dome, and the number of unstable directions."""
     system = d.system
     assert system.surface is not None
     force = np.zeros(system.size)
@@ -136,5 +139,5 @@ def _solve_lateral(d: Discretisation, q: Array, plate: Plate | None) -> tuple[fl
         compliance, negative = float(force @ solver.solve(force)), solver.negative()
     finally:
         solver.close()
-    # each pressure brings a negative eigenvalue of its own
+    # each pressure unknown adds one negative eigenvalue: the matrix is that of a saddle point
     return 1 / compliance, None if negative is None else negative - system.n_pressure

@@ -1,9 +1,9 @@
-"""Where a law loses its stability.
+"""Stretches at which a material law loses stability.
 
-A law is stable in Drucker's sense at principal stretches if d(tau) : d(h) > 0 for every change of the logarithms h of
-these stretches that keeps the volume (tau Kirchhoff stress). A pressure adds the same to all of tau, and so nothing
-to this. Beyond, strains gather in ever smaller spots, which no mesh resolves: a solve ends there, or depends on the
-mesh.
+A law is stable in Drucker's sense at given principal stretches if d(tau) : d(h) > 0 for every volume-preserving
+change of their logarithms h (tau: Kirchhoff stress). A pressure adds the same amount to all components of tau, so it
+does not change this. Where a law is unstable, strain localises in ever smaller zones that no mesh resolves: a solve
+ends there, or its result depends on the mesh.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from fem.material import Law, kinematics, strain, yeoh
 from geometry.arrays import Array
 
 REACH = 1.1
-"""Logarithmic strains that are looked at, over those of a state: where no next state is found, it had larger ones."""
+"""Factor on the logarithmic strains of a state that has no next one: the next state would have had larger strains."""
 STEPS, BATCH = 200, 256
-"""Steps in which the strain is found where stability is lost, and elements at a time."""
+"""Steps in which the strain at the loss of stability is searched for, and elements per batch."""
 
 
 def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
-    """Kirchhoff stresses (n, 3) without a pressure, and their derivatives by h (n, 3, 3); both over mu.
+    """Return the Kirchhoff stresses (n, 3) without pressure, and their derivatives by h (n, 3, 3), both over mu.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ def stress_and_stiffness(silicone: Law, h: Array) -> tuple[Array, Array]:
 
 
 def least_stiffness(D: Array) -> Array:
-    """Least d(tau) : d(h) over mu and a change of unit size that keeps the volume, shape (n,).
+    """Return the least d(tau) : d(h) over mu, for a volume-preserving change of unit length, shape (n,).
 
     Parameters
     ----------
-    D : derivatives of the stresses by h, as `stress_and_stiffness` gives them, shape (n, 3, 3).
+    D : derivatives of the stresses by h from `stress_and_stiffness`, shape (n, 3, 3).
 
     Examples
     --------
@@ -51,18 +51,18 @@ def least_stiffness(D: Array) -> Array:
     >>> round(float(least_stiffness(stress_and_stiffness(neo_hookean, np.zeros((1, 3)))[1])[0]), 12)
     2.0
     """
-    # changes that keep the volume are those in the plane across (1, 1, 1)
+    # volume-preserving changes of h add up to zero: they lie in the plane normal to (1, 1, 1)
     plane = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
     return np.asarray(np.linalg.eigvalsh(plane @ D @ plane.T)[:, 0])
 
 
 def logarithmic_strains(e: Elements, part: slice, u: Array) -> Array:
-    """Logarithms of the principal stretches at the points of integration, without their mean, shape (n, 3).
+    """Return the logarithms of the principal stretches at the integration points, less their mean, shape (n, 3).
 
     Parameters
     ----------
-    part : of the elements.
-    u : (nodes, fields) displacements with all J > 0 at the points of integration.
+    part : range of the elements.
+    u : (nodes, fields) displacements with all J > 0 at the integration points.
     """
     G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
     h = np.log(np.linalg.svd(np.moveaxis(G, -1, 0) + np.eye(3), compute_uv=False))
@@ -70,10 +70,10 @@ def logarithmic_strains(e: Elements, part: slice, u: Array) -> Array:
 
 
 def always_stable(silicone: Law) -> bool:
-    """Whether a law of `geometry.design.Design` is stable at every stretch: all but Yeoh's with a negative number.
+    """Return whether a law of `geometry.design.Design` is stable at every stretch.
 
-    The energies of the others are sums of exponentials of h with positive factors, and so convex. I1' - 3 is such a
-    sum and not negative, so that its powers are convex too.
+    All are, except Yeoh's with a negative constant. The energies of the others are sums of exponentials of h with
+    positive factors, and therefore convex. I1' - 3 is such a sum and not negative, so its powers are convex too.
     """
     if not isinstance(silicone, functools.partial) or silicone.func is not yeoh:
         return True
@@ -81,15 +81,15 @@ def always_stable(silicone: Law) -> bool:
 
 
 def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
-    """Principal stretches (3,), the largest first, at which the law loses stability in a body; None if nowhere.
+    """Return the principal stretches (3,), largest first, where the law loses stability in a body; None if nowhere.
 
-    Looked for on the straight way from rest to `reach` times the logarithmic strains of the point where the law is
-    least stable.
+    They are searched for on the straight line from zero strain to `reach` times the logarithmic strains of the point
+    where the law is least stable.
 
     Parameters
     ----------
-    reach : 1 for the state itself, REACH for what comes next.
-    u : (nodes, fields) displacements with all J > 0 at the points of integration.
+    u : (nodes, fields) displacements with all J > 0 at the integration points.
+    reach : 1 for the state itself, REACH for the state that would follow.
     """
     if always_stable(system.law):
         return None
@@ -102,6 +102,6 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
             worst, where = float(stiffness[lowest]), h[lowest]
     if worst == 0:
         return None
-    way = np.linspace(0, 1, STEPS + 1)[:, None] * where
-    first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, way)[1]) <= 0))
-    return np.asarray(np.exp(way[first]))
+    line = np.linspace(0, 1, STEPS + 1)[:, None] * where
+    first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, line)[1]) <= 0))
+    return np.asarray(np.exp(line[first]))

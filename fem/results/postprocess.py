@@ -1,4 +1,4 @@
-"""From a path to a solution: force, motion of the magnet and field of its present state, in the user's units."""
+"""From a state of a path to a solution: force, pose of the magnet and fields, in the user's units."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def read(
     seconds: float = 0.0,
     sideways: SidewaysModel | None = None,
 ) -> Solution:
-    """The solution at a state of a path that was to reach a load of a scene.
+    """Return the solution at a state of a path towards a load of a scene.
 
     Parameters
     ----------
-    stop : why the path stopped short; empty if it did not.
-    iterations, seconds : what the state has cost.
-    sideways : in which to look whether an axisymmetric press is stable sideways; None: do not look.
+    stop : why the path stopped before the load; empty if it did not.
+    iterations, seconds : Newton iterations and time spent on the state.
+    sideways : model in which the sideways stability of an axisymmetric press is checked; None: no check.
     """
     d, nodal = state.d, state.d.system.state(state.q)
     design, (x, y), friction = scene.design, scene.direction, state.friction
@@ -60,32 +60,32 @@ def read(
         dissipated=state.dissipated * d.symmetry * E * D**3,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
     )
-    # facts look at the numbers, status and message at the facts
+    # facts follow from the numbers; status and message follow from the facts
     facts = diagnostics.gather(state, solution, D, stop, sideways)
     solution = replace(solution, facts=facts, status=diagnostics.classify(facts))
     return replace(solution, message=state_messages.describe(solution, design))
 
 
 def _reached_load(state: PathState, load: Load, turn: Array, D: float) -> Load:
-    """The part of a load to which a path has come that stopped on the way."""
+    """Return the load that a path had reached when it stopped before the requested one."""
     shear = turn @ state.position[1:] * D
     moved = {"shear_x": float(shear[0]), "shear_y": float(shear[1])} if load.shears_tip else {}
     return replace(load, depth=float(state.position[0]) * D, **moved)
 
 
 def _read_response(state: PathState, nodal: State, turn: Array, design: Design) -> Response:
-    """Force and motion of the magnet in the user's frame and units.
+    """Return the force and the pose of the magnet in the user's frame and units.
 
     Parameters
     ----------
-    nodal : the fields of the state at its nodes.
-    turn : (2, 2) from the model's x and y to the user's.
+    nodal : nodal fields of the state.
+    turn : (2, 2) rotation from the model's x and y to the user's.
     """
     d, D = state.d, design.D
     residual, _, _ = plate_contact.traction(state.skin, nodal.u, state.plate)
     total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
     shift, tilt = read_pose(d, nodal.u, state.q)
-    # what symmetry forbids is left of radial tractions and of rounding
+    # components that symmetry forbids contain only sums of radial tractions and rounding errors
     if d.model == "axisymmetric":
         total[0] = shift[0] = tilt[0] = 0.0
     if d.model != "full":
@@ -102,9 +102,10 @@ def _read_response(state: PathState, nodal: State, turn: Array, design: Design) 
 
 
 def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
-    """Displacement (3,) of the magnet's centre, and its rotation (2,) as angles that carry z towards x and y.
+    """Return the displacement (3,) of the magnet's centre over D, and its tilt (2,), angles from z to x and y, rad.
 
-    Without a rigid magnet: the material point at the centre, and the rotation of the polar decomposition there.
+    Without a rigid magnet: displacement of the material point at the centre, and rotation of the polar decomposition
+    there.
     """
     system = d.system
     if system.rigid:
@@ -118,12 +119,12 @@ def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _polar_rotation(G: Array) -> Array:
-    """Rotation (3, 3) of the polar decomposition of 1 + G."""
+    """Return the rotation (3, 3) of the polar decomposition of 1 + G."""
     U, _, Vt = np.linalg.svd(np.eye(3) + G)
     return np.asarray(U @ Vt)
 
 
 def _tilt_angles(axis: Array) -> Array:
-    """Rotation (2,) that carries z to a direction (3,): towards x, towards y."""
+    """Return the rotation (2,) that carries z to a direction (3,): its components towards x and y, rad."""
     across = float(np.hypot(axis[0], axis[1]))
     return np.zeros(2) if across == 0 else np.arctan2(across, axis[2]) * axis[:2] / across

@@ -1,6 +1,6 @@
 """A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures.
 
-The fields of all models but the full one are those of a load along their own x axis; see `Load.direction`.
+The fields of all models except the full one belong to a load along the model's own x axis; see `Load.direction`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SECTORS = 12
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A solid mesh (mm) with displacements (n, 3) in mm and pressures (k,) in MPa at its first k nodes `vertices`."""
+    """A solid mesh (mm), with displacements (n, 3) in mm and pressures (k,) in MPa at the nodes `vertices` (k,)."""
 
     mesh: skfem.Mesh
     u: Array
@@ -30,13 +30,15 @@ class Body:
 
 
 def place(solution: Solution) -> Body:
-    """The body of a solution in the user's frame."""
+    """Return the body of a solution in the user's frame."""
     solid = revolve(solution.field)
     return solid if solution.model == "full" else turn(solid, solution.load.direction)
 
 
 def turn(solid: Body, direction: tuple[float, float]) -> Body:
-    """Turn a solid body about z, so that its x axis gets a direction (unit); a section stays as it is."""
+    """Return a solid body rotated about z, so that its x axis has a given direction (unit vector); sections are
+    unchanged.
+    """
     if direction == (1.0, 0.0) or solid.mesh.dim() == 2:
         return solid
     c, s = direction
@@ -46,17 +48,17 @@ def turn(solid: Body, direction: tuple[float, float]) -> Body:
 
 
 def revolve(field: Field) -> Body:
-    """The body of a field with Cartesian displacements: its own mesh, or the revolved one if it has harmonics.
+    """Return the body of a field with Cartesian displacements: its own mesh, or the revolved one if it has harmonics.
 
-    Every triangle is swept through SECTORS wedges, each cut into three tetrahedra; nodes lie on the swept curved
-    edges and carry the exact values of the Fourier series.
+    Every triangle is swept through SECTORS wedges, each cut into three tetrahedra. The nodes lie on the swept curved
+    edges and have the exact values of the Fourier series.
     """
     if field.angles.harmonics == 0:
         return Body(field.mesh, field.u, field.p[:, 0], field.vertices)
     section, half = field.mesh, 2 * SECTORS
     corners = len(section.p[0])
     on_axis = section.doflocs[0] < 1e-9 * section.doflocs.max()
-    # a corner of the solid is one of the section on a ray, the half plane at an angle of pi ray / half
+    # a corner of the solid is a corner of the section on a ray: the half plane at the angle pi ray / half
     straight = _wedges(section, on_axis[:corners])
     used, t = np.unique(straight, return_inverse=True)
     node, ray = used // (half + 1), used % (half + 1)
@@ -87,7 +89,7 @@ def revolve(field: Field) -> Body:
 
 
 def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Corners (m, 4) of the tetrahedra, as section node times (2 SECTORS + 1) plus angle; flat ones left out."""
+    """Return the corners (m, 4) of the tetrahedra, section node times (2 SECTORS + 1) plus ray; no flat ones."""
     a, b, c = np.sort(section.t, axis=0)[:, :, None]
     lower, upper = 2 * np.arange(SECTORS), 2 * np.arange(1, SECTORS + 1)
 
@@ -112,7 +114,7 @@ def _edges(
     ray: NDArray[np.int64],
     on_axis: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Section node and ray of all nodes of the solid, its corners given."""
+    """Return the section node and the ray of all nodes of the solid, from those of its corners."""
     section = field.mesh
     triangle = np.asarray(section.dofs.element_dofs)
     middle = {}
@@ -124,7 +126,7 @@ def _edges(
     between = np.array(
         [i if i == j else middle[min(i, j), max(i, j)] for i, j in zip(first, second, strict=True)], dtype=np.int64
     )
-    # an edge from the axis stays in the plane of its other end
+    # a node on the axis is on every ray: an edge from it lies on the ray of its other end
     a = np.where(on_axis[first], ray[other], ray[one])
     b = np.where(on_axis[second], ray[one], ray[other])
     return np.concatenate([node, between]), np.concatenate([ray, (a + b) // 2])

@@ -1,4 +1,4 @@
-"""What a user should know of a state, in words, with what to try: the one place where facts become text."""
+"""The message of a state: its facts in words, with the remedy. All facts become text here and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from geometry.design import LAWS, Design
 from geometry.loads import Load
 
 FOLDED = 1e-6
-"""Share of the silicone that is inside out which is worth a word."""
+"""Share of inverted silicone above which the message mentions it; smaller shares are single corners."""
 
 
 def describe(solution: Solution, design: Design) -> str:
-    """The facts of a solution in words, with what to try; empty where all is well."""
+    """Return the facts of a solution in words, with the remedy; empty if there is nothing to report."""
     facts, weak = solution.facts, _describe_weakness(solution.facts, design)
     parts = []
     if facts.stop:
@@ -36,13 +36,13 @@ def describe(solution: Solution, design: Design) -> str:
 
 
 def _describe_load(load: Load) -> str:
-    """Where the load is."""
+    """Return the depth and shear of a load in words."""
     shear = load.shear
     return f"depth {load.depth:.4g} mm" + (f", shear {shear:.4g} mm" if shear else "")
 
 
 def _describe_instability(facts: Facts) -> str:
-    """Where the first unstable direction appeared, and how many there are."""
+    """Return where the first unstable direction appeared, and how many there are."""
     n = facts.unstable_directions
     count = f"{n} unstable direction{'s' if n != 1 else ''}" if n else "past it now"
     if facts.onset_mm is None:
@@ -55,7 +55,7 @@ def _describe_instability(facts: Facts) -> str:
 
 
 def _describe_weakness(facts: Facts, design: Design) -> str:
-    """Where the law itself loses stability in the present state or just beyond it: what is to be said of it."""
+    """Return where the law loses stability in the present state or just beyond it; empty if nowhere."""
     if facts.weak_at is None:
         return ""
     numbers = ", ".join(
@@ -69,7 +69,7 @@ def _describe_weakness(facts: Facts, design: Design) -> str:
 
 
 def _describe_remark(remark: Remark, solution: Solution) -> str:
-    """A remark in words."""
+    """Return a remark in words."""
     load, response, critical = solution.load, solution.response, solution.facts.critical_depth
     shift, tilt = math.hypot(*response.shift[:2]), math.hypot(response.tilt, response.tilt_y)
     aside = f"shift {shift:.2g} mm, tilt {tilt:.2g} rad"
