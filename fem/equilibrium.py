@@ -103,8 +103,8 @@ def _walk(
             if progress is None
             else functools.partial(_report_share, progress, done, len(loads), len(scene.loads))
         )
-        companion = None if coarse is None else replace(coarse, loads=loads)
-        states = _walk_part(replace(scene, loads=loads), companion, report, mesh)
+        coarse_part = None if coarse is None else replace(coarse, loads=loads)
+        states = _walk_part(replace(scene, loads=loads), coarse_part, report, mesh)
         with contextlib.closing(states):
             for state in states:
                 yield state
@@ -121,11 +121,11 @@ def _walk_part(
     if coarse is None:
         yield from states
         return
-    companions = _follow(coarse, None)
-    with contextlib.closing(states), contextlib.closing(companions):
+    coarse_states = _follow(coarse, None)
+    with contextlib.closing(states), contextlib.closing(coarse_states):
         for state in states:
-            companion = next(companions, None)
-            yield state if companion is None else _with_estimates(state, companion, scene)
+            coarse_state = next(coarse_states, None)
+            yield state if coarse_state is None else _with_estimates(state, coarse_state, scene)
 
 
 def _report_share(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
@@ -133,14 +133,14 @@ def _report_share(progress: Progress, done: int, count: int, whole: int, share: 
     progress((done + share * count) / whole, text)
 
 
-def _with_estimates(state: Solution, companion: Solution, scene: Scene) -> Solution:
+def _with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
     """Return the state with error estimates, if the coarser solve has reached the same load."""
-    seconds = state.seconds + companion.seconds
-    one, other = state.load, companion.load
+    seconds = state.seconds + coarse_state.seconds
+    one, other = state.load, coarse_state.load
     same = (one.depth, one.imposed_shear) == (other.depth, other.imposed_shear)
     if not same:
         return replace(state, seconds=seconds)
-    estimates = estimate_response(state.response, companion.response, one, scene, state.model)
+    estimates = estimate_response(state.response, coarse_state.response, one, scene, state.model)
     return replace(state, seconds=seconds, estimates=estimates)
 
 

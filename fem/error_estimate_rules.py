@@ -21,8 +21,8 @@ TangentQuantity = Literal[
 ]
 
 LEAST_SHARE = 0.2
-"""Lower bound of the difference over the usual one: two meshes may agree by chance. Of the 1214 differences in the
-study 9 % are smaller."""
+"""Lower bound of the actual difference, over the usual one: two meshes may agree by chance. Of the 1214 differences
+in the study 9 % are smaller."""
 
 
 @dataclass(frozen=True, slots=True)

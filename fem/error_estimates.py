@@ -54,9 +54,9 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     sure = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else SURE_SHARE
 
     def estimate(
-        rule: ErrorRule, value: Sequence[float], companion: Sequence[float], base: float, nothing: float = 0.0
+        rule: ErrorRule, value: Sequence[float], coarse: Sequence[float], base: float, nothing: float = 0.0
     ) -> float | None:
-        difference = _relative_difference(value, companion, nothing)
+        difference = _relative_difference(value, coarse, nothing)
         return None if difference is None else _bounded_error(rule, difference, edge, base, growth, sure)
 
     tilt = estimate(rules.tilt, (one.tilt, one.tilt_y), (other.tilt, other.tilt_y), radius, NOTHING)

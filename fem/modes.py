@@ -84,10 +84,10 @@ def modes(
     if not estimate:
         return lowest
     try:
-        companion = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
+        coarse = _solve_modes(replace(scene, accuracy=coarser(accuracy)), count)
     except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
         return lowest
-    return replace(lowest, estimates=estimate_frequencies(lowest, companion, scene))
+    return replace(lowest, estimates=estimate_frequencies(lowest, coarse, scene))
 
 
 def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float | None, ...]:
@@ -102,8 +102,8 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
     edge, unit = scene.accuracy.section_size, _frequency_unit(scene.design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
-        companion = left[name].pop(0) if left[name] else None
-        errors.append(estimate_number(rule, frequency, companion, edge, unit / frequency))
+        coarse = left[name].pop(0) if left[name] else None
+        errors.append(estimate_number(rule, frequency, coarse, edge, unit / frequency))
     return tuple(errors)
 
 

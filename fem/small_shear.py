@@ -88,10 +88,10 @@ def small_shear(
     if not estimate:
         return shear
     try:
-        companion = _solve_small_shear(replace(scene, accuracy=coarser(accuracy)))
+        coarse = _solve_small_shear(replace(scene, accuracy=coarser(accuracy)))
     except BadInput:  # the press may stop earlier on the coarser mesh
         return shear
-    return replace(shear, estimates=estimate_small_shear(shear, companion, scene))
+    return replace(shear, estimates=estimate_small_shear(shear, coarse, scene))
 
 
 def estimate_small_shear(one: SmallShear, other: SmallShear, scene: Scene) -> SmallShearEstimates:
@@ -126,7 +126,7 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     at_press = system.assemble(system.state(held.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
     moved = system.assemble(system.state(held.q), shear, tangent=False)
-    # the load is the change of the residual when the plate moves with the body held; it is linear in the motion
+    # the springs are linear: moving the plate with the body fixed changes the residual by the load of a unit shear
     return _read_small_shear(scene.design, pressed, held, _solve_linear(at_press, at_press.residual - moved.residual))
 
 

@@ -103,8 +103,8 @@ def critical(
     state = _find_critical(scene, guided)
     if not estimate or state.depth is None:
         return state
-    companion = _find_critical(replace(scene, accuracy=coarser(accuracy)), guided)
-    return replace(state, estimates=estimate_critical(state, companion, scene))
+    coarse = _find_critical(replace(scene, accuracy=coarser(accuracy)), guided)
+    return replace(state, estimates=estimate_critical(state, coarse, scene))
 
 
 def estimate_critical(one: Critical, other: Critical, scene: Scene) -> CriticalEstimates:

@@ -24,7 +24,7 @@ SHEAR = Load(depth=1.0, shear_x=1.0, friction="stick")
         ([Load(depth=1, plate_tilt=0.1, shear_y=0.1, friction="stick")], "half", "one plane"),
         ([Load(depth=1)], "solid", "model must be"),
         ([Load(shear_x=1, friction="stick")], "auto", "in contact"),
-        ([Load(depth=1, shear_x=1, friction="stick"), Load(depth=2, friction="stick")], "auto", "sticks"),
+        ([Load(depth=1, shear_x=1, friction="stick"), Load(depth=2, friction="stick")], "auto", "has stuck"),
         ([], "auto", "at least one"),
     ],
 )
@@ -56,7 +56,7 @@ def test_a_grip_that_the_companions_mesh_would_miss_is_refused_before_the_first_
 
 
 def test_the_first_solve_waits_for_the_first_state_but_bad_loads_do_not():
-    with pytest.raises(BadInput, match="sticks"):
+    with pytest.raises(BadInput, match="has stuck"):
         walk(Scene(paper(), (SHEAR, replace(SHEAR, depth=2.0)), QUICK))
     walk(Scene(paper(), (SHEAR,), QUICK))
 

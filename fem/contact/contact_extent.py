@@ -14,8 +14,8 @@ from fem.solvers.load_stepping import Path
 from fem.solvers.path_state import PathState
 
 EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
-"""Search for the edge of the contact: the edge length there is at most EDGE_SHARE of the contact radius, the search
-ends when the radius changes by less than the share SETTLED_RADIUS, and makes at most MOST_PRESSES presses."""
+"""EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
+change of the radius at which the search ends. MOST_PRESSES: largest number of presses in a search."""
 
 
 def find_contact_edge(section: MeshSpecification, edge_length: float, depth: float) -> float:

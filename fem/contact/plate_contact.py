@@ -223,8 +223,8 @@ def assemble_springs(
 def average_over_facets(values: Array) -> Array:
     """Return values (k, q) with each point's value replaced by the mean over its facet.
 
-    With it facets are tied as a whole. A facet that is tied in part follows the plate as a whole too, so the tied
-    area would come out too large.
+    Facets must be tied as a whole. A facet tied at some points only would follow the plate almost as a whole, so the
+    tied area would be too large.
     """
     return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
 

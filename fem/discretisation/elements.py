@@ -143,8 +143,9 @@ class Elements:
 
     @functools.cached_property
     def B(self) -> Array | None:
-        """(m, q, c, f a) derivatives of the nonzero components of G by the nodal fields, fields first; None with all
-        nine.
+        """(m, q, c, f a) derivatives of the nonzero components of G by the nodal fields, fields first.
+
+        None where all nine components can differ from zero.
         """
         if self.angles.components is None:
             return None

@@ -29,8 +29,8 @@ NEAR = 0.9
 FLAT = 0.5
 """Least volume ratio J at the integration points below which the elements are searched for inverted silicone."""
 FOLD_GRID, OFF_CORNER, FOLD_BATCH = 6, 1e-6, 256
-"""Search for inverted silicone: grid steps along the side of a triangle (half as many for a tetrahedron), relative
-distance of the grid from the corners, and elements per batch."""
+"""Search for inverted silicone. FOLD_GRID: grid steps along the side of a triangle (half as many for a tetrahedron).
+OFF_CORNER: relative distance of the grid from the corners. FOLD_BATCH: elements per batch."""
 
 
 def gather(
@@ -116,7 +116,7 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
 def _choose_remark(
     state: PathState, solution: Solution, D: float, near: StabilityMargin | None, *, gives_way: bool
 ) -> Remark | None:
-    """Return the most important limitation of an answer that a user should know, None if there is none."""
+    """Return the most important limitation of an answer; None if there is none."""
     load, normal, sheared = solution.load, solution.response.force[2], state.sheared
     pressed = load.depth > 0
     if pressed and not normal > 0 and not sheared:

@@ -36,9 +36,7 @@ def place(solution: Solution) -> Body:
 
 
 def turn(solid: Body, direction: tuple[float, float]) -> Body:
-    """Return a solid body rotated about z, so that its x axis has a given direction (unit vector); sections are
-    unchanged.
-    """
+    """Return a solid body rotated about z, its x axis turned to a direction (unit vector); sections are unchanged."""
     if direction == (1.0, 0.0) or solid.mesh.dim() == 2:
         return solid
     c, s = direction

@@ -18,9 +18,10 @@ from fem.solvers.path_state import FIRST_TOUCH
 from geometry.loads import Load
 
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
-"""Depth over D beyond which all presses share a mesh, which is graded to it (0.2 mm for the paper's sensor); ratio
-SPAN of the bounds of the ranges below, whose meshes are graded to their lower bounds; and share SAME_DEPTH by which a
-depth may miss a bound and still count as on it, because depths over D of similar designs differ by rounding."""
+"""SHALLOW: depth over D beyond which all presses share one mesh, graded to this depth (0.2 mm for the paper's
+sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds. SAME_DEPTH:
+relative difference from a bound up to which a depth is on the bound; depths over D of similar designs differ by
+rounding."""
 
 
 def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:

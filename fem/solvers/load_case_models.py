@@ -16,11 +16,11 @@ from fem.solvers.depth_ranges import graded_depth
 from fem.solvers.path_state import FIRST_TOUCH
 
 TIP = 1.0
-"""Edge length at the tip over the product of the section's edge length and the radius, over D, at which the plate
-would cut the tip: at 1 the contact has as many elements as the tip's diameter has in the section."""
+"""Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would
+cut the tip. At 1 the contact radius has as many elements as the diameter D."""
 PRESS_FILLET = 0.5
-"""Edge length at the magnet's fillet, over the fillet's radius, for a press. A press goes deeper than what is
-sheared, and larger elements would be inverted there; a shear would gain nothing."""
+"""Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
+larger elements would be inverted there; a shear would gain nothing from smaller ones."""
 
 
 @dataclass(frozen=True, slots=True)

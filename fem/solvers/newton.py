@@ -27,14 +27,14 @@ MOST_ITERATIONS = 30
 NOTHING = 1e-18
 """Reactions over E D^2 and displacements over D below which the body is at rest: below their rounding errors."""
 CHORD, CHORDS = 0.02, 3
-"""A step that reduces the residual below this share of the one before, or so far that CHORDS more steps at this rate
-end the loop, is followed by a step with the same factorisation."""
+"""The factorisation is reused for the next step if a step leaves less than the share CHORD of the residual, or if
+CHORDS more steps at the same rate reach the tolerance."""
 PATIENCE = 6
 """Full steps before steps that do not halve the residual are compared with shorter ones. In the first steps the
 contact still changes, and a residual that grows once is no sign of divergence."""
 LOCAL, MOST_LOCAL = 1e-3, 12
-"""Tolerance, and most iterations, for cells that are balanced separately: the body around them is not balanced
-yet."""
+"""Tolerance and most iterations of cells that are balanced separately; more accuracy is of no use while the body
+around them is not in balance."""
 
 Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
 STOPPED: dict[Stop, str] = {
@@ -109,7 +109,7 @@ def newton(
     for iteration in range(most):
         size = _reference_size(system, state, assembly)
         left = size.share(assembly)
-        # not yet balanced: the points `pressed` are a guess, and points that friction held may slip
+        # an iterate whose contact points were only a guess (`pressed`) cannot be the solution yet
         balanced = left <= tolerance and (iteration > 0 or first is plate)
         plate, held = hold_reversing_points(system.surface, state.u, plate)
         try:

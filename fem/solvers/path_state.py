@@ -111,7 +111,7 @@ class PathState:
         depth, *shear = position
         shape = self.d.shape
         radius = shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH))
-        # a tilted plate first touches the dome beside its top: its height on the axis is larger
+        # a tilted plate touches the dome off the axis first, while the plate is higher on the axis
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         tied, targets, gap = (
             (None, None, None) if self.bond is None else (self.bond.tied, self.bond.targets, self.bond.gap)

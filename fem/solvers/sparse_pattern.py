@@ -56,7 +56,7 @@ class Side:
         return cls(unknowns, first + cells, np.tile(np.arange(a), fields))
 
     def beside(self, other: Side) -> Side:
-        """Return this side extended by the unknowns of another, whose single element is shared by all."""
+        """Return this side with the unknowns of `other` appended to every element; `other` has one element."""
         m, b = self.blocks.shape
         unknowns = np.broadcast_to(other.unknowns, (m, 1, other.unknowns.shape[2]))
         blocks = np.broadcast_to(other.blocks, (m, other.blocks.shape[1]))
@@ -112,8 +112,8 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
 class Pattern:
     """Upper triangle of a symmetric sparse matrix assembled from dense element matrices.
 
-    Of a piece whose rows are its columns the upper triangle is added. Of any other piece all entries are added, and
-    those below the diagonal of the matrix are mirrored.
+    A piece with equal rows and columns is symmetric: only its upper triangle is added. All entries of any other piece
+    are added, and those below the diagonal of the matrix are mirrored to the upper triangle.
 
     Parameters
     ----------
