@@ -15,7 +15,7 @@ from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from geometry.design import paper
 from geometry.loads import Load
-from studies.simulation import load_cases
+from studies.simulation import state_rows
 
 SCENE = Scene(paper(), (Load(depth=0.4),), QUICK, "ignored")
 
@@ -40,9 +40,9 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     assert (state.facts.onset, state.facts.onset_mm, state.facts.unstable_directions) == ("depth", (0.2, 0.3), 2)
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
-    record = load_cases.solution_record(state)
-    assert [record[f"onset_depth_{end}_mm"] for end in ("from", "to")] == [0.2, 0.3]
-    assert record["onset_shear_from_mm"] is None
+    facts = state_rows.solved_row(state, {}).facts
+    assert (facts.onset_depth_from_mm, facts.onset_depth_to_mm) == (0.2, 0.3)
+    assert facts.onset_shear_from_mm is None
 
 
 @pytest.mark.parametrize("stop", [kind for kind in STOPPED if kind])
@@ -64,8 +64,8 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
     state = solve(paper(), Load(depth=depth))
     assert state.facts.remark == remark
     assert (state.facts.sideways_stiffness_ratio > 0) is (depth < 2.87)
-    record = load_cases.solution_record(state)
-    assert record["critical_depth_mm_estimate"] == state.facts.critical_depth
+    facts = state_rows.solved_row(state, {}).facts
+    assert facts.critical_depth_mm_estimate == state.facts.critical_depth
     if remark is None:
         assert state.facts.sideways_stiffness_ratio > 0.4
     else:

@@ -178,7 +178,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     def fail(*_, **__):
         raise RuntimeError("fTetWild failed: try another size")
 
-    monkeypatch.setattr(equilibrium, "start", fail)
+    monkeypatch.setattr(equilibrium, "start_path", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")
     assert (status, err) == (3, "magtip: fTetWild failed: try another size\n")
     (state,) = strict(out)
@@ -369,7 +369,7 @@ def test_formulas_give_what_a_chip_sends(run, strict):
     ],
 )
 def test_options_of_a_solve_that_another_makes_useless(motion, method, options):
-    assert [option for option, _ in load_cases.in_vain(Motion(**motion), Method(**method))] == options
+    assert [option for option, _ in load_cases.ineffective_options(Motion(**motion), Method(**method))] == options
 
 
 def test_options_in_vain_are_said(run):

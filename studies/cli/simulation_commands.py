@@ -53,14 +53,14 @@ def solve(
     given = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
     loads = load_cases.loads_of(motion)
-    for option, reason in load_cases.in_vain(motion, method):
+    for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     title, keys = "Finite elements", load_cases.columns(loads)
     with console.progress(as_json=as_json) as progress:
         reached = load_cases.solve(given, loads, method, out=out, picture=picture, progress=progress)
         with contextlib.closing(reached):
             records = console.stream(
-                reached,
+                (state.row() for state in reached),
                 as_json=as_json,
                 title=title,
                 keys=keys,
@@ -98,7 +98,7 @@ def analytic(
     given = design_of(source, sets)
     if level == "paper" and given.law != "neo-hookean":
         say_no_effect("law", "level paper uses E only")
-    record = load_cases.analytic(given, depth, (shear, shear_y), level)
+    record = load_cases.analytic(given, depth, (shear, shear_y), level).row()
     print_record(record, "Formulas", load_cases.UNSHOWN, as_json=as_json)
     return GOOD
 

@@ -1,4 +1,4 @@
-"""States under load: what the command line's options mean as loads, and what is printed of solutions."""
+"""Load cases of the command line: the loads that its options mean, and their solution state by state."""
 
 from __future__ import annotations
 
@@ -10,35 +10,32 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
-from geometry.loads import STEEPEST, Load, Magnet, Response
+from geometry.loads import STEEPEST, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
 from studies.output import atomic_files, console, vtk_files
 from studies.sensing import field_readings
+from studies.simulation import state_rows
+from studies.simulation.state_rows import FormulaRow, StateRow
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
-    from fem.solution import Facts, Solution
+    from fem.solution import Solution
     from geometry.mesh import Parts
 
 MOST_STEPS = 1000
+"""Largest number of steps: a larger one is taken for a mistake, since each state takes a solve."""
 MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
-"""Keys that tell the states of a path apart."""
-FACTS = (
-    *("stop", "remark", "unstable_directions", "unstable_stretches", "inside_out_share"),
-    *("sideways_stiffness_ratio", "critical_depth_mm_estimate"),
-    *(f"onset_{what}_{end}_mm" for what in ("depth", "shear") for end in ("from", "to")),
-)
-"""Keys whose values the message tells in words."""
+"""Columns that distinguish the states of a path."""
 FIRST = ("status", *MOVED, "force_N", "shift_mm")
-"""Keys that a table of states needs most."""
-UNSHOWN = (*FACTS, "made_for")
-"""Keys that tables leave out."""
+"""Columns that a table of states shows even in a narrow terminal."""
+UNSHOWN = (*state_rows.FACTS, "made_for")
+"""Columns that only JSON and wide tables show."""
 
 
 def loads_of(motion: Motion) -> list[Load]:
-    """The states that the options of `magtip solve` ask for, in order.
+    """Return the loads that the options of `magtip solve` mean, in the order in which they are applied.
 
     >>> [load.depth for load in loads_of(Motion(depth=1.0, steps=2))]
     [0.5, 1.0]
@@ -50,8 +47,8 @@ def loads_of(motion: Motion) -> list[Load]:
     tilt = math.radians(motion.plate_tilt)
     if motion.depths is not None:
         depths = user_input.parse_numbers("--depths", motion.depths)
-        given = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
-        return [replace(given, depth=value) for value in depths]
+        unpressed = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
+        return [replace(unpressed, depth=value) for value in depths]
     count = _count(motion.steps)
     full = Load(
         depth=motion.depth or 0.0,
@@ -68,18 +65,18 @@ def loads_of(motion: Motion) -> list[Load]:
     return [replace(full, depth=share * full.depth) for share in shares]
 
 
-def in_vain(motion: Motion, method: Method) -> list[tuple[str, str]]:
-    """Options that another one makes useless, and why."""
-    found = []
+def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]:
+    """Return each option that has no effect, with the reason."""
+    options = []
     if motion.friction == "stick" and not (motion.shear or motion.shear_y):
-        found.append(("--friction stick", "it acts only during a shear, and this load has none"))
+        options.append(("--friction stick", "it acts only during a shear, and this load has none"))
     if method.mesh is not None and method.accuracy != "standard" and motion.grip is None:
-        found.append(("--accuracy", "the mesh comes from --mesh"))
-    return found
+        options.append(("--accuracy", "the mesh comes from --mesh"))
+    return options
 
 
 def _check_motion(motion: Motion) -> bool:
-    """Refuse options that exclude each other; returns whether there is a shear."""
+    """Refuse options that exclude each other; return whether there is a shear."""
     slides = bool(motion.shear or motion.shear_y)
     if motion.depth is not None and motion.depths is not None:
         raise BadInput("--depth and --depths exclude each other: give only one")
@@ -94,8 +91,8 @@ def _check_motion(motion: Motion) -> bool:
     if motion.grip is not None and motion.plate_tilt:
         raise BadInput("--plate-tilt has no meaning with --grip, which has no plate: leave --plate-tilt out")
     if motion.depths is not None:
-        given = {"--steps": motion.steps, "--shear": motion.shear, "--shear-y": motion.shear_y}
-        for name, value in given.items():
+        others = {"--steps": motion.steps, "--shear": motion.shear, "--shear-y": motion.shear_y}
+        for name, value in others.items():
             if value is not None:
                 raise BadInput(
                     f"--depths is for presses only and cannot be combined with {name}: give one --depth instead"
@@ -107,6 +104,7 @@ def _check_motion(motion: Motion) -> bool:
 
 
 def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
+    """Parse --friction: none, stick or a coefficient."""
     if text is None:
         return default
     if text in ("none", "stick"):
@@ -118,6 +116,7 @@ def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Li
 
 
 def _count(steps: int | None) -> int:
+    """Check --steps; default: 1."""
     if steps is None:
         return 1
     if not 1 <= steps <= MOST_STEPS:
@@ -126,7 +125,7 @@ def _count(steps: int | None) -> int:
 
 
 def columns(loads: list[Load]) -> list[str]:
-    """Keys of a state that a table of several states shows: what moves, and what answers."""
+    """Return the columns for a table of several states: the loads that vary, and the response."""
     aside = any(load.shear_y for load in loads)
     shown = {
         "status": True,
@@ -157,29 +156,33 @@ def solve(
     out: Path | None,
     picture: Path | None,
     progress: Progress,
-) -> Generator[dict[str, Any]]:
-    """A record of each state as soon as it is reached.
+) -> Generator[StateRow]:
+    """Solve the loads one after the other, and yield the row of each state as soon as it is reached.
 
-    Whatever ends it, be it an interruption or the caller that closes it, files are written of the last good state.
+    The files show the last state. They are also written after an interruption, or if the caller closes the generator.
+
+    Parameters
+    ----------
+    out, picture : paths of the .vtu file and of the .png file; None writes none.
 
     Raises
     ------
     BadInput
-        At once, if the files cannot be written or the loads fit neither the design, the method nor each other.
+        Before the first state: a file cannot be written, or the loads do not suit design, method or each other.
     """
     from fem import equilibrium
     from fem.scene import Scene
 
     vtu = None if out is None else atomic_files.check_output_file(out, ".vtu")
     png = None if picture is None else atomic_files.check_output_file(picture, ".png")
-    method, mesh = _given(design, method)
+    method, mesh = _read_mesh(design, method)
     scene = Scene(design, tuple(loads), _level(loads, method), method.magnet, method.model)
-    found = equilibrium.walk(scene, progress=progress, mesh=mesh)
-    return _records(design, loads, method, found, vtu, png)
+    states = equilibrium.walk(scene, progress=progress, mesh=mesh)
+    return _rows(design, loads, method, states, vtu, png)
 
 
-def _given(design: Design, method: Method) -> tuple[Method, Any]:
-    """The method with the model that the mesh in its file is for, and the mesh in units of D; None without a file."""
+def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
+    """Return the method with the model that suits the mesh in its file, and the mesh over D; None without a file."""
     if method.mesh is None:
         return method, None
     from geometry.meshing import mesh_import
@@ -198,7 +201,7 @@ def _given(design: Design, method: Method) -> tuple[Method, Any]:
 
 
 def _level(loads: list[Load], method: Method) -> Accuracy:
-    """The accuracy, with the number of harmonics asked for."""
+    """Return the accuracy, with the number of harmonics of --harmonics."""
     from fem import accuracy as accuracy_levels
     from fem.scene import MOST_HARMONICS, choose_model
 
@@ -215,30 +218,33 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
     return replace(level, harmonics=harmonics)
 
 
-def _records(
+def _rows(
     design: Design,
     loads: list[Load],
     method: Method,
-    found: Iterator[Solution],
+    states: Iterator[Solution],
     vtu: Path | None,
     png: Path | None,
-) -> Generator[dict[str, Any]]:
+) -> Generator[StateRow]:
+    """Yield the rows of the states, and finally write the files of the last one."""
     last: Solution | None = None
     reached = 0
-    label = design_digest.label(design_digest.of_mechanics(design, method.magnet))
+    made_for = design_digest.of_mechanics(design, method.magnet)
     with atomic_files.sole_writer(vtu, png):
         try:
-            for last in found:
+            for last in states:
                 reached += 1
-                yield solution_record(last) | label
+                yield state_rows.solved_row(last, made_for)
         except RuntimeError as error:
-            yield _unsolved(loads[reached], method.model, str(error)) | label
+            # the mesher failed: the row says so, and the exit status is that of a failed solve
+            yield state_rows.unsolved_row(loads[reached], method.model, str(error), made_for)
         finally:
             if last is not None:
                 _write(design, last, method.magnet, vtu, png)
 
 
 def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
+    """Write the deformed body to the .vtu file and its section to the .png file."""
     if vtu is not None:
         vtk_files.write_field(vtu, state)
     if png is not None:
@@ -247,109 +253,28 @@ def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, pn
         section_picture(png, design, state, magnet=magnet)
 
 
-def solution_record(state: Solution) -> dict[str, Any]:
-    """One state under the names of the command line's contract."""
-    return {
-        "status": state.status,
-        "message": state.message,
-        "model": state.model,
-        **_motion_record(state.load),
-        **_response_record(state.response),
-        "slip_share": state.slip_share,
-        "dissipated_mJ": state.dissipated,
-        "error_estimate": state.estimates.force,
-        "shift_error_estimate": state.estimates.shift,
-        "tilt_error_estimate": state.estimates.tilt,
-        "sideways_error_estimate": state.estimates.sideways,
-        "dofs": state.dofs,
-        "newton_iterations": state.newton_iterations,
-        "seconds": state.seconds,
-        **_facts_record(state.facts),
-    }
+def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> FormulaRow:
+    """Return the response by the formulas of a level, with the readings of the Hall elements.
 
-
-def _facts_record(facts: Facts) -> dict[str, Any]:
-    """What the message of a state says, for programs; the onset is where the path turned unstable, from and to."""
-    onsets = {
-        f"onset_{what}_{end}_mm": facts.onset_mm[i] if facts.onset_mm and facts.onset == what else None
-        for what in ("depth", "shear")
-        for i, end in enumerate(("from", "to"))
-    }
-    return {
-        "stop": facts.stop or None,
-        "remark": facts.remark,
-        "unstable_directions": facts.unstable_directions,
-        **onsets,
-        "unstable_stretches": None if facts.weak_at is None else list(facts.weak_at),
-        "inside_out_share": facts.inverted_share,
-        "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
-        "critical_depth_mm_estimate": facts.critical_depth,
-    }
-
-
-def _motion_record(load: Load) -> dict[str, Any]:
-    return {
-        "depth_mm": load.depth,
-        "shear_mm": load.shear_x,
-        "shear_y_mm": load.shear_y,
-        "plate_tilt_rad": load.plate_tilt,
-        "imperfection_N": load.imperfection,
-    }
-
-
-def _response_record(response: Response) -> dict[str, Any]:
-    return {
-        "force_N": list(response.force),
-        "shift_mm": list(response.shift),
-        "tilt_rad": response.tilt,
-        "tilt_y_rad": response.tilt_y,
-        "rotation_rad": list(response.rotation),
-        "contact_radius_mm": response.contact_radius,
-    }
-
-
-def _unsolved(load: Load, model: str, message: str) -> dict[str, Any]:
-    """The record of a state that has no mesh to be solved on."""
-    missing = ("force_N", "shift_mm", "tilt_rad", "tilt_y_rad", "rotation_rad", "contact_radius_mm")
-    names = ("", "shift_", "tilt_", "sideways_")
-    estimates = [f"{name}error_estimate" for name in names]
-    return {
-        "status": "not_converged",
-        "message": message,
-        "model": model,
-        **_motion_record(load),
-        **dict.fromkeys((*missing, "slip_share", "dissipated_mJ", *estimates)),
-        "dofs": 0,
-        "newton_iterations": 0,
-        "seconds": 0.0,
-        **dict.fromkeys(FACTS),
-        "stop": "no_mesh",
-    }
-
-
-def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> dict[str, Any]:
-    """The formulas' answer under the same names, with the readings, what is in the magnet's way, and the same label.
-
-    Without a magnet there are no readings; of a chip there are fields and outputs in T, of three elements volts.
+    Parameters
+    ----------
+    depth : of the press, mm.
+    shear : of the plate along x and y, mm; the tip sticks to the plate.
     """
     from analytic import beam, hall
 
     friction: Literal["none", "stick"] = "stick" if any(shear) else "none"
     load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
     response = beam.solve(design, load, level)
-    seen = hall.readings(design, response) if design.shape.has_magnet else None
-    label = design_digest.label(design_digest.of_mechanics(design, "ignored" if seen is None else "rigid"))
-    volts = seen is not None and set(seen.units) == {"V"}
-    return {
-        "status": "ok",
-        "message": beam.outside(design, load, level),
-        "level": level,
-        **_motion_record(load),
-        **_response_record(response),
-        "readings_T": None if seen is None else list(seen.B_T),
-        "readings_V": list(seen.output) if seen and volts else None,
-        "output_T": list(seen.output) if seen and not volts else None,
-        "saturated": None if seen is None else list(seen.saturated),
-        "warnings": [] if seen is None else field_readings.warnings(design, seen, response.shift, response.rotation),
-        **label,
-    }
+    readings = hall.readings(design, response) if design.shape.has_magnet else None
+    return state_rows.formula_row(
+        load,
+        response,
+        readings,
+        level=level,
+        message=beam.outside(design, load, level),
+        warnings=[]
+        if readings is None
+        else field_readings.warnings(design, readings, response.shift, response.rotation),
+        made_for=design_digest.of_mechanics(design, "ignored" if readings is None else "rigid"),
+    )
