@@ -37,7 +37,7 @@ def test_files_of_the_study(tmp_path, curve, states):
         tmp_path, [coulomb_study.full_slip(curve)], [curve], states, "here", "magtip friction --quick"
     )
     report = (tmp_path / "FRICTION.md").read_text()
-    assert "1 of 1 checks hold" in report
+    assert "1 of 1 checks pass" in report
     assert "`magtip friction --quick`" in report
     assert (tmp_path / "friction.png").stat().st_size > 10_000
     assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")

@@ -62,7 +62,7 @@ def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
     run("range", "--count", 3, "--out", "out")
     assert quick == [0, 1, 2, 3, 1, 2]
     text = (tmp_path / "out" / "RANGE.md").read_text()
-    assert "Of 3 designs 2 are good, 0 impossible, 1 failed" in text
+    assert "Of 3 designs, 2 are good, 0 are impossible and 1 failed" in text
     assert "| tetrahedra | 0 | 10 | 20 |" in text
     assert len((tmp_path / "out" / "range.csv").read_text().splitlines()) == 4
 

@@ -121,7 +121,7 @@ def test_a_state_that_was_not_reached_is_listed_and_left_out(press, known):
     states = error_study.states_of(press, known | {name: [known[name][0], lost]})
     assert [one.status for one in states] == ["ok", "not_converged", "not_converged"]
     assert {errors.statistics.states for errors in error_statistics.summary(states)} == {1}
-    assert states[1].message == "companion: stopped at depth 0.3 mm"
+    assert states[1].message == "coarser level: stopped at depth 0.3 mm"
 
 
 def test_a_kept_state_is_read_back(press, known):

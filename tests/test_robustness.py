@@ -20,7 +20,7 @@ SLOW = {
     "L = D/2 + 0.05 mm: other model",
     "magnet 0.2 mm high to the largest",
     "depth 1e-9 mm, then 3 mm",
-    "to the last tenth on the axis",
+    "depth of 90 % of all silicone on the axis",
     "2 to 4.4 mm in one step or 12",
     "grip to 1.0 D, all silicone",
 }
@@ -84,7 +84,7 @@ def test_simpson_integrates_cubics():
     assert robustness_checks.simpson(ways, ways**3) == pytest.approx(20, rel=1e-14)
 
 
-def test_silicone_inside_out_is_seen(pressed):
+def test_inverted_silicone_is_measured(pressed):
     assert robustness_checks.folded_share(pressed) == 0
     z = pressed.field.mesh.doflocs[1]
     mirrored = np.stack([0 * z, -2 * z], axis=1)
@@ -94,7 +94,7 @@ def test_silicone_inside_out_is_seen(pressed):
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-7])
-def test_silicone_inside_out_that_is_not_a_fact_of_the_state_fails_its_scene(share):
+def test_inverted_silicone_that_the_state_does_not_report_fails_its_case(share):
     deep = solve(paper(), Load(depth=3.6), QUICK)
     assert robustness_checks.folded(SMALL, [deep]).measured == 0
     silent = replace(deep, facts=replace(deep.facts, inverted_share=share))
@@ -172,7 +172,7 @@ def test_a_comparison_that_stops_judges_nothing():
 
     row = robustness.examine(replace(SMALL, measure=compare))
     assert (row.status, row.verdict, row.passed) == ("ok", "not judged", False)
-    assert row.check.startswith("what it is compared with stopped at depth")
+    assert row.check.startswith("no comparison: the other solve stopped at depth")
 
 
 def test_a_status_that_is_not_in_the_scenes_own_list_fails_whatever_its_message_says(pressed, monkeypatch):

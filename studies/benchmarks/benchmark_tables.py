@@ -49,7 +49,7 @@ class BenchRow:
     message: str = ""
 
     def row(self) -> FlatRow:
-        """Its columns in bench.csv and in JSON."""
+        """Return the columns of bench.csv and JSON."""
         return records.flat(self)
 
 

@@ -29,7 +29,7 @@ class RegionErrors:
     compiled_jacobian: float = field(metadata={"column": "compiled Jacobian"})
 
     def row(self) -> FlatRow:
-        """Its columns in field.csv."""
+        """Return the columns of field.csv."""
         return records.flat(self)
 
 

@@ -1,1 +1,1 @@
-"""Models put to the test: closed forms, published numbers, extremes, error estimates, other models."""
+"""Validation: closed forms, published numbers, extreme cases, error estimates, comparison of models."""

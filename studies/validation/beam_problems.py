@@ -1,8 +1,8 @@
-"""Clamped cylinders under a sideways load at the tip, the elastica and Timoshenko's beam, and vibrating.
+"""Clamped cylinders: large deflection (elastica), small deflection and vibration (Timoshenko's beam).
 
-Fourier elements with two harmonics on a rectangular section, in which rigid rotations of a cross-section are exact.
-Diameter and Young's modulus are 1; the load is a uniform dead traction on the flat end. Rows of rectangles shrink
-towards the clamp.
+The cylinders consist of Fourier elements with two harmonics on a rectangular section; these represent rigid rotations
+of a cross-section exactly. Diameter and Young's modulus are 1. The load is a uniform dead traction along x on the
+flat end. Rows of rectangles become thinner towards the clamp.
 """
 
 from __future__ import annotations
@@ -20,61 +20,64 @@ from fem.discretisation.nonlinear_system import State, System
 from fem.discretisation.symmetry_models import on_axis
 from fem.material import lame
 from fem.modes import eigen
-from studies.validation.solid_problems import SKIN, body, facet_loads, find, ramp
+from studies.validation.solid_problems import SKIN, body, facet_loads, ramp, solve
 
 HARMONICS = 2
 AREA, INERTIA = math.pi / 4, math.pi / 64
+"""Area and second moment of area of the cross-section, D = 1."""
 GRADING = 1.5
-"""Rows shrink towards the clamp: they end at (i / n)^GRADING of the length."""
+"""Row i of n ends at (i / n)^GRADING of the length."""
 SMALL = 1e-7
-"""Force over E D^2, times (L / D)^2, at small strain."""
+"""Tip force F of the linear problems, as F / (E D^2) (L / D)^2: small enough for linear strain."""
 
 
 def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
-    """Deflection w / L and shortening u / L at the tip of a cylinder of L / D under each P L^2 / (E I) in turn.
+    """Return deflection w / L and shortening u / L at the tip of a cylinder of given L / D for each P L^2 / (E I).
 
-    Compressible, nu = 0, so that the clamp does not hinder the section's contraction. Shear, the strain's finite
-    size and the section's warping at the clamp move the answer by terms in (D / L)^2, so the elastica is its limit.
+    With nu = 0 the clamp does not hinder the contraction of the section. Shear, finite strain and warping at the
+    clamp change the answer by terms of order (D / L)^2, so that the elastica is the limit of large L / D.
     """
     system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
     unit, tip = system.dead * INERTIA / slenderness**2, _tip(e)
     steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
     answers = dict(zip(steps, ramp(system, unit, steps), strict=True))
-    moved = [_tip_motion(answers[load].state, tip) for load in loads]
-    return tuple(value / slenderness for w, u in moved for value in (w, -u))
+    motions = [_tip_motion(answers[load].state, tip) for load in loads]
+    return tuple(value / slenderness for w, u in motions for value in (w, -u))
 
 
 def tip_stiffness(slenderness: int, nu: float, *, rows: int = 4, bonded: bool = True) -> float:
-    """Force over deflection of the tip at small strain, over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
+    """Return the tip stiffness at small strain over Timoshenko's 1 / (L^3 / (3 E I) + L / (kappa G A)).
 
-    Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about a diameter
-    of the beam, the more the larger nu is. Unless bonded, the base keeps its plane and its middle alone, and the
-    load's reaction is spread over it.
+    Timoshenko's clamp lets the cross-section change its shape. A bonded base does not: it stiffens about one diameter
+    of the beam, and more so for larger nu. If not bonded, the base only stays plane with its centre fixed, and the
+    reaction is a uniform traction on it.
     """
     system, e = cylinder(slenderness, nu, across=rows, along=rows * slenderness, bonded=bonded)
     force = SMALL / slenderness**2
     system.dead = force * system.dead
-    moved = _tip_motion(find(system).state, _tip(e))[0]
-    return force / moved * compliance(slenderness, nu)
+    deflection = _tip_motion(solve(system).state, _tip(e))[0]
+    return force / deflection * compliance(slenderness, nu)
 
 
 def vibration(slenderness: int, nu: float, *, rows: int, count: int) -> list[float]:
-    """The lowest bending frequencies over those of Timoshenko's beam, clamped and free."""
+    """Return the `count` lowest bending frequencies over those of Timoshenko's clamped and free beam."""
     system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
     K = system.assemble(system.state(np.zeros(system.size)), None).tangent
+    # three times as many modes, since torsion and extension lie between the bending frequencies
     values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
     sideways = np.abs([*elements.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
     bends = np.broadcast_to(sideways, system.free.shape)[system.free]
-    moved = np.abs(vectors[: system.n_free])
-    bending = [float(value) for value, x in zip(values, moved.T, strict=True) if x[bends].max() > x[~bends].max()]
+    shapes = np.abs(vectors[: system.n_free]).T
+    bending = [float(value) for value, x in zip(values, shapes, strict=True) if x[bends].max() > x[~bends].max()]
     return [math.sqrt(a) / b for a, b in zip(bending, frequencies(slenderness, nu, count), strict=False)]
 
 
 def frequencies(slenderness: float, nu: float, count: int) -> list[float]:
-    """Angular frequencies of Timoshenko's clamped and free beam, D = E = rho = 1.
+    """Return the angular frequencies of Timoshenko's clamped and free beam, D = E = rho = 1.
 
     Along the beam w' = phi + g, phi' = m, m' = -omega^2 phi - kappa G A g / I and g' = -omega^2 w / (kappa G), with
-    w = phi = 0 at the clamp and m = g = 0 at the end. A slender one has 3.516 sqrt(I / A) / L^2:
+    w = phi = 0 at the clamp and m = g = 0 at the end. The first frequency of a slender beam is 3.516 sqrt(I / A) /
+    L^2:
 
     >>> round(frequencies(100.0, 0.3, 1)[0] * 1e4 / math.sqrt(INERTIA / AREA), 3)
     3.516
@@ -82,22 +85,24 @@ def frequencies(slenderness: float, nu: float, count: int) -> list[float]:
     kappa_G = 6 * (1 + nu) / (7 + 6 * nu) / (2 * (1 + nu))
     stiff = kappa_G * AREA / INERTIA
 
-    def ends(omega: float) -> float:
+    def residual(omega: float) -> float:
+        # the determinant of the end conditions m = g = 0 vanishes at a frequency
         A = np.array([[0, 1, 0, 1], [0, 0, 1, 0], [0, -(omega**2), 0, -stiff], [-(omega**2) / kappa_G, 0, 0, 0]])
         return float(np.linalg.det(expm(slenderness * A)[2:, 2:]))
 
+    # the step is less than a third of the first frequency, so that no two roots share an interval
     step = math.sqrt(INERTIA / AREA) / slenderness**2
-    found: list[float] = []
+    roots: list[float] = []
     omega = step
-    while len(found) < count:
-        if ends(omega) * ends(omega + step) < 0:
-            found.append(float(brentq(ends, omega, omega + step, rtol=1e-12)))
+    while len(roots) < count:
+        if residual(omega) * residual(omega + step) < 0:
+            roots.append(float(brentq(residual, omega, omega + step, rtol=1e-12)))
         omega += step
-    return found
+    return roots
 
 
 def compliance(slenderness: float, nu: float) -> float:
-    """Timoshenko's deflection under a unit load, D = E = 1; kappa = 6 (1 + nu) / (7 + 6 nu), Cowper 1966.
+    """Return Timoshenko's tip deflection under a unit load, D = E = 1; kappa = 6 (1 + nu) / (7 + 6 nu), Cowper 1966.
 
     >>> round(compliance(1e3, 0.5) * 3 * INERTIA / 1e9, 5)
     1.0
@@ -109,7 +114,10 @@ def compliance(slenderness: float, nu: float) -> float:
 def cylinder(
     slenderness: float, nu: float, *, across: int, along: int, bonded: bool = True
 ) -> tuple[System, Elements]:
-    """Cylinder of L / D clamped at z = 0 under a unit load at the end, in so many rectangles across and along."""
+    """Return a cylinder of given L / D, clamped at z = 0, under a unit load at the end.
+
+    The section has `across` rectangles along the radius and `along` along the axis.
+    """
     rows = slenderness * np.linspace(0, 1, along + 1) ** GRADING
     flat = skfem.MeshTri.init_tensor(np.linspace(0, 0.5, across + 1), rows)
     mesh = skfem.MeshTri2.from_mesh(flat).with_boundaries(
@@ -127,11 +135,11 @@ def cylinder(
 
 
 def _tip(e: Elements) -> int:
-    """The node where the axis meets the end."""
+    """Return the node where the axis meets the end."""
     return int(np.argmax(e.nodes[:, 1] - 1e3 * e.nodes[:, 0]))
 
 
 def _tip_motion(state: State, tip: int) -> tuple[float, float]:
-    """Displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
+    """Return the displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
     k = list(elements.orders(HARMONICS))
     return float(state.u[tip, k.index(-1)]), float(state.u[tip, len(k)])

@@ -1,4 +1,4 @@
-"""Contact problems on the paper's beam: Hertz's limit, and what the plate's penalty costs."""
+"""Contact problems on the paper's beam: Hertz's limit, and the error of the plate's penalty."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from studies.validation.solid_problems import NotSolvedError
 
 
 def hertz(level: str) -> tuple[float, ...]:
-    """Force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and the slope of log F.
+    """Return the force over Hertz's 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at d = 1e-6, 1e-5, 1e-4 mm, and its exponent.
 
-    The paper's beam without its magnet, on meshes of an accuracy (quick, standard, fine).
+    The body is the paper's beam without its magnet, at an accuracy level (quick, standard, fine).
     """
     design, depths = paper(), (1e-6, 1e-5, 1e-4)
     ratios = []
@@ -37,9 +37,14 @@ def hertz(level: str) -> tuple[float, ...]:
 
 
 def penalty(level: str, depth: float, magnet: Magnet) -> float:
-    """Force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate, depth over D.
+    """Return the force on the paper's sensor with the plate's penalty SECTION_KAPPA over that on a rigid plate.
 
-    The force is solved with that times 1, 3 and 10; the rigid plate is the line through them over its inverse at 0.
+    The force is solved with 1, 3 and 10 times the penalty. It is linear in the inverse of the penalty, so that a line
+    through the three forces gives that on a rigid plate, at inverse 0.
+
+    Parameters
+    ----------
+    depth : of the press, over D.
     """
     design, size = paper(), LEVELS[level].section_size
     shape = design.shape.scaled(1 / design.D)

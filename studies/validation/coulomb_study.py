@@ -1,6 +1,6 @@
-"""Coulomb friction against theory, in numbers: what the verb friction checks.
+"""Checks of Coulomb friction against theory, for the verb friction.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the checks.
 """
 
 from __future__ import annotations
@@ -26,41 +26,44 @@ from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 
 ABOUT = """\
-Coulomb friction put to the test on the paper's sensor: onset, full slip, a cycle of shear, other models.
+Coulomb friction is checked on the paper's sensor: onset of slip, full slip, a cycle of shear, and the other models.
 
-- Onset: a press of 1e-5 mm without the magnet, where Cattaneo's and Mindlin's sphere is the limit. With G the shear
-  modulus, a the contact's radius and F_N the normal force, full slip begins at a shear of
-  3 mu F_N (2 - nu) / (16 G a); at a share s of it the tangential force is mu F_N (1 - (1 - s)^1.5), and the circle
-  that sticks has the share 1 - s of the contact's area. The beam's own compliance is 1 % there.
-- Full slip: the tangential force over mu times the normal one, after a press of 1 mm.
-- Cycle: press 1 mm, then shear to and fro. The loop closes, and its area is the energy dissipated.
-- Half and full model: a press of 0.5 mm and a shear on tetrahedra, without the magnet.
-- Tilted plate: full slip in the full model, forces along the plate and across it.
+- Onset: the press is 1e-5 mm without the magnet, so that the solution of Cattaneo and Mindlin for a sphere applies.
+  G is the shear modulus, a the contact radius and F_N the normal force. Full slip begins at a shear of
+  3 mu F_N (2 - nu) / (16 G a). At a share s of this shear, the tangential force is mu F_N (1 - (1 - s)^1.5), and the
+  share 1 - s of the contact area sticks. The compliance of the beam itself is 1 % of the total there.
+- Full slip: after a press of 1 mm, the tangential force must be mu times the normal force.
+- Cycle: press 1 mm, then shear to both sides. The loop must close, and its area must be the dissipated energy.
+- Half and full model: press 0.5 mm, then shear, without the magnet. The forces on tetrahedra must be those of the
+  harmonic model.
+- Tilted plate: at full slip in the full model, the force along the plate must be mu times the force across it.
 """
 
 DEPTH = 1.0
+"""Depth of the press before full slip and before the cycle, mm."""
 MUS = {0.05: 0.5, 0.1: 1.0, 0.2: 2.0, 0.5: 4.0}
-"""Coefficients, and shears that reach full slip, mm."""
+"""Coefficients of friction, and for each a shear beyond full slip, mm."""
 TURN = 2.0
+"""Largest shear of the cycle, mm."""
 TILT = 0.1
-"""Of the plate, rad."""
+"""Tilt of the plate, rad."""
 SOLID_MODELS: tuple[Model, ...] = ("half", "full")
 COARSE = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
 ONSET = replace(STANDARD, name="onset", section_size=0.045, harmonics=2)
 QUICK_ONSET = replace(ONSET, section_size=0.06, harmonics=1)
-"""The circle that sticks is counted in points of integration: with edges of 0.09 its area is 16 % off, with 0.06
-11 %, with 0.045 5 %, with 0.03 still 5 %."""
+"""Accuracies for the onset. The stick area is counted in points of integration: its error is 16 % with edges of 0.09,
+11 % with 0.06, 5 % with 0.045, and still 5 % with 0.03."""
 SOLID = replace(QUICK, name="solid", solid_size=0.2, solid_patch=0.04)
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One number of the study beside theory.
+    """One number of the study and its value by theory.
 
     Attributes
     ----------
-    check : the part of the study, as "onset".
-    off : relative difference of the value from what is expected; absolute where 0 is expected.
+    check : the part of the study, for example "onset".
+    off : relative difference between value and expected value; absolute if the expected value is 0.
     bound : the largest `off` that passes.
     """
 
@@ -73,7 +76,7 @@ class Check:
     passed: bool
 
     def row(self) -> FlatRow:
-        """Its columns in friction.csv and in JSON."""
+        """Return the check as columns of friction.csv and JSON."""
         return records.flat(self)
 
 
@@ -88,18 +91,18 @@ class Curve:
 
 
 class StoppedError(RuntimeError):
-    """A path of this study stopped short."""
+    """A path of this study stopped before its last load, or without full slip."""
 
 
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
 ) -> list[Check]:
-    """All checks; friction.csv, FRICTION.md and friction.png too if a folder is given.
+    """Run all checks; if a folder is given, write friction.csv, FRICTION.md and friction.png into it.
 
     Parameters
     ----------
-    quick : on coarser meshes, and without tetrahedra.
-    command : that this is run by.
+    quick : use coarser meshes, and leave out the tetrahedra.
+    command : the command line that the report quotes.
     """
     report_progress = progress or (lambda share, text: None)
     origin = versions()
@@ -139,7 +142,7 @@ def _follow(
 
 
 def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Check]:
-    """Tangential force and stick area against Cattaneo and Mindlin, up to full slip and past it."""
+    """Check tangential force and stick area against Cattaneo and Mindlin, up to full slip and beyond."""
     design = paper()
     G, nu, radius = design.E / 2 / (1 + design.nu), design.nu, math.sqrt(design.R * depth)
     normal = 4 / 3 * design.E / (1 - nu**2) * radius * depth
@@ -150,16 +153,16 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Check]:
     for share, state in zip(shares, _follow(loads, level, "ignored")[1:], strict=True):
         pull, push = state.response.force[0], state.response.force[2]
         mindlin = 1 - max(1 - share, 0.0) ** 1.5
-        where = f"at {share:g} of Mindlin's shear of full slip"
-        checks.append(_check("onset", f"tangential force over mu F_N {where}", pull / (mu * push), mindlin, 0.04))
-        if share >= 0.5:  # below, the annulus is narrower than an element
+        where = f"at {share:g} of Mindlin's full-slip shear"
+        checks.append(_check("onset", f"tangential force / (mu F_N) {where}", pull / (mu * push), mindlin, 0.04))
+        if share >= 0.5:  # at a smaller share the slipping ring is narrower than an element
             stuck, expected = 1 - (state.slip_share or 0.0), max(1 - share, 0.0)
-            checks.append(_check("onset", f"share of the contact that sticks {where}", stuck, expected, 0.15))
+            checks.append(_check("onset", f"stick share of the contact area {where}", stuck, expected, 0.15))
     return checks
 
 
 def curve(mu: float, farthest: float, count: int, level: Accuracy) -> Curve:
-    """Press, then shear in `count` states."""
+    """Press to DEPTH, then shear to `farthest`, mm, in `count` increments."""
     shears = np.linspace(0.0, farthest, count + 1)
     states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
     if states[-1].slip_share != 1:
@@ -168,40 +171,46 @@ def curve(mu: float, farthest: float, count: int, level: Accuracy) -> Curve:
 
 
 def full_slip(sheared: Curve) -> Check:
-    """Tangential over normal force in the last state of a curve, where all of the contact slips."""
+    """Check the ratio of tangential to normal force in the last state of a curve, where the whole contact slips."""
     ratio = sheared.force_N[-1] / sheared.normal_N[-1]
-    return _check("full slip", f"tangential over normal force, mu = {sheared.mu:g}", ratio, sheared.mu, 0.01)
+    return _check("full slip", f"tangential / normal force, mu = {sheared.mu:g}", ratio, sheared.mu, 0.01)
 
 
 def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
-    """Press, then shear to TURN, to -TURN and back to TURN."""
+    """Press to DEPTH, then shear to TURN, to -TURN and back to TURN."""
     up = np.linspace(0, TURN, steps // 2 + 1)
     shears = [*up, *np.linspace(TURN, -TURN, 2 * steps + 1)[1:], *np.linspace(-TURN, TURN, 2 * steps + 1)[1:]]
     return _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
 
 
 def closed(states: Sequence[Solution]) -> list[Check]:
-    """Checks of a cycle: it closes, its branches mirror each other, and its area is the energy dissipated."""
+    """Check that a cycle closes, that its branches mirror each other, and that its area is the dissipated energy."""
     shear, force = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
     turn, back, end = shear.index(max(shear)), shear.index(min(shear)), len(shear) - 1
     loop = slice(turn, end + 1)
     area = float(np.trapezoid(force[loop], shear[loop]))
     lost = states[end].dissipated - states[turn].dissipated
     return [
-        _check("cycle", "force at its end over that at its begin", force[end] / force[turn], 1.0, 0.005),
-        _check("cycle", "force at the other turn over that at its begin", force[back] / force[turn], -1.0, 0.005),
-        _check("cycle", "energy dissipated over the loop's area", lost / area, 1.0, 0.02),
+        _check("cycle", "force at the end / force at the start", force[end] / force[turn], 1.0, 0.005),
+        _check(
+            "cycle",
+            "force at the opposite end of the shear / force at the start",
+            force[back] / force[turn],
+            -1.0,
+            0.005,
+        ),
+        _check("cycle", "dissipated energy / area of the loop", lost / area, 1.0, 0.02),
     ]
 
 
 def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Check]:
-    """Forces of a model of tetrahedra over the harmonic one's, part of the contact slipping and all of it."""
+    """Check the forces of a model of tetrahedra against the harmonic model, at partial and at full slip."""
     loads = [Load(depth=0.5, shear_x=shear, friction=mu) for shear in shears]
     solid = _follow(loads, SOLID, "ignored", model=model)
     section = _follow(loads, STANDARD, "ignored", model="harmonic")
     checks = []
     for one, other in zip(solid, section, strict=True):
-        where = f"at a shear of {one.load.shear_x:g} mm, over the harmonic model's"
+        where = f"at a shear of {one.load.shear_x:g} mm / that of the harmonic model"
         for i, name in ((0, "tangential"), (2, "normal")):
             ratio = one.response.force[i] / other.response.force[i]
             checks.append(_check(f"{model} model", f"{name} force {where}", ratio, 1.0, 0.02))
@@ -209,7 +218,7 @@ def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 
 
 
 def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 2.5) -> Check:
-    """Full slip under a tilted plate. Forces are those on the tip along x and on the plate along z."""
+    """Check full slip under a tilted plate. A response holds the tip's force along x and the plate's along z."""
     (state,) = _follow(
         [Load(depth=depth, shear_x=shear, friction=mu, plate_tilt=TILT)], level, "ignored", model="full"
     )
@@ -217,7 +226,7 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
     along, across = x * math.cos(TILT) + z * math.sin(TILT), z * math.cos(TILT) - x * math.sin(TILT)
     if state.slip_share != 1:
         raise StoppedError(f"under a tilted plate a shear of {shear:g} mm is not enough for full slip")
-    name = f"force along the plate over that across it, tilt {TILT:g} rad, mu = {mu:g}"
+    name = f"force along / across the plate, tilt {TILT:g} rad, mu = {mu:g}"
     return _check("tilted plate", name, along / across, mu, 0.01)
 
 
@@ -229,15 +238,18 @@ def write(
     origin: str,
     command: str,
 ) -> None:
-    """friction.csv, FRICTION.md and friction.png."""
+    """Write friction.csv, FRICTION.md and friction.png."""
     write_table(folder / "friction.csv", [check.row() for check in checks], digits=9)
     draw_friction(folder / "friction.png", curves, loop)
     passed = sum(check.passed for check in checks)
-    lines = ["# Coulomb friction", "", f"{passed} of {len(checks)} checks hold.", ""]
-    lines += ["| check | quantity | value | expected | off | bound | |", "|---|---|---|---|---|---|---|"]
+    lines = ["# Coulomb friction", "", f"{passed} of {len(checks)} checks pass.", ""]
+    lines += [
+        "| check | quantity | value | expected | relative difference | bound | |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for check in checks:
         numbers = " | ".join(f"{value:.4g}" for value in (check.value, check.expected, check.off, check.bound))
-        verdict = "holds" if check.passed else "**fails**"
+        verdict = "pass" if check.passed else "**fail**"
         lines.append(f"| {check.check} | {check.quantity} | {numbers} | {verdict} |")
     lines += ["", "![Shear after a press of 1 mm: onset of slip for several mu, and a cycle](friction.png)", ""]
     lines += [*ABOUT.splitlines(), "", made(command, origin)]

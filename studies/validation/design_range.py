@@ -1,6 +1,6 @@
-"""The whole range of designs, sampled: solids, mould and meshes of each, or what makes it impossible.
+"""Solids, moulds and meshes of designs sampled over all input ranges, for the verb range.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the samples and checks.
 """
 
 from __future__ import annotations
@@ -23,30 +23,35 @@ from studies.validation import design_range_steps
 from studies.validation.design_range_steps import DesignResult, Sample
 
 ABOUT = """\
-The whole range of designs, sampled: solids, mould and meshes of each, or what makes it impossible.
+Solids, mould and meshes are made for designs that are sampled over all input ranges. An impossible design has its
+reason in the table.
 
-Sobol's sequence over D, L, the magnet's size, its height over diameter and its edge radius. D spans 1 to 50 mm and L
-D/2 + 0.05 mm to 10 D; the magnet spans a disc of 0.2 mm to one that leaves 0.15 mm of wall, a tenth to four times as
-high as wide. All are spaced logarithmically (the edge radius evenly, from 0 to half the most there can be), and a
-tenth of the samples lies at each end of each, so that the extremes meet. The section is that of level standard with
-the magnet as a hole; tetrahedra are those of level quick, the half body with its magnet, made anew, then read back
-from a cache. A design is good where each step of it is good, or impossible for a reason that the message names; mesh
-steps are good with volumes right to 1e-5, the base to 1e-4 and no Jacobian below 0.05.
+The samples follow a Sobol sequence over D, L and the magnet's diameter, height / diameter and edge radius. D ranges
+from 1 to 50 mm and L from D/2 + 0.05 mm to 10 D. The magnet's diameter ranges from 0.2 mm to the largest that leaves
+a wall of 0.15 mm, and its height from 0.1 to 4 times the diameter. The sampling is logarithmic, except for the edge
+radius, which is uniform from 0 to half of its largest possible value. For each quantity, a tenth of the samples lies
+at each end of the range, so that extremes of several quantities meet in one design.
+
+The section mesh has level standard, with the magnet as a hole. The mesh of tetrahedra has level quick and covers the
+half body with its magnet. It is made once without the cache and then read from the cache. A mesh passes if its
+volumes are right to 1e-5, its base is right to 1e-4, and no Jacobian is below 0.05. A design is good if each of its
+steps passes, or is impossible for a reason that the message names.
 """
 
 
 SEED, COUNT = 1960, 64
+"""Seed of the sequence, and default number of designs."""
 WALL, LEAST_STEM = 0.15, 0.05
-"""Silicone that the largest magnet leaves, and the least L - D/2, mm."""
+"""Wall of silicone that the largest magnet leaves, and least L - D/2, mm."""
 LEAST_DIAMETER, LEAST_HEIGHT, SLENDER = 0.2, 0.1, (0.1, 4.0)
-"""Of a magnet, mm, and its height over its diameter."""
+"""Least diameter and height of a magnet, mm, and limits of its height / diameter."""
 END = 0.1
-"""Share of the samples at each end of each quantity."""
+"""Share of the samples at each end of each quantity's range."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Least, median and greatest magnitude of a measured quantity over the designs that have it."""
+    """Least, median and greatest magnitude of a measured quantity over the designs that have a value."""
 
     quantity: str
     least: float
@@ -54,12 +59,12 @@ class Spread:
     greatest: float
 
     def row(self) -> FlatRow:
-        """Its columns in the printed table."""
+        """Return the spread as columns of the printed table."""
         return records.flat(self)
 
 
 def samples(count: int) -> list[Sample]:
-    """The sampled designs; the first of them are the same for any count."""
+    """Return the sampled designs; a larger count only appends designs."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))
@@ -69,7 +74,10 @@ def samples(count: int) -> list[Sample]:
 
 
 def _sample(x: list[float]) -> Sample:
-    """The design at a point of the unit cube: D, stem L - D/2, magnet's diameter, its height over that, its edge."""
+    """Return the design at a point of the unit cube.
+
+    The coordinates stand for D, the stem L - D/2, and the magnet's diameter, height / diameter and edge radius.
+    """
     D = _down(50 ** x[0])
     stem = _down(LEAST_STEM * (9.5 * D / LEAST_STEM) ** x[1])
     ratio = SLENDER[0] * (SLENDER[1] / SLENDER[0]) ** x[3]
@@ -88,13 +96,16 @@ def _sample(x: list[float]) -> Sample:
 
 
 def _down(value: float) -> float:
-    """Four digits, rounded down unless that is only rounding."""
+    """Return a positive value rounded down to four digits.
+
+    A value that differs from four digits only by floating-point error keeps these digits: hence 1e-9.
+    """
     step = 10.0 ** (math.floor(math.log10(value)) - 3)
     return float(f"{math.floor(value / step + 1e-9) * step:.6g}")
 
 
 def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignResult]:
-    """A result for each design as it ends; those in the folder's rows.jsonl by the same code are not done again."""
+    """Yield the result of each design; results in the folder's rows.jsonl by the same code are not computed again."""
     store = result_store.opened(None if folder is None else folder / "rows.jsonl", code())
     with tempfile.TemporaryDirectory() as cache:
         for number, sample in enumerate(samples(count)):
@@ -107,7 +118,7 @@ def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignR
 
 @functools.cache
 def code() -> str:
-    """A digest of what is studied, and of this study."""
+    """Return a digest of the modules of `geometry` and of this study."""
     study = [Path(__file__), Path(design_range_steps.__file__)]
     return result_store.digest([*result_store.modules("geometry"), *study])
 
@@ -117,11 +128,11 @@ MEASURED = (
     *("mesh_s", "mesh_cpu_s", "cached_ms", "silicone_volume_error", "magnet_volume_error", "base_error"),
     *("gap_over_D", "least_jacobian", "least_shape", "mean_shape"),
 )
-"""Fields of a result that hold a measured number."""
+"""Fields of a result that are measured numbers."""
 
 
 def summary(results: Sequence[DesignResult]) -> list[Spread]:
-    """Spreads of what was measured, of errors the magnitudes."""
+    """Return the spread of each measured quantity; errors enter with their magnitudes."""
     spreads = []
     for name in MEASURED:
         values = [abs(value) for result in results if (value := getattr(result, name)) is not None]
@@ -131,16 +142,16 @@ def summary(results: Sequence[DesignResult]) -> list[Spread]:
 
 
 def write(folder: Path, results: Sequence[DesignResult], origin: str, command: str) -> None:
-    """range.csv with all columns, RANGE.md to read."""
+    """Write range.csv with all columns and the report RANGE.md."""
     from studies.output.csv_tables import write_table
 
     write_table(folder / "range.csv", [result.row() for result in results], digits=6)
     good, impossible, failed = (
         sum(result.status == status for result in results) for status in ("ok", "impossible", "failed")
     )
-    counts = f"Of {len(results)} designs {good} are good, {impossible} impossible, {failed} failed."
+    counts = f"Of {len(results)} designs, {good} are good, {impossible} are impossible and {failed} failed."
     lines = ["# Range of designs", "", counts, "", *ABOUT.splitlines(), ""]
-    lines += ["Least, median and greatest, of errors the magnitudes:", ""]
+    lines += ["Least, median and greatest value of each measured quantity (magnitude, for errors):", ""]
     lines += ["| quantity | least | median | greatest |", "|---|---|---|---|"]
     for spread in summary(results):
         numbers = " | ".join(f"{value:.3g}" for value in (spread.least, spread.median, spread.greatest))

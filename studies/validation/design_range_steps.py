@@ -1,4 +1,4 @@
-"""Steps of the study of the range for one design: solids and mould, section, tetrahedra of the half body."""
+"""Steps of the study of the input ranges for one design: solids and mould, section mesh, mesh of tetrahedra."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from studies.output.records import FlatRow
 Outcome = Literal["ok", "impossible", "failed"]
 
 VOLUME, BASE, CACHED_S = 1e-5, 1e-4, 0.1
-"""Largest errors of volumes and of the base, and longest time of a mesh from the cache, s."""
+"""Largest relative errors of volumes and of the base, and longest time to read a mesh from the cache, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +36,15 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class DesignResult:
-    """One sampled design, and what its steps measured; None where a step was not done or did not end well.
+    """One sampled design and the measurements of its steps; None where a step was not reached or did not pass.
 
     Attributes
     ----------
-    status : of the whole design; it is impossible where the design itself is refused.
-    message : why a step, or the design, is impossible or failed.
+    status : outcome of the whole design; "impossible" if the design itself is refused.
+    message : reason why the design or a step is impossible or failed.
     wall_mm : thickness of the silicone around the magnet.
     solids, section, solid_mesh : outcomes of the steps.
-    section_volume_error, silicone_volume_error, magnet_volume_error, base_error : relative.
+    section_volume_error, silicone_volume_error, magnet_volume_error, base_error : relative errors.
     """
 
     design: int
@@ -77,16 +77,16 @@ class DesignResult:
     mean_shape: float | None = None
 
     def row(self) -> FlatRow:
-        """Its columns in range.csv, in JSON and in the kept rows."""
+        """Return the result as columns of range.csv, JSON and rows.jsonl."""
         return records.flat(self)
 
 
 Step = Callable[[Design, DesignResult], DesignResult]
-"""Adds what it measures to the result."""
+"""A step returns the result with its own measurements added."""
 
 
 def examine(number: int, sample: Sample, cache: Path) -> DesignResult:
-    """The result of one design. An exception that is no refusal is a failure, with its text as the message."""
+    """Return the result of one design; an exception other than BadInput is a failure, with its text as message."""
     result = DesignResult(
         design=number,
         D_mm=sample.D,
@@ -108,14 +108,14 @@ def examine(number: int, sample: Sample, cache: Path) -> DesignResult:
         except BadInput as refusal:
             result = replace(result, message=str(refusal), **{name: "impossible"})  # type: ignore[arg-type]
         except Exception as error:
-            # any way to end that nobody meant is what this table is there to find
+            # the study exists to find unforeseen failures, so that every exception becomes a row
             message = f"{name}: {type(error).__name__}: {error}"
             result = replace(result, status="failed", message=message, **{name: "failed"})  # type: ignore[arg-type]
     return result
 
 
 def _solids(design: Design, result: DesignResult) -> DesignResult:
-    """The three bodies against their volumes, and the mould with its checks."""
+    """Compare the volumes of the three bodies with their closed forms, and run the checks of the mould."""
     from geometry import cad, mold
     from geometry.fabrication import mold_checks, mold_solids
 
@@ -134,7 +134,7 @@ def _solids(design: Design, result: DesignResult) -> DesignResult:
 
 
 def _section(design: Design, result: DesignResult) -> DesignResult:
-    """The (r, z) section with the magnet as a hole: its volume of revolution, and its angles."""
+    """Mesh the (r, z) section with the magnet as a hole; check its volume of revolution and its angles."""
     import numpy as np
     import skfem
 
@@ -164,14 +164,14 @@ def _section(design: Design, result: DesignResult) -> DesignResult:
 
 
 def _solid_mesh(design: Design, result: DesignResult, cache: Path) -> DesignResult:
-    """Tetrahedra of the half body with its magnet, made anew and then read from the cache."""
+    """Mesh the half body with its magnet by tetrahedra, first without the cache and then from it."""
     from fem.accuracy import QUICK
     from geometry.mesh import tetrahedra
     from geometry.meshing.curved_mesh import LEAST_JACOBIAN
     from geometry.meshing.mesh_quality import quality
 
     size = QUICK.solid_size * design.D
-    with _kept_in(cache):
+    with _cache_in(cache):
         begin, spent = time.perf_counter(), os.times()
         mesh = tetrahedra(design.shape, size)
         seconds, now = time.perf_counter() - begin, os.times()
@@ -201,8 +201,8 @@ def _solid_mesh(design: Design, result: DesignResult, cache: Path) -> DesignResu
 
 
 @contextlib.contextmanager
-def _kept_in(folder: Path) -> Iterator[None]:
-    """Meshes are kept in this folder meanwhile."""
+def _cache_in(folder: Path) -> Iterator[None]:
+    """Let the mesh cache use this folder inside the `with` block."""
     from geometry.meshing.mesh_cache import VARIABLE
 
     before = os.environ.get(VARIABLE)

@@ -1,4 +1,4 @@
-"""What the states of `accuracy` amount to: statistics by level, scene and quantity, and broken promises."""
+"""Statistics of the states of `accuracy` by level, scene and quantity, and the goals that they miss."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from studies.validation.error_study_records import ErrorState, PathSolve
 Key = TypeVar("Key", bound=Hashable)
 
 LEAST_STATES = 8
-"""Fewer states than this allow no verdict on shares."""
+"""Coverage and sharpness of fewer states are not compared with their goals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """True errors of several states, and how their estimates keep the promises.
+    """Statistics of true errors and estimates over several states.
 
     Attributes
     ----------
     coverage : share of the states whose true error is at most the estimate.
-    sharpness : share of the states whose estimate is at most SHARP true errors, or CLEAR.
+    sharpness : share of the states whose estimate is at most SHARP times the true error, or at most CLEAR.
     """
 
     states: int
@@ -40,7 +40,7 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class LevelErrors:
-    """Errors of a quantity at a level of accuracy, with its goal."""
+    """Errors of a quantity at an accuracy level, with their goal."""
 
     level: str
     model: str
@@ -51,13 +51,13 @@ class LevelErrors:
     met: bool
 
     def row(self) -> FlatRow:
-        """Its columns in ACCURACY.md, in a printed table and in JSON."""
+        """Return the columns of ACCURACY.md, of a printed table and of JSON."""
         return records.flat(self)
 
 
 @dataclass(frozen=True, slots=True)
 class EstimateShares:
-    """Errors of a quantity over all levels, of all designs or of the odd ones."""
+    """Errors of a quantity over all levels, of all designs or only of the odd ones."""
 
     model: str
     scene: str
@@ -66,13 +66,13 @@ class EstimateShares:
     statistics: Statistics = field(metadata={"prefix": ""})
 
     def row(self) -> FlatRow:
-        """Its columns in ACCURACY.md, in a printed table and in JSON."""
+        """Return the columns of ACCURACY.md, of a printed table and of JSON."""
         return records.flat(self)
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceErrors:
-    """How far the reference is from a finer mesh in one state; NaN where there is nothing to be relative to."""
+    """Relative difference between the reference and a finer mesh in one state; NaN where a value is zero."""
 
     design: int
     scene: str
@@ -84,13 +84,13 @@ class ReferenceErrors:
     sideways_percent: float
 
     def row(self) -> FlatRow:
-        """Its columns in ACCURACY.md."""
+        """Return the columns of ACCURACY.md."""
         return records.flat(self)
 
 
 @dataclass(frozen=True, slots=True)
 class MeshNoise:
-    """Relative standard deviation of the half model's answers over its meshes: mean and greatest of the states."""
+    """Relative standard deviation of the half model's answers over meshes: mean and maximum over the states."""
 
     level: str
     scene: str
@@ -100,12 +100,12 @@ class MeshNoise:
     max_percent: float
 
     def row(self) -> FlatRow:
-        """Its columns in ACCURACY.md."""
+        """Return the columns of ACCURACY.md."""
         return records.flat(self)
 
 
 def summary(states: Sequence[ErrorState]) -> list[LevelErrors]:
-    """Statistics of each level, model, scene and quantity, in that order."""
+    """Return the statistics of each level, model, scene and quantity, in that order."""
     table = []
     groups = _grouped(ended_well(states), lambda state: (state.level, _model(state), state.scene))
     for (level, model, scene), members in groups.items():
@@ -117,7 +117,7 @@ def summary(states: Sequence[ErrorState]) -> list[LevelErrors]:
 
 
 def shares(states: Sequence[ErrorState]) -> list[EstimateShares]:
-    """Coverage and sharpness of each scene and quantity over all levels, of all designs and of the odd ones."""
+    """Return the statistics of each scene and quantity over all levels, for all designs and for the odd ones."""
     table = []
     groups = _grouped(ended_well(states), lambda state: (_model(state), state.scene))
     for (model, scene), members in groups.items():
@@ -129,7 +129,7 @@ def shares(states: Sequence[ErrorState]) -> list[EstimateShares]:
 
 
 def references(states: Sequence[ErrorState]) -> list[ReferenceErrors]:
-    """How far the reference is from a finer mesh, in percent of each quantity."""
+    """Return the differences between the reference and a finer mesh, in percent."""
     table = []
     for state in states:
         if state.level == "reference" and state.status == "ok":
@@ -141,18 +141,18 @@ def references(states: Sequence[ErrorState]) -> list[ReferenceErrors]:
 
 
 def ended_well(states: Iterable[ErrorState]) -> list[ErrorState]:
-    """The states of the levels that ended well."""
+    """Return the states with status "ok" at levels quick, standard and fine."""
     return [state for state in states if state.status == "ok" and state.level in GOALS]
 
 
 def pairs_of(states: Iterable[ErrorState], name: str) -> list[tuple[float, float]]:
-    """True error and estimate of a quantity in the states that have both."""
+    """Return true error and estimate of a quantity in each state that has both."""
     judged = [one for state in states for one in state.judged if one.quantity == name]
     return [(one.error, one.estimate) for one in judged if math.isfinite(one.error) and math.isfinite(one.estimate)]
 
 
 def verdicts(states: Sequence[ErrorState]) -> list[str]:
-    """One sentence for each promise that is not kept."""
+    """Return one sentence for each goal that is missed."""
     sentences = []
     for share in shares(states):
         numbers = share.statistics
@@ -160,19 +160,24 @@ def verdicts(states: Sequence[ErrorState]) -> list[str]:
             continue
         where = f"{share.model} {share.scene}, {share.quantity}"
         if not numbers.coverage >= COVERAGE:
-            sentences.append(f"{where}: {numbers.coverage:.0%} of the true errors lie below the estimate")
+            sentences.append(
+                f"{where}: {numbers.coverage:.0%} of the true errors are at most the estimate, goal {COVERAGE:.0%}"
+            )
         if not numbers.sharpness >= SHARPNESS:
-            sentences.append(f"{where}: {numbers.sharpness:.0%} of the estimates lie below {SHARP:g} true errors")
+            sentences.append(
+                f"{where}: {numbers.sharpness:.0%} of the estimates are at most {SHARP:g} times the true error, "
+                f"goal {SHARPNESS:.0%}"
+            )
     for errors in summary(states):
         if not errors.met:
             where = f"{errors.model} {errors.scene}, {errors.quantity}, {errors.level}"
             worst = errors.statistics.max_percent
-            sentences.append(f"{where}: an error of {worst:.2g} %, goal {errors.goal_percent:g} %")
+            sentences.append(f"{where}: largest error {worst:.2g} %, goal {errors.goal_percent:g} %")
     return sentences
 
 
 def noise(states: Sequence[ErrorState]) -> list[MeshNoise]:
-    """Spread of the half model's answers over meshes that differ in nothing but chance."""
+    """Return the spread of the half model's answers over meshes of practically the same size."""
     half = [state for state in states if state.model == "half" and state.status == "ok"]
     loads = _grouped(half, lambda s: (s.level, s.scene, s.design, s.magnet, s.depth_mm, s.shear_mm))
     spreads: dict[tuple[str, str, str], list[float]] = defaultdict(list)
@@ -181,6 +186,7 @@ def noise(states: Sequence[ErrorState]) -> list[MeshNoise]:
         if len(solves) < 2:
             continue
         for name, vectors in _vectors(solves).items():
+            # a press has neither; a relative deviation would divide by mesh noise
             if scene in ("press", "pressed") and name in ("tilt", "sideways"):
                 continue
             components = list(zip(*vectors, strict=True))
@@ -193,7 +199,7 @@ def noise(states: Sequence[ErrorState]) -> list[MeshNoise]:
 
 
 def _vectors(solves: Sequence[PathSolve]) -> dict[str, list[tuple[float, ...]]]:
-    """Each quantity of RESPONSES as vectors, one for each solve."""
+    """Return each quantity of RESPONSES as vectors, one for each solve."""
     return {
         "force": [(solve.force_x_N, solve.force_z_N) for solve in solves],
         "shift": [(solve.shift_x_mm, solve.shift_z_mm) for solve in solves],
@@ -214,7 +220,7 @@ def _grouped(states: Iterable[ErrorState], key: Callable[[ErrorState], Key]) -> 
 
 
 def _statistics(pairs: Sequence[tuple[float, float]]) -> Statistics:
-    """Of true errors and estimates."""
+    """Return the statistics of pairs of true error and estimate."""
     true = sorted(error for error, _ in pairs)
     return Statistics(
         states=len(pairs),

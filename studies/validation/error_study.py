@@ -1,6 +1,6 @@
-"""How far the error estimates of `fem` and its accuracy levels can be trusted: both against much finer meshes.
+"""True errors of the finite elements and their error estimates, compared with much finer meshes (verb accuracy).
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, defines the errors and the goals.
 """
 
 from __future__ import annotations
@@ -38,45 +38,59 @@ from studies.validation.error_study_records import (
 )
 
 ABOUT = """\
-How reliable the error estimates of `fem` and its accuracy levels are: both are compared with much finer meshes.
+The answers of the finite elements at each accuracy level, and their error estimates, are compared with solutions on
+much finer meshes (the reference).
 
-The true error of a state is the length of the difference between its vector (force, shift or tilt of the magnet) and
-the reference's, over the length of the reference's vector; `sideways` is the error of the force along the shear
-alone, a small part of the force under a plate. `coverage` is the share of states whose true error is at most the
-estimate, `sharpness` the share whose estimate is at most three times the true error, or so small that the reference
-itself is not much better. Critical depths and forces, small shears of a plate that sticks and natural frequencies are
-checked in the same way. Their goals are wider: a deep critical state depends on skin that lies on the base beside the
-clamp, only one or two elements wide, and a small shear depends on the edge of the contact area. States that did not
-end well, or whose error exceeds JUMP, are listed and left out of the statistics.
+The true error of a state is the norm of the difference between its vector (force; shift of the magnet; tilt) and that
+of the reference, over the norm of the reference's vector. `sideways` is the error of the force along the shear alone,
+which is a small part of the force under a plate. `coverage` is the share of states whose true error is at most the
+estimate; its goal is 95 %. `sharpness` is the share of states whose estimate is at most three times the true error,
+or so small (0.03 %) that the reference itself is hardly better; its goal is 50 %.
+
+Critical depths and forces, small shears of a glued plate and natural frequencies are compared in the same way. The
+goals of critical states and small shears are wider. A deep critical state depends on the silicone that touches the
+base beside the clamp, which is only one or two elements wide. A small shear depends on where the glued contact area
+ends.
+
+States with a solve that failed, or with an error above 25 % (which means another equilibrium), are listed below and
+left out of the statistics.
 """
 
 RESPONSES = ("force", "shift", "tilt", "sideways")
 QUANTITIES = (*RESPONSES, "depth", "stiffness", "frequency")
-"""What is judged in the states of a path, and after them what a tangent tells."""
+"""Quantities that are compared: first those of a path of loads, then those that follow from a tangent."""
 GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
 WIDER = {
     "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
     "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
 }
+"""Largest true errors of the levels, and wider ones of two scenes; ABOUT gives the reasons."""
 COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
+"""Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
 REPEATS, NUDGE = 3, 1e-4
-"""Meshes of tetrahedra for each state, and the relative change of their size from one to the next: the least change
-makes fTetWild come to another mesh."""
+"""Number of meshes of tetrahedra for each state, and relative change of their size from one to the next: even a tiny
+change makes fTetWild generate another mesh."""
 FINE_SHEARS = (0, 1, 2, 3)
 FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(error_study_cases.DESIGNS), "ignored": range(2)}
 SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_study_cases.DESIGNS, 2)
-"""Designs that are sheared at level fine too, those sheared far, those sheared and those pressed with tetrahedra,
-those whose reference is checked, and those whose tangents are looked at without a magnet too. Design 7 has little
-silicone above its magnet."""
+"""Designs of the parts of the study: FINE_SHEARS are also sheared at level fine and FAR_SHEARS are sheared far;
+SOLIDS are sheared and PRESSED are pressed with tetrahedra; the reference of CHECKED is compared with a finer one; the
+tangents of UNHELD are also solved without a magnet. Design 7 has little silicone above its magnet."""
 ESTIMATING = ("fem/accuracy.py", "fem/error_estimates.py", "fem/error_estimate_rules.py")
-"""Modules whose code no solve depends on, by their path in the project: the study asks for no estimates."""
+"""Paths of modules that no kept solve depends on, because the study solves without estimates."""
 NOTHING = 1e-6
-"""Shift in mm, tilt in rad or force along the shear in N, below which there is no relative error."""
+"""Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Task:
-    """A trial at one level, the companion of that level, and the reference; or the reference against a finer one."""
+    """A trial at one level, at the coarser level of its estimate, and on the reference; or reference and finer mesh.
+
+    Attributes
+    ----------
+    repeat : number of the mesh, for tetrahedra.
+    fineness : of the reference, as in `error_study_cases.reference`.
+    """
 
     trial: Trial
     level: Accuracy
@@ -85,36 +99,39 @@ class Task:
 
     @property
     def solves(self) -> dict[str, tuple[Trial, Accuracy]]:
-        """What has to be solved: the level, its companion, the reference."""
+        """Trial and accuracy of each solve, by ROLES: the level, its coarser level, the reference."""
         trial, level = self.trial, replace(self.level, solid_size=self.level.solid_size * (1 + NUDGE * self.repeat))
-        judge = replace(trial, model="auto") if trial.model == "half" else trial
+        # the section model resolves the same state on a far finer mesh than tetrahedra can
+        reference = replace(trial, model="auto") if trial.model == "half" else trial
         check = level.name == "reference"
         return {
             "": (trial, level),
             "companion_": (trial, level if check else coarser(level)),
-            "reference_": (judge, error_study_cases.reference(trial.scene, 2 if check else self.fineness)),
+            "reference_": (reference, error_study_cases.reference(trial.scene, 2 if check else self.fineness)),
         }
 
 
 def tasks(*, quick: bool = False) -> list[Task]:
-    """All of them, the cheap ones first; if quick, two designs at level quick and against a rougher reference."""
+    """Return all tasks, the fast ones first; if quick, two designs at level quick and a coarser reference."""
     if quick:
-        made = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
-        made += [Task(error_study_tangents.trial(0, "rigid", scene), LEVELS["quick"]) for scene in TANGENTS]
-        return [replace(task, fineness=0) for task in made]
+        chosen = [_task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
+        chosen += [Task(error_study_tangents.trial(0, "rigid", scene), LEVELS["quick"]) for scene in TANGENTS]
+        return [replace(task, fineness=0) for task in chosen]
     names, numbers, repeats = ("quick", "standard", "fine"), range(error_study_cases.DESIGNS), range(REPEATS)
     magnets: Sequence[Magnet] = ("rigid", "ignored")
-    found = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
+    chosen = [_task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
     checked = [error_study_cases.trial(n, "rigid", scene, "auto") for scene in ("press", "stick") for n in CHECKED]
-    found += [Task(trial, error_study_cases.reference(trial.scene)) for trial in checked]
-    found += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
+    chosen += [Task(trial, error_study_cases.reference(trial.scene)) for trial in checked]
+    chosen += [_task(n, "rigid", "friction", name) for n in numbers for name in names[:2]]
     for magnet in magnets:
-        found += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
-        found += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
-        found += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
+        chosen += [_task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in names[:2]]
+        chosen += [_task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in names[:2]]
+        chosen += [_task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
         for scene, solids in (("press", PRESSED), ("stick", SOLIDS)):
-            found += [_task(n, magnet, scene, name, "half", i) for name in names[:2] for n in solids for i in repeats]
-    return found + [
+            chosen += [
+                _task(n, magnet, scene, name, "half", i) for name in names[:2] for n in solids for i in repeats
+            ]
+    return chosen + [
         Task(trial, LEVELS[name]) for trial, name in error_study_tangents.chosen(numbers, FINE_SHEARS, UNHELD)
     ]
 
@@ -126,9 +143,9 @@ def _task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "a
 def run(
     *, quick: bool = False, folder: Path | None = None, minutes: float = math.inf, progress: Progress | None = None
 ) -> list[ErrorState]:
-    """All states with their errors; solves in the folder's solves.jsonl that the same code made are not done again.
+    """Return all states with their errors; solves in the folder's solves.jsonl by the same code are not repeated.
 
-    After `minutes` no further solve is begun: states that miss one have the status not_run.
+    No further solve begins after `minutes`: states whose solves are incomplete have the status not_run.
     """
     end = time.monotonic() + 60 * minutes
     chosen = tasks(quick=quick)
@@ -152,7 +169,7 @@ def run(
 
 
 def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
-    """The states of a trial, without estimates; an exception is the last state, with its text as the message."""
+    """Return the states of a trial, without estimates; an exception becomes the last state, its text the message."""
     states, begin = [], time.process_time()
     try:
         scene = Scene(trial.design, trial.loads, accuracy, trial.magnet, trial.model)
@@ -160,13 +177,17 @@ def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
             spent, begin = time.process_time() - begin, time.process_time()
             states.append(SolvedState(s.status, s.message, s.model, s.dofs, s.newton_iterations, spent, s.response))
     except Exception as error:
-        # whatever goes wrong with a mesh is a finding of this study
+        # the study goes on: a crash is one of its results
         states.append(SolvedState("crashed", f"{type(error).__name__}: {error}"))
     return states
 
 
 def key(trial: Trial, accuracy: Accuracy) -> str:
-    """What a solve depends on beside the code, as text; the end of a contact is found on sections of level quick."""
+    """Return all that a solve depends on beside the code, as text.
+
+    Numbers of the accuracy that the trial does not use are set to 0, so that levels that differ only in these share a
+    solve. QUICK.section_size belongs to the key because the contact radius is determined on sections of level quick.
+    """
     used = replace(accuracy, name="")
     used = replace(used, section_patch=0) if trial.scene == "friction" else replace(used, friction_step_factor=0)
     if trial.model == "auto":
@@ -183,10 +204,10 @@ def key(trial: Trial, accuracy: Accuracy) -> str:
 
 
 def code() -> str:
-    """A digest of the modules that solve a path of loads, so that new rules or levels do not void what is solved.
+    """Return a digest of the modules that solve a path of loads.
 
-    What else a solve depends on is in its key: the numbers of `fem.accuracy`, and a digest of the modules that only a
-    tangent needs.
+    New rules of the estimates or new levels do not change it and do not invalidate kept solves. The key of a solve
+    holds the rest: the numbers of `fem.accuracy`, and a digest of the modules that only tangents use.
     """
     apart = (*ESTIMATING, *error_study_tangents.MODULES)
     return result_store.digest(result_store.modules("geometry", "fem", apart=apart))
@@ -198,11 +219,11 @@ def _digest(names: tuple[str, ...]) -> str:
 
 
 def states_of(task: Task, known: Mapping[str, Sequence[SolvedState]]) -> list[ErrorState]:
-    """A state with its errors for each load of a task, or for each of its natural frequencies.
+    """Return a state with its errors for each load of a task, or for each of its natural frequencies.
 
     Parameters
     ----------
-    known : the solved states of each key.
+    known : the solved states by `key`.
     """
     trial, not_run = task.trial, [SolvedState("not_run", "no time")]
     paths = {role: known.get(key(*task.solves[role]), not_run) for role in ROLES}
@@ -210,7 +231,7 @@ def states_of(task: Task, known: Mapping[str, Sequence[SolvedState]]) -> list[Er
         return [without_jump(state) for state in error_study_tangents.states_of(trial, task.level, paths)]
     states = []
     for i, load in enumerate(trial.loads):
-        # a path that stopped ends in the state that says why
+        # the last state of a path that stopped holds the reason
         solved = {role: path[min(i, len(path) - 1)] for role, path in paths.items()}
         lost = any(i >= len(path) for path in paths.values())
         state = error_state(trial, task.level, load, solved, repeat=task.repeat, lost=lost)
@@ -219,7 +240,7 @@ def states_of(task: Task, known: Mapping[str, Sequence[SolvedState]]) -> list[Er
 
 
 def _with_errors(task: Task, load: Load, state: ErrorState, solved: Mapping[str, SolvedState]) -> ErrorState:
-    """The state with the numbers of its solves, and with errors and estimates."""
+    """Return the state with the numbers of its three solves, its true errors and its estimates."""
     responses = [solved[role].response for role in ROLES]
     one, other, truth = (response for response in responses if response is not None)
     level, companion, reference = (
@@ -235,7 +256,7 @@ def _path_solve(state: SolvedState, response: Response) -> PathSolve:
 
 
 def _judged(task: Task, model: str, load: Load, one: Response, other: Response, truth: Response) -> Iterator[Judged]:
-    """True errors and estimates, NaN where there is nothing to be relative to."""
+    """Yield true errors and estimates; NaN where the reference is (nearly) zero."""
     trial = task.trial
     scene = Scene(trial.design, trial.loads, task.level, trial.magnet, trial.model)
     estimates = estimate_response(one, other, load, scene, model)

@@ -1,8 +1,8 @@
-"""Designs and loads on which the error estimates of `fem` are set and judged.
+"""Designs and loads on which the error estimates of `fem` are calibrated and tested.
 
-Twelve designs: the paper's, and eleven of a Sobol sequence over D, L/D, nu and the magnet's three lengths. Each is
-solved with its magnet rigid and ignored. The rules of the estimates took their form on the even-numbered ones, and
-their constants were then widened to hold on all; shares are also given for the odd-numbered ones alone.
+The twelve designs are the paper's and eleven of a Sobol sequence over D, L/D, nu and the magnet's three lengths. Each
+is solved with its magnet rigid and with it ignored. The form of the estimates' rules was chosen on the even-numbered
+designs; their constants were then widened to hold on all. Shares are therefore also given for the odd designs alone.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from geometry.loads import Load, Magnet
 
 SEED, DESIGNS = 2016, 12
 DEPTHS = (0.03, 0.1, PRESS_DEPTH)
-"""Depths of a press over D; all shrink alike where the deepest has no room."""
+"""Depths of a press over D; all are scaled down in proportion if the silicone is too thin for the deepest."""
 STICK = (0.1, (0.0, 0.05, STICK_SHEAR))
-"""Depth at most, and shears of the glued plate, over D."""
+"""Largest depth, and shears of the glued plate, over D."""
 RUB = ((0.0, 0.04, FRICTION_SHEAR), 0.4)
-"""Shears of the rubbing plate over D, at the same depth: partial and full slip; coefficient of friction."""
+"""Shears with Coulomb friction over D, at the depth of STICK, for partial and full slip; coefficient of friction."""
 DEEP = (0.25, 0.5, 1.0)
-"""Depths of deep presses, on the way from the deepest of the others to the deepest of the study."""
+"""Depths of deep presses: 0 is the deepest depth of scene press, 1 the deepest of the study."""
 FAR = (0.3, FAR_SHEAR)
-"""Far shears of the glued plate over D."""
+"""Large shears of the glued plate over D."""
 GRIP = (0.2, STICK_SHEAR)
 """Height and shear of a grip over D."""
 THINNEST = 0.06
-"""Least wall of silicone around the magnet of a sampled design, over D."""
+"""Least silicone wall around the magnet of a sampled design, over D."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Trial:
 
     Attributes
     ----------
-    number : of the design; 0 is the paper's.
+    number : number of the design; 0 is the paper's.
     scene : press, deep, stick, far, friction or grip; critical, small shear or modes
         (`studies.validation.error_study_tangents`).
     """
@@ -62,7 +62,7 @@ class Trial:
 
 
 def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
-    """The loads of a scene, in proportion to the design."""
+    """Return the trial of a scene on a design, with loads in proportion to the design."""
     design = designs()[number]
     D = design.D
     first, most = press_limits(design, magnet)
@@ -84,20 +84,20 @@ def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
 
 @functools.cache
 def designs() -> tuple[Design, ...]:
-    """The paper's design, then those of the sequence that can be built."""
+    """Return the paper's design and the first designs of the sequence that are possible."""
     from scipy.stats import qmc
 
-    found, sequence = [paper()], qmc.Sobol(6, seed=SEED)
-    while len(found) < DESIGNS:
+    chosen, sequence = [paper()], qmc.Sobol(6, seed=SEED)
+    while len(chosen) < DESIGNS:
         for point in sequence.random(8):
             design = _sample([float(x) for x in point])
-            if design is not None and len(found) < DESIGNS:
-                found.append(design)
-    return tuple(found)
+            if design is not None and len(chosen) < DESIGNS:
+                chosen.append(design)
+    return tuple(chosen)
 
 
 def _sample(x: list[float]) -> Design | None:
-    """The design at a point of the unit cube, or None if its magnet does not fit."""
+    """Return the design at a point of the unit cube, or None if its magnet does not fit."""
     D = 4 * 5 ** x[0]
     height = (0.1 + 0.4 * x[4]) * D
     values: dict[str, Any] = {
@@ -119,12 +119,12 @@ def _sample(x: list[float]) -> Design | None:
 
 
 def rounded(value: float) -> float:
-    """A load to four digits."""
+    """Return a value rounded to four digits."""
     return float(f"{value:.4g}")
 
 
 def reference(scene: str, fineness: int = 1) -> Accuracy:
-    """The mesh that stands for the truth; 0 a rougher one for a quick look, 2 a finer one to check it."""
+    """Return the accuracy of the reference: fineness 1; 0 is coarser, for a quick run; 2 is finer, to check 1."""
     name = ("rough", "reference", "finer")[fineness]
     if scene in ("press", "deep"):
         return Accuracy(name, (0.025, 0.018, 0.013)[fineness], 0.05, 0.001, 0.02, 0)

@@ -1,4 +1,4 @@
-"""Records of the study of error estimates: a solved state as it is kept, and a state with its true errors."""
+"""Records of the study of error estimates: a solved state as it is stored, and a state with its true errors."""
 
 from __future__ import annotations
 
@@ -23,21 +23,23 @@ TANGENTS: dict[str, type[Critical] | type[SmallShear] | type[Modes]] = {
     "small shear": SmallShear,
     "modes": Modes,
 }
-"""What the tangent tells in a scene."""
+"""Type of the result of each scene that follows from a tangent."""
 ROLES = ("", "companion_", "reference_")
-"""Of the three solves of a state: its level, the level's companion, the reference; prefixes of their columns."""
+"""Prefixes of the columns of a state's three solves: its level, the coarser level of its estimate, the reference."""
+NAMES = {"": "level", "companion_": "coarser level", "reference_": "reference"}
+"""Names of ROLES in messages."""
 JUMP = 0.25
-"""True error beyond which a state is none of the mesh: another equilibrium."""
+"""A larger true error does not come from the mesh: the two solutions are different equilibria."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolvedState:
-    """One state as a solve leaves it, without estimates; None where the solve failed or has no such number.
+    """One solved state, without estimates; None where the solve failed or has no such value.
 
     Attributes
     ----------
-    response : of a path of loads.
-    tangent : what the tangent about a press tells.
+    response : response of a state on a path of loads.
+    tangent : critical state, small shear or modes about a press.
     """
 
     status: str
@@ -50,7 +52,7 @@ class SolvedState:
     tangent: Tangent | None = None
 
     def kept(self) -> FlatRow:
-        """The state as solves.jsonl keeps it; `restored` reads it."""
+        """Return the state as a row of solves.jsonl, which `restored` reads."""
         row = records.flat(self)
         row["response"] = None if self.response is None else dataclasses.asdict(self.response)
         row["found"] = None if self.tangent is None else dataclasses.asdict(self.tangent)
@@ -59,7 +61,7 @@ class SolvedState:
 
 
 def restored(scene: str, answer: Mapping[str, Any]) -> SolvedState:
-    """A kept state of a scene."""
+    """Return the solved state of a scene from its row in solves.jsonl."""
     values = dict(answer)
     response, tangent = values.pop("response", None), values.pop("found", None)
     return SolvedState(
@@ -70,7 +72,7 @@ def restored(scene: str, answer: Mapping[str, Any]) -> SolvedState:
 
 
 def _tuples(values: Mapping[str, Any]) -> FlatRow:
-    """The values without estimates, with tuples in place of JSON's lists."""
+    """Return the values without estimates, with tuples in place of JSON's lists."""
     return {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in values.items()
@@ -80,7 +82,7 @@ def _tuples(values: Mapping[str, Any]) -> FlatRow:
 
 @dataclass(frozen=True, slots=True)
 class PathSolve:
-    """Answer and cost of one of the three solves of a state on a path of loads."""
+    """Response and cost of one of the three solves of a state on a path of loads."""
 
     force_x_N: float
     force_z_N: float
@@ -101,11 +103,11 @@ class TangentSolve:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """True error and estimate of one quantity; NaN where there is nothing to be relative to.
+    """True error and estimate of one quantity, relative; NaN where the reference is zero.
 
     Attributes
     ----------
-    value, reference, companion : of the three solves, where the columns of the solves do not have them.
+    value, reference, companion : values of the three solves, if PathSolve does not hold them.
     """
 
     quantity: str
@@ -116,7 +118,7 @@ class Judged:
     companion: float | None = None
 
     def row(self) -> FlatRow:
-        """Its columns, named by the quantity."""
+        """Return the columns of the quantity, which bear its name."""
         name = self.quantity
         return records.known(
             {
@@ -131,14 +133,15 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class ErrorState:
-    """One state of the study with the true errors of what it is judged by; none where a solve ended badly.
+    """One state of the study with its true errors; none if a solve failed.
 
     Attributes
     ----------
     odd : whether the design's number is odd.
-    scene : as the statistics group it: the press before a shear is a scene of its own.
-    path : the scene of the whole path.
-    shape : of a natural mode.
+    scene : group of the statistics; the press before a shear is a scene of its own, "pressed".
+    path : scene of the whole path.
+    shape : shape of a natural mode.
+    judged : true errors and estimates, one for each quantity.
     """
 
     design: int
@@ -160,7 +163,7 @@ class ErrorState:
     judged: tuple[Judged, ...] = ()
 
     def row(self) -> FlatRow:
-        """Its columns in accuracy.csv."""
+        """Return the state as columns of accuracy.csv."""
         row = records.known(records.flat(replace(self, judged=())))
         del row["judged"]
         for judged in self.judged:
@@ -177,12 +180,12 @@ def error_state(
     repeat: int = 0,
     lost: bool = False,
 ) -> ErrorState:
-    """A state before its errors are known: where it is, and how its solves ended.
+    """Return a state without its errors: design, load, and status of the three solves.
 
     Parameters
     ----------
-    states : by ROLES.
-    lost : whether a path ended before this load.
+    states : the three solves by ROLES.
+    lost : whether a path stopped before this load.
     """
     bad = {role: state for role, state in states.items() if state.status != "ok"}
     return ErrorState(
@@ -197,17 +200,17 @@ def error_state(
         depth_mm=load.depth,
         shear_mm=0.0 if trial.scene in TANGENTS else load.shear_x,
         status=next((state.status for state in bad.values()), "lost" if lost else "ok"),
-        message="; ".join(f"{role.strip('_') or 'level'}: {state.message}" for role, state in bad.items()),
+        message="; ".join(f"{NAMES[role]}: {state.message}" for role, state in bad.items()),
     )
 
 
 def without_jump(state: ErrorState) -> ErrorState:
-    """The state, with another status if an error is none of the mesh."""
+    """Return the state, with status "jump" if an error exceeds JUMP."""
     if any(judged.error > JUMP for judged in state.judged):
         return replace(state, status="jump", message=f"an error exceeds {JUMP:g}")
     return state
 
 
 def nan_if_none(estimate: float | None) -> float:
-    """An estimate, NaN where there is none."""
+    """Return an estimate, or NaN for None."""
     return math.nan if estimate is None else estimate

@@ -1,4 +1,4 @@
-"""Pages of the study of error estimates: accuracy.csv, ACCURACY.md and errors.png."""
+"""Files of the study of error estimates: accuracy.csv, ACCURACY.md and errors.png."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from studies.validation import error_statistics, error_study, error_study_cases
 from studies.validation.error_study import QUANTITIES, SHARP
 from studies.validation.error_study_records import ErrorState
 
-LOOKS = {
+COLOURS = {
     "press": "#0072B2",
     "deep": "#000000",
     "pressed": "#56B4E9",
@@ -28,14 +28,15 @@ LOOKS = {
     "small shear": "#F0E442",
     "modes": "#6A3D9A",
 }
+"""Colours of the scenes, and of all states of the half model."""
 TITLES = {"sideways": "sideways force", "depth": "critical depth", "stiffness": "small-shear stiffness"}
 MARKERS = {"quick": "o", "standard": "s", "fine": "^"}
 LEAST = 1e-3
-"""Least true error in the picture, %; smaller ones are drawn there."""
+"""Least true error of the picture, %; smaller errors are drawn at this value."""
 
 
 def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str, *, quick: bool) -> None:
-    """accuracy.csv with all states, ACCURACY.md to read, errors.png."""
+    """Write accuracy.csv with all states, the report ACCURACY.md, and errors.png."""
     write_table(folder / "accuracy.csv", [state.row() for state in states], digits=9)
     picture(folder / "errors.png", states)
     good, missed = sum(state.status == "ok" for state in states), error_statistics.verdicts(states)
@@ -46,12 +47,22 @@ def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str,
     lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
     lines += ["", *error_study.ABOUT.splitlines(), "", "![Estimates over true errors](errors.png)", ""]
     lines += ["## Estimates", "", *_markdown(estimates), "", "## Levels", "", *_markdown(levels), ""]
-    if spread := error_statistics.noise(states):
-        lines += ["## Mesh noise of the half model", "", "Standard deviation over meshes.", ""]
-        lines += [*_markdown([one.row() for one in spread]), ""]
+    if noise := error_statistics.noise(states):
+        lines += [
+            "## Mesh noise of the half model",
+            "",
+            "Relative standard deviation of the half model's answers over meshes whose sizes differ by 0.01 %.",
+            "",
+        ]
+        lines += [*_markdown([one.row() for one in noise]), ""]
     lines += ["## Reference meshes", "", *_references(0 if quick else 1), ""]
     if checked := error_statistics.references(states):
-        lines += ["Against one more refinement:", "", *_markdown([one.row() for one in checked]), ""]
+        lines += [
+            "Differences between these meshes and still finer ones, relative:",
+            "",
+            *_markdown([one.row() for one in checked]),
+            "",
+        ]
     lines += ["## States left out", "", *_left_out(states), "", "## Designs", "", *_designs(states), ""]
     write_text(folder / "ACCURACY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
@@ -63,7 +74,7 @@ def _references(fineness: int) -> list[str]:
 
 def _left_out(states: Sequence[ErrorState]) -> list[str]:
     missing = sum(state.status == "not_run" for state in states)
-    lines = [f"- {missing} states were not solved: the time was up."] if missing else []
+    lines = [f"- {missing} states were not solved within the time limit (`--minutes`)."] if missing else []
     lines += [
         f"- design {state.design}, magnet {state.magnet}, {state.model} {state.path}, {state.level}, depth "
         f"{state.depth_mm:g} mm, shear {state.shear_mm:g} mm: {state.status}; {state.message}"
@@ -95,7 +106,7 @@ def _cell(value: Any) -> str:
 
 
 def picture(path: Path, states: Sequence[ErrorState]) -> None:
-    """Estimate over true error of each quantity; between the lines an estimate is both safe and sharp."""
+    """Plot estimates over true errors of each quantity; between the two lines an estimate covers and is sharp."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -120,23 +131,25 @@ def picture(path: Path, states: Sequence[ErrorState]) -> None:
         handles = [Line2D([], [], marker=mark, label=level, **grey) for level, mark in MARKERS.items()]
         lines = {"estimate = error": "-", f"estimate = {SHARP:g} errors": "--"}
         handles += [Line2D([], [], color="black", linewidth=1, linestyle=a, label=text) for text, a in lines.items()]
-        scenes = {_colour(state) for state in states}
-        handles += [Line2D([], [], marker="o", linestyle="", color=LOOKS[n], label=n) for n in LOOKS if n in scenes]
-        # in the panel that is left over
+        scenes = {_colour_key(state) for state in states}
+        handles += [
+            Line2D([], [], marker="o", linestyle="", color=COLOURS[n], label=n) for n in COLOURS if n in scenes
+        ]
+        # there is one panel more than quantities: it holds the legend
         small = {"fontsize": 9.5, "columnspacing": 1.0, "handlelength": 1.6}
         axes[-1].legend(handles=handles, loc="center", ncols=2, frameon=False, **small)
         figure.savefig(temporary, dpi=200)
 
 
-def _colour(state: ErrorState) -> str:
-    """Key of its colour in LOOKS."""
+def _colour_key(state: ErrorState) -> str:
+    """Return the key of a state's colour in COLOURS."""
     return "half" if state.model == "half" else state.scene
 
 
 def _scatter(axis: Any, states: Sequence[ErrorState], name: str) -> None:
     for state in error_statistics.ended_well(states):
         for error, estimate in error_statistics.pairs_of([state], name):
-            look = {"marker": MARKERS[state.level], "color": LOOKS[_colour(state)], "alpha": 0.55}
+            look = {"marker": MARKERS[state.level], "color": COLOURS[_colour_key(state)], "alpha": 0.55}
             axis.plot(
                 max(100 * error, LEAST), 100 * estimate, linestyle="", markersize=4.5, markeredgewidth=0, **look
             )

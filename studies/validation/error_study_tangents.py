@@ -1,6 +1,7 @@
-"""Trials of what the tangent about a press tells: critical depths, small shears of a glued plate, frequencies.
+"""Trials of quantities that follow from a tangent: critical depths, small shears of a glued plate, frequencies.
 
-They are solved at a level, by its companion and on a much finer mesh, as the paths of `accuracy` are.
+Like the paths of `accuracy` they are solved at a level, at the coarser level of its estimate and on a much finer
+mesh.
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ from studies.validation.error_study_records import (
 )
 
 MODULES = ("fem/stability.py", "fem/small_shear.py", "fem/modes.py")
-"""Modules of `fem` that only these scenes use."""
+"""Modules of `fem` that only the scenes of this module use."""
 SHALLOW = 0.1 / PRESS_DEPTH
-"""Lesser depth of a small shear, over the deepest of the other presses, at which the modes are looked at too."""
+"""Smaller depth of a small shear, over the larger one."""
 COUNT = 8
-"""Natural frequencies of each trial."""
+"""Number of natural frequencies of each trial."""
 
 
 def trial(number: int, magnet: Magnet, scene: str) -> Trial:
-    """A scene of a design; its loads are the depths that are looked at, or down to which one looks."""
+    """Return the trial of a scene on a design; its loads are depths, for scene critical the deepest of the search."""
     design = designs()[number]
     first, _ = press_limits(design, magnet)
     room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
@@ -53,7 +54,7 @@ def trial(number: int, magnet: Magnet, scene: str) -> Trial:
 
 
 def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:
-    """What the tangent tells at each depth of a trial, without estimates; what fails is a state too."""
+    """Return the state at each depth of a trial, without estimates; a failure is a state as well."""
     return [_state(trial, load.depth, accuracy) for load in trial.loads]
 
 
@@ -62,7 +63,7 @@ def _state(trial: Trial, depth: float, accuracy: Accuracy) -> SolvedState:
     try:
         tangent = _solved(trial, depth, accuracy)
     except Exception as error:
-        # whatever goes wrong with a mesh is a finding of this study
+        # the study goes on: a crash is one of its results
         status = "failed" if isinstance(error, BadInput) else "crashed"
         return SolvedState(status, f"{type(error).__name__}: {error}")
     spent = time.process_time() - begin
@@ -82,11 +83,11 @@ def _solved(trial: Trial, depth: float, accuracy: Accuracy) -> Tangent:
 
 
 def states_of(trial: Trial, level: Accuracy, paths: Mapping[str, Sequence[SolvedState]]) -> list[ErrorState]:
-    """A state with its errors for each depth of a trial, or for each natural frequency.
+    """Return a state with its errors for each depth of a trial, or for each natural frequency.
 
     Parameters
     ----------
-    paths : the solved states by ROLES.
+    paths : solved states by ROLES.
     """
     states = []
     for i, load in enumerate(trial.loads):
@@ -109,7 +110,7 @@ def states_of(trial: Trial, level: Accuracy, paths: Mapping[str, Sequence[Solved
 
 
 def _judged(scene: Scene, one: Tangent | None, other: Tangent | None, truth: Tangent | None) -> tuple[Judged, ...]:
-    """Errors and estimates of a critical state or a small shear, as a user would get them."""
+    """Return errors and estimates of a critical state or a small shear; a user gets the same estimates."""
     if isinstance(one, Critical) and isinstance(other, Critical) and isinstance(truth, Critical):
         critical = stability.estimate_critical(one, other, scene)
         return (
@@ -128,7 +129,10 @@ def _judged(scene: Scene, one: Tangent | None, other: Tangent | None, truth: Tan
 
 
 def _judged_frequencies(solved: Modes, truth: Modes) -> Iterator[tuple[str, Judged]]:
-    """Shape and frequency of each mode that the reference has too; modes of a shape are paired in rising order."""
+    """Yield shape and frequency of each mode that the reference also has.
+
+    Frequencies of one shape are paired in rising order, because modes of different shapes may swap places.
+    """
     left: dict[str, list[float]] = {}
     for frequency, name in zip(truth.frequency, truth.shape, strict=True):
         left.setdefault(name, []).append(frequency)
@@ -144,18 +148,18 @@ def judged(
     estimate: float | None,
     companion: float | None = None,
 ) -> Judged:
-    """A quantity with its relative error and its estimate; a state that ended well has a value and a reference."""
+    """Return a quantity with its relative error and its estimate; states with status "ok" have both values."""
     assert value is not None
     assert reference is not None
     return Judged(quantity, abs(value / reference - 1), nan_if_none(estimate), value, reference, companion)
 
 
 def chosen(numbers: Sequence[int], fine: Sequence[int], ignored: Sequence[int]) -> list[tuple[Trial, str]]:
-    """Trials and the names of their levels.
+    """Return trials and the names of their levels.
 
     Parameters
     ----------
-    numbers, fine, ignored : designs that are looked at, those at level fine too, and those without magnet.
+    numbers, fine, ignored : designs of the study; those also solved at level fine; those also solved without magnet.
     """
     trials: list[tuple[Trial, str]] = []
     for scene in TANGENTS:

@@ -1,4 +1,4 @@
-"""Statistics of the errors of the formulas' levels, and the pages of `ladder`: ladder.csv, ladder.png, LADDER.md."""
+"""Statistics of the errors of the formulas' levels, and the files of `ladder`: ladder.csv, ladder.png, LADDER.md."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studies.validation.formula_levels import Comparison, Errors
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """Root mean squares of errors, percent; None where no state has the error."""
+    """Root mean squares of errors, percent; None if no state has this error."""
 
     press_force_error_percent: float | None
     sinking_error_percent: float | None
@@ -37,7 +37,7 @@ class RegionErrors:
     means: Means = field(metadata={"prefix": ""})
 
     def row(self) -> FlatRow:
-        """Its columns in the printed table and in LADDER.md."""
+        """Return the columns of the printed table and of LADDER.md."""
         return records.flat(self)
 
 
@@ -54,7 +54,7 @@ class DesignErrors:
     means: Means = field(metadata={"prefix": ""})
 
     def row(self) -> FlatRow:
-        """Its columns in LADDER.md."""
+        """Return the columns of LADDER.md."""
         return records.flat(self)
 
 
@@ -73,11 +73,11 @@ HEADS = {
     "shift_error_percent": "shift %",
     "tilt_error_percent": "tilt %",
 }
-"""Heads of columns in LADDER.md, where they are not the columns' names."""
+"""Heads in LADDER.md of columns that are not headed by their names."""
 
 
 def summary(comparisons: Sequence[Comparison]) -> list[RegionErrors]:
-    """Errors of each level by region; and those of the states in the level's own range."""
+    """Return the errors of each level in each region, and in the level's own range."""
     table: list[RegionErrors] = []
     for level in beam.LEVELS:
         own = [c for c in comparisons if c.level == level and c.status == "ok"]
@@ -88,7 +88,7 @@ def summary(comparisons: Sequence[Comparison]) -> list[RegionErrors]:
 
 
 def means(comparisons: Iterable[Comparison]) -> Means:
-    """Root mean squares of the errors of several states."""
+    """Return the root mean squares of the errors of several states."""
     errors = [c.errors for c in comparisons if c.errors is not None]
     return Means(
         press_force_error_percent=_root_mean_square(e.press_force_error for e in errors),
@@ -101,13 +101,13 @@ def means(comparisons: Iterable[Comparison]) -> Means:
 
 
 def _root_mean_square(shares: Iterable[float | None]) -> float | None:
-    """In percent, of the values that are not None; None if there are none."""
+    """Return the root mean square of the values that are not None, percent; None if all are None."""
     values = [share for share in shares if share is not None]
     return 100 * math.sqrt(math.fsum(v * v for v in values) / len(values)) if values else None
 
 
 def by_design(comparisons: Sequence[Comparison], level: str) -> list[DesignErrors]:
-    """Errors of one level, design by design."""
+    """Return the errors of one level for each design."""
     table: list[DesignErrors] = []
     for number in sorted({c.design for c in comparisons}):
         own = [c for c in comparisons if (c.design, c.level, c.status) == (number, level, "ok")]
@@ -119,7 +119,7 @@ def by_design(comparisons: Sequence[Comparison], level: str) -> list[DesignError
 
 
 def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command: str) -> None:
-    """ladder.csv, ladder.png and LADDER.md."""
+    """Write ladder.csv, ladder.png and LADDER.md."""
     from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
@@ -128,7 +128,7 @@ def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command:
     best = beam.LEVELS[-1]
     regions = [errors.row() for errors in summary(comparisons)]
     designs = [errors.row() for errors in by_design(comparisons, best)]
-    lines = ["# The levels of the formulas beside finite elements", "", *formula_levels.ABOUT.splitlines(), ""]
+    lines = ["# Levels of the formulas compared with finite elements", "", *formula_levels.ABOUT.splitlines(), ""]
     lines += ["![Errors of the levels](ladder.png)", "", "## By level and region", "", *_markdown(regions), ""]
     lines += [f"## Level {best} by design", "", *_markdown(designs), ""]
     stopped = {f"- design {c.design}: {c.message}" for c in comparisons if c.message}
@@ -152,11 +152,11 @@ PANELS: tuple[tuple[str, Callable[[Comparison, Errors], float | None]], ...] = (
     ("shift / δ", lambda c, e: e.shift_error),
     ("tilt R / δ", lambda c, e: e.tilt_error),
 )
-"""Titles of the picture's panels, and the error that each shows."""
+"""Title of each panel of the picture, and the error that it shows."""
 
 
 def picture(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Error of each level over the depth, root mean square of designs and shears, logarithmic."""
+    """Plot the error of each level over the depth: root mean square over designs and shears, logarithmic axis."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,6 +1,6 @@
-"""Every level of the formulas beside finite elements: ten designs, presses, and shears of a plate that sticks.
+"""Comparison of all levels of the formulas with finite elements: ten designs, presses and shears of a glued plate.
 
-ABOUT says how. Statistics of the errors and the pages are in `studies.validation.formula_level_report`.
+ABOUT defines the errors. `studies.validation.formula_level_report` has their statistics and the report.
 """
 
 from __future__ import annotations
@@ -21,18 +21,21 @@ from studies.output import records
 from studies.output.records import FlatRow
 
 ABOUT = """\
-The designs span D, L/D and the magnet (none, small, wide, tall). Four numbers of the press and two of the shear in
-the levels above `column` were fitted to finite elements of 18 designs, L/D 0.75 to 4; of those here, only the paper's
-sensor is among them. Errors, as root mean squares over the states of a region:
+All levels of the formulas are compared with finite elements. The designs span D, L/D and the magnet (none, small,
+wide, tall). In the levels above `column`, four constants of the press and two of the shear were fitted to finite
+elements of 18 designs with L/D from 0.75 to 4. Only the paper's sensor belongs to both sets of designs.
 
-- press force and, also under a shear, sinking of the magnet, relative to the finite elements';
-- press force under the shear, relative to that before it;
-- shear force, over that of Timoshenko's cantilever of length L under the same shear, k0 delta (the pressed beam's
-  own passes through zero where it would give way sideways);
-- shift of the magnet, over the shear;
-- tilt of the magnet, times R, over the shear.
+The tables show root mean squares of these errors over the states of a region:
 
-A state where a level refuses the load, or the finite elements stop, keeps its row with a message and is in no mean.
+- press force: relative to the force of the finite elements;
+- sinking, the shift of the magnet along the axis, with and without shear: relative to that of the finite elements;
+- press under shear: error of the press force, over the press force of the formula before the shear;
+- shear force: error over k0 delta, the force of Timoshenko's cantilever of length L under the same shear delta (the
+  shear force of the pressed beam itself passes through zero where the beam buckles);
+- shift: error of the magnet's shift along the shear, over the shear;
+- tilt: error of the magnet's tilt times R, over the shear.
+
+If a level refuses a load, or the finite elements do not reach it, the row has a message and enters no mean.
 """
 
 PRESSES = (0.03, 0.06, 0.12, 0.18, 0.25)
@@ -42,7 +45,7 @@ UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Force, shift and tilt of the magnet in the plane of the shear."""
+    """Force, and shift and tilt of the magnet, in the plane of the shear."""
 
     force_x_N: float
     force_z_N: float
@@ -53,10 +56,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of a level in one state, as shares; None where a press or a shear has none.
-
-    The force of a press is one quantity, that under a shear another: see ABOUT for what each is relative to.
-    """
+    """Relative errors of a level in one state, as ABOUT defines them; None where they do not apply."""
 
     sinking_error: float
     press_force_error: float | None = None
@@ -68,12 +68,12 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One level of the formulas beside finite elements in one state of one design.
+    """One level of the formulas and the finite elements in one state of one design.
 
     Attributes
     ----------
-    outside : why the state is out of the level's own range, or empty.
-    formula, fem, errors : None where a level refuses the load or the finite elements stop.
+    outside : reason why the state is outside the level's own range, or empty.
+    formula, fem, errors : None where the level refuses the load or the finite elements do not reach it.
     """
 
     design: int
@@ -92,12 +92,12 @@ class Comparison:
     errors: Errors | None = field(default=None, metadata={"prefix": ""})
 
     def row(self) -> FlatRow:
-        """Its columns in ladder.csv and in JSON."""
+        """Return the columns of ladder.csv and JSON."""
         return records.known(records.flat(self))
 
 
 def designs() -> list[Design]:
-    """The ten, in order of L/D after the paper's own."""
+    """Return the paper's design and nine others in order of L/D."""
     shapes = (
         *((8.0, 0.8, 0.3, 0.15), (6.0, 1.25, 0.0, 0.0), (10.0, 1.25, 0.4, 0.4), (8.0, 1.6, 0.0, 0.0)),
         *((5.0, 1.75, 0.6, 0.2), (12.0, 2.25, 0.3, 0.15), (8.0, 2.5, 0.45, 0.5), (6.0, 3.5, 0.0, 0.0)),
@@ -115,7 +115,7 @@ def _design(D: float, slenderness: float, diameter: float, height: float) -> Des
 
 
 def run(accuracy: str, count: int, progress: Progress) -> Iterator[Comparison]:
-    """A comparison for each state and level of the first `count` designs, as soon as it is there."""
+    """Yield a comparison for each state and level of the first `count` designs."""
     for number, design in enumerate(designs()[:count]):
         progress(number / count, f"design {number}: L/D = {design.L / design.D:.3g}")
         for load, state in _states(design, accuracy):
@@ -124,7 +124,7 @@ def run(accuracy: str, count: int, progress: Progress) -> Iterator[Comparison]:
 
 
 def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | None]]:
-    """What the finite elements make of each load: presses, then shears at three depths; None if not reached."""
+    """Yield each load with its finite-element solution, or None: presses, then shears at three depths."""
     D = design.D
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
     paths = [[Load(depth=share * D) for share in PRESSES]]
@@ -140,7 +140,7 @@ def _states(design: Design, accuracy: str) -> Iterator[tuple[Load, Solution | No
 
 
 def compare(number: int, design: Design, load: Load, state: Solution | None, level: str) -> Comparison:
-    """A level of the formulas beside the state of the finite elements, None where they stop."""
+    """Compare a level of the formulas with the state of the finite elements (None: load not reached)."""
     status: Literal["ok", "refused", "not_converged"] = "ok"
     message, formula, fem, errors = "", None, None, None
     if state is None:
@@ -179,11 +179,11 @@ def _motion(response: Response) -> Motion:
 
 
 def _errors(design: Design, load: Load, formula: Response, before: float, fem: Response) -> Errors:
-    """Errors of the formulas, as shares.
+    """Return the relative errors of a formula.
 
     Parameters
     ----------
-    before : the formulas' press force before the shear, N.
+    before : press force of the formula before the shear, N.
     """
     sinking = formula.shift[2] / fem.shift[2] - 1
     if not load.shear_x:

@@ -1,18 +1,19 @@
 """Manufactured solutions at finite strain: body forces that make a chosen displacement and pressure exact.
 
-The displacements are compositions of shears (and, for a body of revolution, of a stretch that keeps volumes), so
-J = 1 everywhere and the pressure can be chosen freely, with 1/K = 0. The unit square or cube has the exact
-displacement prescribed on its whole boundary but the upper face, which carries the exact dead traction. The body
-force is b = -Div P, where P is the first Piola-Kirchhoff stress of the exact fields, mu = 1:
+The displacements are compositions of shears and, for a body of revolution, of a stretch that preserves volumes.
+Therefore J = 1 everywhere, and the pressure can be chosen freely, with 1/K = 0. The exact displacement is prescribed
+on the whole boundary of the unit square or cube except the upper face, which carries the exact dead traction. The
+body force is b = -Div P, where P is the first Piola-Kirchhoff stress of the exact fields, mu = 1:
 
     b_i = - sum_J dP_iJ / dX_J,   revolution: b_r = ... - (P_rr - P_tt) / r,   b_z = ... - P_zr / r.
 
-The Fourier elements are given Cartesian fields of their space, with two harmonics: a stretch, then a shift along x by
-g(z), then one along z by a polynomial in x and y. Their integrals over the angle are exact where J = 1.
+For the Fourier elements the exact fields are Cartesian and lie in the space of two harmonics: a stretch, then a
+displacement along x by g(z), then one along z by a polynomial in x and y. The elements' integrals over the angle are
+exact for J = 1.
 
 The body force is differentiated numerically (the displacement by complex steps, P by central differences) and
-integrated with a rule of its own, so that only the solved problem uses the elements' operators. Expected orders in
-the L2 norm: 3 of the displacement (P2), 2 of the pressure (P1).
+integrated with a separate quadrature rule, so that only the solved problem uses the elements' operators. The expected
+orders of convergence in the L2 norm are 3 for the displacement (P2) and 2 for the pressure (P1).
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ from fem.discretisation import elements
 from fem.discretisation.elements import Angles, Elements
 from fem.discretisation.symmetry_models import on_axis
 from geometry.arrays import Array
-from studies.validation.solid_problems import SKIN, Mask, body, find
+from studies.validation.solid_problems import SKIN, Mask, body, solve
 
 ORDER, ANGLES = 6, 8
-"""Of the rule that integrates body forces and errors, on the section and around the axis."""
+"""Quadrature order on the section, and number of angles, of the rule that integrates body forces and errors."""
 TINY, STEP = 1e-30, 1e-5
-"""Steps of the complex and of the central differences."""
+"""Step of the complex differentiation, and of the central differences."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Exact fields: displacement (..., dim) of points (..., dim), for complex points too, and pressure (...).
+    """Exact fields at points (..., dim): displacement (..., dim), also for complex points, and pressure (...).
 
-    With harmonics the points are those of the solid, dim = 3, and the mesh is its section.
+    With harmonics the points belong to the solid, dim = 3, and the mesh is its section.
     """
 
     dim: int
@@ -51,7 +52,7 @@ class Case:
 
     @property
     def hoop(self) -> bool:
-        """Whether the stress across the section does work although the fields do not leave it."""
+        """Whether there is a hoop stress that the coordinates of the section do not include."""
         return self.axisymmetric and self.harmonics == 0
 
 
@@ -97,7 +98,7 @@ CASES = {
 
 
 def errors(name: str, n: int) -> tuple[float, float]:
-    """Errors of displacement and pressure over their own size, in the L2 norm, on n elements along each side.
+    """Return the relative L2 errors of displacement and pressure with n elements along each side.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def errors(name: str, n: int) -> tuple[float, float]:
     rule = _rule(case, mesh, e)
     dead = _loads(case, mesh, e, rule)
     system = body(e, _held(case, e), 1.0, 0.0, dead=dead, moved=exact)
-    state = find(system, exact).state
+    state = solve(system, exact).state
     p = np.zeros((len(e.nodes), e.angles.pressures))
     p[system.corner_nodes] = state.p
     u_exact, p_exact = case.displacement(rule.points), case.pressure(rule.points)
@@ -121,7 +122,7 @@ def errors(name: str, n: int) -> tuple[float, float]:
 
 
 def _nodal(case: Case, e: Elements) -> Array:
-    """Fields (nodes, fields) of the exact displacement, by its Fourier series where there are harmonics."""
+    """Return the fields (nodes, fields) of the exact displacement: with harmonics, its Fourier coefficients."""
     if not case.harmonics:
         return case.displacement(e.nodes)
     turned, w = _turned(e.angles), e.angles.weights
@@ -132,7 +133,10 @@ def _nodal(case: Case, e: Elements) -> Array:
 
 
 def _held(case: Case, e: Elements) -> Mask:
-    """Which displacements are prescribed (nodes, fields): all sides but the upper face; on the axis what it holds."""
+    """Return which displacements are prescribed (nodes, fields).
+
+    They are those of all sides but the upper face, and on the axis the fields that must vanish there.
+    """
     low, high = e.nodes < SKIN, e.nodes[:, :-1] > 1 - SKIN
     first = 1 if case.axisymmetric else 0
     side = np.asarray(low[:, first:].any(axis=1) | high.any(axis=1))
@@ -143,7 +147,7 @@ def _held(case: Case, e: Elements) -> Mask:
 
 
 def _turned(angles: Angles) -> Array:
-    """Displacement per field (t, 3, fields) along x, y, z at the angles of a section."""
+    """Return the displacement along x, y, z per unit of each field at the angles of a section, (t, 3, fields)."""
     c, s = np.cos(angles.theta)[:, None], np.sin(angles.theta)[:, None]
     r, t, z = np.swapaxes(angles.E, 0, 1)
     return np.stack([c * r - s * t, s * r + c * t, z], axis=1)
@@ -151,7 +155,7 @@ def _turned(angles: Angles) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
-    """Integration points (m, q, dim) with weights (m, q), shape functions (q, a), and fields' directions there."""
+    """Quadrature points (m, q, dim), weights (m, q), shape functions (q, a), and directions of the fields."""
 
     points: Array
     weights: Array
@@ -165,7 +169,10 @@ class _Rule:
 
 
 def _mesh(dim: int, n: int) -> skfem.Mesh:
-    """Unit square or cube whose inner vertices have left the regular grid."""
+    """Return the unit square or cube with its inner vertices moved off the regular grid.
+
+    On a regular grid errors may cancel and show an order that general meshes do not have.
+    """
     grid = np.linspace(0, 1, n + 1)
     flat = (skfem.MeshTri if dim == 2 else skfem.MeshTet).init_tensor(*[grid] * dim)
     bump = 0.06 * np.prod(np.sin(np.pi * flat.p), axis=0) * np.cos(np.arange(1, dim + 1)[:, None] + 3 * flat.p)
@@ -199,7 +206,7 @@ def _rule(case: Case, mesh: skfem.Mesh, e: Elements) -> _Rule:
 
 
 def _loads(case: Case, mesh: skfem.Mesh, e: Elements, rule: _Rule) -> Array:
-    """Nodal forces (nodes, fields) of the body force and of the traction on the upper face."""
+    """Return nodal forces (nodes, fields) of the body force and of the traction on the upper face."""
     dead = np.zeros((len(e.nodes), e.angles.fields))
     force = np.einsum("mqi,qif->mqf", rule.weights[..., None] * _body_force(case, rule.points), rule.E)
     np.add.at(dead, e.cells, np.swapaxes(rule.quadratic, 0, 1) @ force)
@@ -212,12 +219,13 @@ def _loads(case: Case, mesh: skfem.Mesh, e: Elements, rule: _Rule) -> Array:
 
 
 def _stress(case: Case, X: Array) -> tuple[Array, Array]:
-    """P of the exact fields in the coordinates' own directions, (..., dim, dim), and its hoop component (...)."""
+    """Return P of the exact fields along the coordinates, (..., dim, dim), and its hoop component (...)."""
     inside = [0, 2] if case.dim == 2 else [0, 1, 2]
     G = np.zeros((*X.shape[:-1], 3, 3))
     for J in range(case.dim):
-        moved = case.displacement(X + 1j * TINY * np.eye(case.dim)[J])
-        G[..., inside, inside[J]] = np.imag(moved) / TINY
+        # the imaginary part is the exact derivative: there is no difference of nearly equal numbers
+        shifted = case.displacement(X + 1j * TINY * np.eye(case.dim)[J])
+        G[..., inside, inside[J]] = np.imag(shifted) / TINY
     if case.hoop:
         G[..., 1, 1] = case.displacement(X)[..., 0] / X[..., 0]
     k = material.kinematics(material.strain(np.moveaxis(G, (-2, -1), (0, 1))))
@@ -226,7 +234,7 @@ def _stress(case: Case, X: Array) -> tuple[Array, Array]:
 
 
 def _body_force(case: Case, X: Array) -> Array:
-    """-Div P of the exact fields, shape (..., dim)."""
+    """Return -Div P of the exact fields, shape (..., dim)."""
     b = np.zeros(X.shape)
     for J in range(case.dim):
         step = STEP * np.eye(case.dim)[J]

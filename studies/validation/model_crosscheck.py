@@ -1,6 +1,6 @@
-"""The harmonic model on the section beside the half model on tetrahedra: two codes' worth of difference, one answer.
+"""Comparison of the harmonic model on the section with the half model on tetrahedra (verb crosscheck).
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, says which loads are compared, and when two answers agree.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from studies.output.records import FlatRow
 from studies.validation import error_study_cases
 
 ABOUT = """\
-Twelve designs, by turns with a rigid magnet and all of silicone, are pressed and sheared with the tip stuck to the
-plate, by both models at one level. Each answer carries its own error estimates; two answers agree where they differ
-by no more than the sum of both (relative to the harmonic one), in the force, the magnet's shift, its tilt, and
-sideways, in the force along the shear alone. The harmonic answer is also held against one with a harmonic more on the
-same mesh. Mesh, element, integration, contact and magnet's constraint differ between the models; law and Newton's
-method are shared.
+Twelve designs, alternately with a rigid magnet and entirely of silicone, are pressed and then sheared with the tip
+bonded to the plate. Both models solve each design at the same accuracy level, with their own error estimates. Two
+answers agree in a quantity if they differ by at most the sum of both estimates, relative to the harmonic answer. The
+quantities are the force, the magnet's shift, its tilt, and `sideways`, the force along the shear alone. The harmonic
+answer is also compared with one that has one harmonic more on the same mesh. The models differ in mesh, element,
+integration, contact and the constraint of the magnet. They share the material law and Newton's method.
 """
 
 QUANTITIES = ("force", "shift", "tilt", "sideways")
@@ -34,13 +34,13 @@ QUANTITIES = ("force", "shift", "tilt", "sideways")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """How far the half model's answer is from the harmonic one's in one quantity, percent of the latter.
+    """Difference between half and harmonic model in one quantity, percent of the harmonic answer.
 
     Attributes
     ----------
-    harmonic_estimate_percent, half_estimate_percent : error estimates of both; NaN where there is none.
-    one_harmonic_more_percent : change of the harmonic answer by one harmonic more on the same mesh.
-    agree : the difference is at most the sum of both estimates.
+    harmonic_estimate_percent, half_estimate_percent : error estimates of the models; NaN if a model has none.
+    one_harmonic_more_percent : change of the harmonic answer with one harmonic more on the same mesh.
+    agree : whether the difference is at most the sum of both estimates.
     """
 
     difference_percent: float
@@ -52,11 +52,11 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Crosscheck:
-    """Both models on one design under one load; no differences, unknowns and seconds where a model stopped.
+    """Both models on one design under one load; without differences, unknowns and seconds if a model stopped.
 
     Attributes
     ----------
-    agree : in all quantities.
+    agree : whether the models agree in all quantities.
     """
 
     design: int
@@ -77,16 +77,16 @@ class Crosscheck:
 
     @property
     def differences(self) -> dict[str, Difference | None]:
-        """In the order of QUANTITIES."""
+        """Differences by quantity, in the order of QUANTITIES."""
         return {"force": self.force, "shift": self.shift, "tilt": self.tilt, "sideways": self.sideways}
 
     def row(self) -> FlatRow:
-        """Its columns in crosscheck.csv and in JSON."""
+        """Return the columns of crosscheck.csv and JSON."""
         return records.known(records.flat(self))
 
 
 def run(level: str, count: int, progress: Progress) -> Iterator[Crosscheck]:
-    """Both models on each of `count` designs, one result as soon as it is there."""
+    """Solve each of the first `count` designs with both models, and yield one result per design."""
     for number in range(count):
         magnet: Magnet = "rigid" if number % 2 == 0 else "ignored"
         progress(number / count, f"design {number}, magnet {magnet}")
@@ -94,19 +94,19 @@ def run(level: str, count: int, progress: Progress) -> Iterator[Crosscheck]:
 
 
 def crosscheck(number: int, magnet: Magnet, level: str) -> Crosscheck:
-    """Both models on one design at the farthest load of its shear."""
+    """Solve one design with both models at its largest shear, and compare the answers."""
     trial, accuracy = error_study_cases.trial(number, magnet, "stick", "auto"), LEVELS[level]
     load = trial.loads[-1]
     harmonic, half = (
         equilibrium.solve(trial.design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", "half")
     )
     more = replace(accuracy, harmonics=accuracy.harmonics + 1)
-    richer = equilibrium.trace(trial.design, [load], more, magnet=magnet, estimate=False)[-1]
-    for state in (harmonic, half, richer):
+    one_more = equilibrium.trace(trial.design, [load], more, magnet=magnet, estimate=False)[-1]
+    for state in (harmonic, half, one_more):
         if state.status != "ok":
             message = f"{state.model}: {state.message}"
             return Crosscheck(number, magnet, load.depth, load.shear_x, state.status, message)
-    force, shift, tilt, sideways = (difference(name, harmonic, half, richer) for name in QUANTITIES)
+    force, shift, tilt, sideways = (difference(name, harmonic, half, one_more) for name in QUANTITIES)
     return Crosscheck(
         number,
         magnet,
@@ -126,15 +126,15 @@ def crosscheck(number: int, magnet: Magnet, level: str) -> Crosscheck:
     )
 
 
-def difference(name: str, harmonic: Solution, half: Solution, richer: Solution) -> Difference:
-    """The models' difference in one quantity.
+def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution) -> Difference:
+    """Return the difference of the models in one quantity.
 
     Parameters
     ----------
-    name : of QUANTITIES.
-    richer : the harmonic answer with a harmonic more.
+    name : one of QUANTITIES.
+    one_more : the harmonic answer with one harmonic more.
     """
-    a, b, c = (_vector(state.response, name) for state in (harmonic, half, richer))
+    a, b, c = (_vector(state.response, name) for state in (harmonic, half, one_more))
     size = math.hypot(*a)
     estimates = _estimate(harmonic, name), _estimate(half, name)
     relative = math.dist(a, b) / size
@@ -167,15 +167,22 @@ def _estimate(state: Solution, name: str) -> float:
 
 
 def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str) -> None:
-    """crosscheck.csv and CROSSCHECK.md."""
+    """Write crosscheck.csv and CROSSCHECK.md."""
     from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
     write_table(folder / "crosscheck.csv", [result.row() for result in results])
     agree = sum(result.agree for result in results)
-    lines = ["# Harmonic against half model", "", f"{agree} of {len(results)} designs agree in all.", ""]
+    lines = [
+        "# Comparison of the harmonic and the half model",
+        "",
+        f"{agree} of {len(results)} designs agree in all quantities.",
+        "",
+    ]
     lines += [*ABOUT.splitlines(), ""]
-    lines += ["Differences, both estimates and the answer's change by one harmonic more, all in percent:"]
+    lines += [
+        "Difference of the models, both estimates, and change of the harmonic answer by one harmonic more, percent:"
+    ]
     heads = ["design", "magnet", "depth_mm", "shear_mm"]
     heads += ["difference", "harmonic estimate", "half estimate", "one harmonic more", "agree"]
     for name in QUANTITIES:
@@ -186,7 +193,7 @@ def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str
 
 
 def _cells(result: Crosscheck, difference: Difference | None) -> list[str]:
-    """The row of a design in the page's table of one quantity."""
+    """Return the cells of a design in the report's table of one quantity."""
     where = [str(result.design), result.magnet, str(result.depth_mm), str(result.shear_mm)]
     if difference is None:
         return [*where, result.status, "", "", "", "**no**"]

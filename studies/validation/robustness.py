@@ -1,4 +1,4 @@
-"""The verb extremes: cases at the edge of what is allowed, each with a verdict. See ABOUT."""
+"""Cases at the limits of the input ranges, each with a verdict, for the verb extremes. ABOUT has the rules."""
 
 from __future__ import annotations
 
@@ -24,29 +24,33 @@ NAN = math.nan
 Verdict = Literal["pass", "fail", "not judged"]
 
 ABOUT = """\
-Cases at the limits of the input ranges: each must end in a right answer, or in a clear status with its state kept.
+Each case lies at a limit of the input ranges. It must end with a correct result, or with a clear status and the last
+converged state.
 
-A case passes if its status is right and its check lies within the bound; otherwise it fails. A case whose check
-cannot be measured, for example because the reference stops, is not judged, which does not count as a pass. Where a
-case may stop early, its last good state is solved again by itself: force and energy must agree to 1e-6. A path that
-becomes unstable may end in one of several equilibria. If its state then differs from the reference, the check
-compares the depth of the onset with that on a mesh with edges of 0.7: they may differ by 10 %. A frictionless press
-that buckles sideways must store less energy than the symmetric press. The column `inside out` is the share of the
-silicone's volume that is inverted (J <= 0) between the integration points (section meshes only).
+A case passes if it ends with an expected status and its check measures a value within the bound; otherwise it fails.
+If nothing can be measured, for example because the solve to compare with stops, the verdict is "not judged", which is
+not a pass.
+
+If a path stops before its last load, the last converged state is solved again by a new path. Force and energy of both
+must agree to 1e-6 (to 1 % with Coulomb friction). A path that becomes unstable may end in one of several equilibria.
+If the check of such a case does not pass, the depth at which the instability begins is compared instead with that on
+a mesh with 0.7 times the edge length; they may differ by a tenth. A frictionless press that buckles must have less
+energy than the symmetric press. The column `inverted` is the share of the silicone's volume that is inverted (J <= 0)
+between the points of integration (section meshes only).
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a case ended; NaN where there is no number.
+    """Result of a case; NaN where there is no number.
 
     Attributes
     ----------
-    status : of the last state, or "bad_input", or "crashed" where an exception ended it.
-    check : what was measured, or why nothing could be.
-    passed : the verdict is "pass".
-    ends : statuses that are right, separated by spaces.
-    depth_mm, shear_mm, force_x_N, force_z_N : of the last state.
+    status : status of the last state, "bad_input", or "crashed" after an exception.
+    check : measured quantity, or the reason why there is no measurement.
+    passed : whether the verdict is "pass".
+    ends : expected statuses, separated by spaces.
+    depth_mm, shear_mm, force_x_N, force_z_N : load and force of the last state.
     inside_out_share : share of the silicone's volume that is inverted (J <= 0); section meshes only.
     changes : fields that differ from the paper's design.
     """
@@ -72,18 +76,18 @@ class Result:
     changes: str
 
     def row(self) -> FlatRow:
-        """Its columns in extremes.csv and in JSON."""
+        """Return the columns of extremes.csv and JSON."""
         return records.flat(self)
 
 
 def run(
     *, quick: bool = False, folder: Path | None = None, command: str = "", progress: Progress | None = None
 ) -> Iterator[Result]:
-    """A result for each case as it ends; at the end extremes.csv and EXTREMES.md are written if a folder is given.
+    """Yield the result of each case; if a folder is given, write extremes.csv and EXTREMES.md at the end.
 
     Parameters
     ----------
-    command : that this is run by.
+    command : the command line that the report quotes.
     """
     results: list[Result] = []
     origin = versions()
@@ -98,7 +102,7 @@ def run(
 
 
 def examine(case: Case) -> Result:
-    """The result of one case; an exception is a wrong end like any other, with its text as the message."""
+    """Return the result of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
     measurement: Measurement | None = None
     status: str
@@ -110,25 +114,26 @@ def examine(case: Case) -> Result:
         status, message = "bad_input", str(error)
         measurement = robustness_ends.refused(case)
     except Exception as error:
-        # any way to end that nobody meant is what this table is there to find
+        # the study exists to find unforeseen failures, so that every exception becomes a row
         status, message = "crashed", f"{type(error).__name__}: {error}"
     return _result(case, measurement, status, message, time.perf_counter() - begin)
 
 
 def _measured(case: Case) -> Measurement:
-    """What is measured of the case: its own measure where it is followed to its end, else of its last state."""
+    """Return the measurement of a case: its own check if the path reaches the last load, else one of its last."""
     states = robustness_checks.path(case)
     end = states[-1]
-    followed = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
+    reached = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
     try:
-        measurement = case.measure(case, states) if followed else robustness_ends.stopped(case, end)
+        measurement = case.measure(case, states) if reached else robustness_ends.stopped(case, end)
     except StoppedError as stop:
-        measurement = Measurement(end, f"what it is compared with {stop}", None)
+        measurement = Measurement(end, f"no comparison: the other solve {stop}", None)
+    # beyond the onset of an instability a failed check proves nothing: the path may have taken another branch
     settled = end.status not in case.ends or _verdict(case, measurement, end.status) == "pass"
     if settled or end.facts.onset is None:
         return measurement
-    judged = _judged(measurement.check, measurement.measured, _bound(case, measurement))
-    return robustness_ends.onset(case, end, judged)
+    text = _text(measurement.check, measurement.measured, _bound(case, measurement))
+    return robustness_ends.onset(case, end, text)
 
 
 def _bound(case: Case, measurement: Measurement) -> float:
@@ -136,7 +141,7 @@ def _bound(case: Case, measurement: Measurement) -> float:
 
 
 def _verdict(case: Case, measurement: Measurement | None, status: str) -> Verdict:
-    """Whether a case ended as it should, by its status and by what was measured; both must be right."""
+    """Return the verdict on a case: both its status and its measurement must be right."""
     if measurement is None or status not in case.ends:
         return "fail"
     if measurement.measured is None:
@@ -173,23 +178,23 @@ def _result(case: Case, measurement: Measurement | None, status: str, message: s
 
 
 def line(result: Result) -> str:
-    """The result for a person to read, as `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
+    """Return the result as a line of text: `pass  deep: ok in 0.5 s; force 0.0002, at most 0.005`."""
     verdict = "FAIL" if result.verdict == "fail" else result.verdict
     message = f"; {result.message}" if result.message else ""
     measured = None if math.isnan(result.measured) else result.measured
-    judged = _judged(result.check, measured, result.bound)
-    return f"{verdict}  {result.scene}: {result.status} in {result.seconds:.1f} s; {judged}{message}"
+    text = _text(result.check, measured, result.bound)
+    return f"{verdict}  {result.scene}: {result.status} in {result.seconds:.1f} s; {text}{message}"
 
 
-def _judged(check: str, measured: float | None, bound: float) -> str:
+def _text(check: str, measured: float | None, bound: float) -> str:
     return check if measured is None else f"{check} {measured:.3g}, at most {bound:.3g}"
 
 
 def counted(verdicts: Sequence[Verdict]) -> str:
-    """How many scenes have which verdict.
+    """Return how many cases have each verdict, as text.
 
     >>> counted(["pass", "not judged"])
-    '1 of 2 scenes pass, 0 fail, 1 is not judged'
+    '1 of 2 cases pass, 0 fail, 1 is not judged'
     """
     passed, failed, not_judged = (verdicts.count(verdict) for verdict in ("pass", "fail", "not judged"))
     verb = "is" if not_judged == 1 else "are"
@@ -197,9 +202,9 @@ def counted(verdicts: Sequence[Verdict]) -> str:
 
 
 def write(folder: Path, results: Sequence[Result], origin: str, command: str) -> None:
-    """extremes.csv with all columns, EXTREMES.md to read."""
+    """Write extremes.csv with all columns and the report EXTREMES.md."""
     write_table(folder / "extremes.csv", [result.row() for result in results], digits=9)
-    heads = ["scene", "status", "s", "how it was judged", "measured", "bound", "inside out", "", "what happened"]
+    heads = ["case", "status", "s", "check", "measured", "bound", "inverted", "verdict", "message"]
     lines = ["# Extremes", "", f"{counted([result.verdict for result in results])}.", ""]
     lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for result in results:

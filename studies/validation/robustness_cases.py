@@ -1,4 +1,4 @@
-"""The cases of `extremes`: designs and loads at the edge of what is allowed, what each measures, and its bound."""
+"""The cases of `extremes`: designs and loads at the limits of the input ranges, with their checks and bounds."""
 
 from __future__ import annotations
 
@@ -15,18 +15,20 @@ from studies.validation.robustness_checks import NO_MAGNET, Case, press
 
 SEED = 2016
 MAY_STOP = ("ok", "not_converged")
+"""Expected statuses of a path that need not reach its last load."""
 ANY_CLEAR = (*MAY_STOP, "unstable")
-"""Where a magnet leaves so little silicone that a press of 1 mm crushes it, beyond the onset of an instability."""
+"""Expected statuses if a magnet leaves so little silicone that a press of 1 mm passes the onset of an instability."""
 BOUNDS = {
     "quick": {"hertz": 0.02, "bar": 0.01, "mesh": 0.03, "shear": 0.01},
     "standard": {"hertz": 0.005, "bar": 0.005, "mesh": 0.01, "shear": 0.005},
 }
+"""Bounds of the checks that depend on the mesh, by accuracy level."""
 WORK, SIMILAR, LIMIT, PATH, CONE = 2e-3, 1e-9, 1e-4, 1e-6, 1e-2
 """Bounds of the checks that do not depend on the mesh."""
 
 
 def cases(*, quick: bool = False) -> list[Case]:
-    """All of them; if quick, at quick accuracy and without the slow ones."""
+    """Return all cases; if quick, at quick accuracy and without the slow ones."""
     a = QUICK if quick else STANDARD
     every_time = [*_stiffness_and_size(a), *_shapes(a), *_presses(a), *_shears(a, quick=quick)]
     return [*every_time, *([] if quick else [*_rubbing(), *_tetrahedra()]), *_samples(a, 4 if quick else 12)]
@@ -67,7 +69,7 @@ def _stiffness_and_size(a: Accuracy) -> list[Case]:
             a,
             {"nu": 0.49999},
         ),
-        Case("depth 0.4 L: inside out", press(3.6), robustness_checks.folded, 0.0, a),
+        Case("depth 0.4 L: inverted share", press(3.6), robustness_checks.folded, 0.0, a),
     ]
 
 
@@ -108,7 +110,7 @@ def _shapes(a: Accuracy) -> list[Case]:
                 (f"magnet {largest:.4g} mm high, the largest", largest),
             )
         ),
-        # to 0.5 mm: the largest magnets have an instability beyond, where forces are no longer ordered by size
+        # only to 0.5 mm: beyond it presses on the largest magnets are unstable, and forces are not ordered by size
         Case(
             "magnet 0.2 mm high to the largest",
             press(0.5),
@@ -128,7 +130,9 @@ def _presses(a: Accuracy) -> list[Case]:
         Case("depth 1e-9 mm", press(1e-9), robustness_checks.hertz, hertz, a),
         Case("depth 1e-9 mm, all silicone", press(1e-9), robustness_checks.hertz, hertz, a, magnet="ignored"),
         Case("depth 1e-9 mm, then 3 mm", press(1e-9, 3.0), robustness_checks.alone, alone, a, ends=MAY_STOP),
-        Case("one step to 3 mm, or down and back", press(3.0), robustness_checks.other_path(*press(3.5)), PATH, a),
+        Case(
+            "3 mm in one step, or by 3.5 mm and back", press(3.0), robustness_checks.other_path(*press(3.5)), PATH, a
+        ),
         Case(
             "0.25 to 3 mm in one step or 11",
             press(0.25, 3.0),
@@ -144,11 +148,24 @@ def _presses(a: Accuracy) -> list[Case]:
             a,
             ends=MAY_STOP,
         ),
-        Case("depth 3 mm: inside out", press(3.0), robustness_checks.folded, 0.0, a),
-        Case("to the last tenth above the magnet", press(2.646, 2.673, 2.7), robustness_checks.work, WORK, a),
-        Case("to the last tenth on the axis", press(2.0, 6.3), robustness_checks.alone, alone, a, ends=MAY_STOP),
+        Case("depth 3 mm: inverted share", press(3.0), robustness_checks.folded, 0.0, a),
         Case(
-            "to the last tenth, all silicone",
+            "depth of 90 % of the silicone above the magnet",
+            press(2.646, 2.673, 2.7),
+            robustness_checks.work,
+            WORK,
+            a,
+        ),
+        Case(
+            "depth of 90 % of all silicone on the axis",
+            press(2.0, 6.3),
+            robustness_checks.alone,
+            alone,
+            a,
+            ends=MAY_STOP,
+        ),
+        Case(
+            "depth 0.9 L, all silicone",
             press(2.0, 8.1),
             robustness_checks.alone,
             alone,
@@ -186,7 +203,7 @@ def _shears(a: Accuracy, *, quick: bool) -> list[Case]:
 
 
 def _rubbing() -> list[Case]:
-    """Coulomb friction, each shear in one go."""
+    """Return cases with Coulomb friction, each with its shear as one load."""
 
     def case(name: str, mu: float, depth: float, shear: float, a: Accuracy = QUICK, **changes: float) -> Case:
         loads = tuple(Load(depth=depth, shear_x=x, friction=mu) for x in (0.0, shear))
@@ -196,7 +213,7 @@ def _rubbing() -> list[Case]:
     return [
         case("shear to 1.0 D", 0.01, 1.0, 8.0),
         case("shear to 1.0 D", 10.0, 1.0, 8.0),
-        case("to a depth of 3 mm, then 4 mm aside", 0.3, 3.0, 4.0),
+        case("press 3 mm, shear 4 mm", 0.3, 3.0, 4.0),
         case("first touch, 1e-6 mm", 0.3, 1e-6, 1e-5),
         case("nu = 0.49999", 0.5, 1.0, 4.0, nu=0.49999),
         case("magnet 0.2 mm high", 0.5, 1.0, 4.0, magnet_height=0.2),
@@ -206,7 +223,7 @@ def _rubbing() -> list[Case]:
 
 
 def _tetrahedra() -> list[Case]:
-    """Statuses of the half model, whose mesh does not follow the contact, and that can give way sideways."""
+    """Return cases of the half model, whose mesh is not adapted to the contact, and whose press can buckle."""
     measure, hertz = robustness_checks.work, BOUNDS["quick"]["hertz"]
     return [
         Case(
@@ -227,7 +244,7 @@ def _tetrahedra() -> list[Case]:
 
 
 def _samples(a: Accuracy, count: int) -> list[Case]:
-    """Several extremes at once, from a fixed seed; every second magnet is the largest that fits."""
+    """Return random cases from a fixed seed that combine extremes; every second magnet is the largest that fits."""
     return [_sample(i, np.random.default_rng([SEED, i]), a) for i in range(1, count + 1)]
 
 

@@ -1,9 +1,9 @@
-"""What the cases of `extremes` measure: one number of a case's states, which must not exceed a bound.
+"""Checks of the cases of `extremes`: each measures one number of a case's states, which must not exceed a bound.
 
-Independent of the solver: Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of the applied force,
-the integral of F ds by Simpson's rule, against the energy gained; the uniform bar that lies between a long and a
-short slender beam. Independent of one solve: similarity, the order of stiffness, the limit of nu, another path or
-model to the same state.
+Some checks are independent of the solver: Hertz's F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5 at first touch; the work of
+the applied force, the integral of F ds by Simpson's rule, against the energy gained; the uniform bar by which a long
+slender beam exceeds a short one. Others compare two solves: similarity, the order of stiffness, the limit of nu,
+another path or model to the same state.
 """
 
 from __future__ import annotations
@@ -24,18 +24,21 @@ from geometry.loads import Load, Magnet
 
 LENGTHS = ("D", "L", "f", "l0", "c", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 NO_MAGNET = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
+"""Fields of a design that are lengths, for similarity."""
 WIDE = 3.0
-"""Times that a share which is told may be less than another grid of points finds."""
+"""Factor by which the inverted share on a finer grid of points may exceed the share that the state reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What was measured of a case's last state (None of a refused case).
+    """One measurement of a case.
 
     Attributes
     ----------
-    check : what was measured, or why nothing could be.
-    measured, bound : a number, and the largest that it may be; without a bound, the case's. None if not judged.
+    solution : the case's last state; None if the case is refused.
+    check : measured quantity, or the reason why there is no measurement.
+    measured : the measured number; None if there is none.
+    bound : its largest allowed value; None for the case's own bound.
     """
 
     solution: Solution | None
@@ -46,16 +49,16 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One extreme: what is solved, and what is measured of its end.
+    """One extreme case: a path of loads on a design, its check and its expected statuses.
 
     Attributes
     ----------
-    loads : the path; the last load is the extreme.
+    loads : the path; the last load is the extreme one.
     changes : fields that differ from the paper's design.
-    measure : what is measured of the states of the path, if it is followed to its end.
-    bound : the largest value that may be measured.
-    ends : statuses that are right; where a path stops short, or gives way in a case that has no "ok" here, what was
-        reached is measured instead.
+    measure : check of the states, used if the path reaches its last load.
+    bound : largest value that the check allows.
+    ends : expected statuses. If the path stops, or becomes unstable although "ok" is not expected, the last state is
+        checked instead (`robustness_ends`).
     """
 
     name: str
@@ -77,12 +80,12 @@ Measure = Callable[[Case, Sequence[Solution]], Measurement]
 
 
 def press(*depths: float) -> tuple[Load, ...]:
-    """A path of a press."""
+    """Return a path of presses to these depths, mm."""
     return tuple(Load(depth=depth) for depth in depths)
 
 
 class StoppedError(Exception):
-    """A path did not reach its end; `solution` is its last state."""
+    """A path did not reach its last load; `solution` is its last state."""
 
     def __init__(self, solution: Solution) -> None:
         super().__init__(solution.message)
@@ -90,17 +93,17 @@ class StoppedError(Exception):
 
 
 def path(case: Case) -> list[Solution]:
-    """The states of the case's own path, to its end or to where it stopped."""
+    """Solve the case's own path, to its last load or to the state where it stopped."""
     return trace(case.design, case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False)
 
 
 def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> list[Solution]:
-    """The states of a path to compare with, which differs from the case's in its loads, changes, magnet or model.
+    """Solve a path to compare with, which differs from the case in loads, changes, magnet or model.
 
     Raises
     ------
     StoppedError
-        The path stopped short of its last load.
+        The path stopped before its last load.
     """
     states = path(replace(case, loads=tuple(loads or case.loads), **other))  # type: ignore[arg-type]
     if states[-1].status not in ("ok", "unstable"):
@@ -109,56 +112,56 @@ def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> 
 
 
 def force(solution: Solution) -> float:
-    """Normal force, N."""
+    """Return the normal force, N."""
     return solution.response.force[2]
 
 
 def off(value: float, reference: float) -> float:
-    """Relative difference, without sign; infinite if it cannot be told."""
+    """Return the magnitude of the relative difference; infinite for a reference of 0 or without a finite value."""
     error = abs(value / reference - 1) if reference else math.inf
     return error if math.isfinite(error) else math.inf
 
 
 def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The force at first touch."""
+    """Compare the force at first touch with Hertz's."""
     last, design = states[-1], case.design
     reference = 4 / 3 * design.E / (1 - design.nu**2) * math.sqrt(design.R) * last.load.depth**1.5
     return Measurement(last, "force against Hertz 1882", off(force(last), reference))
 
 
 def work(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The work of the applied force between the first state and the last, against the energy gained."""
+    """Compare the work of the applied force between first and last state with the energy gained."""
     if case.loads[0].shear_x == case.loads[-1].shear_x:
-        ways, forces = [s.load.depth for s in states], [force(s) for s in states]
+        travel, forces = [s.load.depth for s in states], [force(s) for s in states]
     else:
-        ways, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
+        travel, forces = [s.load.shear_x for s in states], [s.response.force[0] for s in states]
     gained = states[-1].energy - states[0].energy
-    return Measurement(states[-1], "work of the force against energy gained", off(simpson(ways, forces), gained))
+    return Measurement(states[-1], "work of the force against energy gained", off(simpson(travel, forces), gained))
 
 
 def cone(_: Case, states: Sequence[Solution]) -> Measurement:
-    """Tangential force over the coefficient times the normal one: 1 at full slip, and never more."""
+    """Check the friction cone: tangential force over mu times the normal force is 1 at full slip, and never more."""
     last = states[-1]
-    across, along, normal = last.response.force
-    ratio = math.hypot(across, along) / (float(last.load.friction) * normal) if normal > 0 else math.inf
+    x, y, normal = last.response.force
+    ratio = math.hypot(x, y) / (float(last.load.friction) * normal) if normal > 0 else math.inf
     short = last.slip_share == 1 and ratio < 1
-    check = "tangential force over mu times the normal one, less 1"
+    check = "tangential force / (mu times normal force), difference from 1"
     return Measurement(last, check, 1 - ratio if short else max(ratio - 1, 0.0))
 
 
-def simpson(ways: Sequence[float], forces: Sequence[float]) -> float:
-    """Integral through an odd number of evenly spaced states.
+def simpson(travel: Sequence[float], forces: Sequence[float]) -> float:
+    """Integrate forces over travel by Simpson's rule, through an odd number of evenly spaced states.
 
     >>> simpson([0, 1, 2], [0, 1, 8])
     4.0
     """
-    weights = np.array([1.0, *[4.0, 2.0] * (len(ways) // 2)])
+    weights = np.array([1.0, *[4.0, 2.0] * (len(travel) // 2)])
     weights[-1] = 1.0
-    return float(weights @ np.asarray(forces)) * (ways[-1] - ways[0]) / (len(ways) - 1) / 3
+    return float(weights @ np.asarray(forces)) * (travel[-1] - travel[0]) / (len(travel) - 1) / 3
 
 
 def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Force over E D^2, shift over D and tilt, against the paper's own E and D."""
+    """Compare force / (E D^2), shift / D and tilt with those of a similar design with the paper's E and D."""
     last, (one, other) = states[-1], (case.design, paper())
     ratio = other.D / one.D
     loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in case.loads]
@@ -167,16 +170,17 @@ def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
     a = np.array([*last.response.force, *last.response.shift, last.response.tilt])
     b = np.array([*match.response.force, *match.response.shift, match.response.tilt])
     b *= [one.E / other.E / ratio**2] * 3 + [1 / ratio] * 3 + [1]
-    return Measurement(last, "force / (E D^2) and pose / D against the paper's sensor", _farthest(a, b))
+    return Measurement(last, "force / (E D^2) and pose / D against the paper's sensor", _largest_difference(a, b))
 
 
-def _farthest(a: np.ndarray, b: np.ndarray) -> float:
+def _largest_difference(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the largest relative difference of two vectors' components, without those that are 0 in both."""
     pairs = [(x, y) for x, y in zip(a, b, strict=True) if x or y]
     return max(off(float(x), float(y)) for x, y in pairs)
 
 
 def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The force, which is smooth in 1 - 2 nu, against the line through nu = 0.4998 and 0.5."""
+    """Compare the force, which is smooth in 1 - 2 nu, with the straight line through nu = 0.4998 and 0.5."""
     last = states[-1]
     near, limit = (force(follow(case, changes={**case.changes, "nu": nu})[-1]) for nu in (0.4998, 0.5))
     share = (1 - 2 * case.design.nu) / (1 - 2 * 0.4998)
@@ -185,9 +189,10 @@ def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def bar(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The beam, without its lower half, at the depth that leaves the same force if that half is a uniform bar.
+    """Compare a slender beam with its upper half in series with a uniform bar in place of the lower half.
 
-    A bar of stretch s under F in the area A: F / A = E / 3 (s^-2 - s), the incompressible neo-Hookean law.
+    The stretch s of the bar follows from the force F and the area A by the incompressible neo-Hookean law,
+    F / A = E / 3 (s^-2 - s). The upper half, at the remaining depth, must have the same force.
     """
     from scipy.optimize import brentq
 
@@ -202,21 +207,23 @@ def bar(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def ordered(field: str, values: Sequence[float]) -> Measure:
-    """A measure of the order of forces: all silicone, ever larger magnets and then the case's own take ever more."""
+    """Return a check that the force grows with the magnet: none, these values of a field, then the case's own."""
 
     def measure(case: Case, states: Sequence[Solution]) -> Measurement:
         softest = force(follow(case, magnet="ignored")[-1])
         smaller = [follow(case, changes={**case.changes, field: value})[-1] for value in values]
         forces = [softest, *map(force, smaller), force(states[-1])]
         largest = max(a / b for a, b in pairwise(forces))
-        check = f"force of the next smaller magnet over its own, from none over {len(values) + 1} sizes"
+        check = (
+            f"largest ratio of forces, a magnet over the next larger one, from none to the last of {len(values) + 1}"
+        )
         return Measurement(states[-1], check, largest)
 
     return measure
 
 
 def other_path(*loads: Load) -> Measure:
-    """A measure of how far another path to the same last load on the same mesh ends in force and energy."""
+    """Return a check that another path to the same last load on the same mesh ends with the same force and energy."""
 
     def measure(case: Case, states: Sequence[Solution]) -> Measurement:
         other = follow(case, [*loads, case.loads[-1]])[-1]
@@ -227,33 +234,33 @@ def other_path(*loads: Load) -> Measure:
 
 
 def apart(one: Solution, other: Solution) -> float:
-    """Largest relative difference of two states' force and energy."""
+    """Return the larger relative difference of two states in force and in energy."""
     return max(off(math.hypot(*one.response.force), math.hypot(*other.response.force)), off(one.energy, other.energy))
 
 
 def alone(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The force of a path's last load against that load by itself, on a mesh for it."""
+    """Compare the last force of a path with that of its last load alone, on a mesh adapted to this load."""
     last = states[-1]
     other = follow(case, case.loads[-1:])[-1]
-    return Measurement(last, "force against the last load by itself", off(force(last), force(other)))
+    return Measurement(last, "force against that of the last load alone", off(force(last), force(other)))
 
 
 def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
-    """The normal force against that of tetrahedra."""
+    """Compare the normal force with that of the half model on tetrahedra."""
     last = states[-1]
     solid = follow(case, model="half")[-1]
     return Measurement(last, "force against the half model", off(force(last), force(solid)))
 
 
 def folded(_: Case, states: Sequence[Solution]) -> Measurement:
-    """The share of the silicone that is inverted (J <= 0) on 45 points in every triangle, beyond what is told."""
+    """Check that the inverted share (J <= 0) at 45 points of each triangle is at most WIDE times the reported one."""
     last = states[-1]
     beyond = folded_share(last) - WIDE * last.facts.inverted_share
-    return Measurement(last, f"share inside out beyond {WIDE:g} times what the state says", max(beyond, 0.0))
+    return Measurement(last, f"inverted share, less {WIDE:g} times the reported one", max(beyond, 0.0))
 
 
 def folded_share(solution: Solution) -> float:
-    """Share of the undeformed volume where det F <= 0; section meshes only.
+    """Return the share of the undeformed volume that is inverted (J = det F <= 0); section meshes only.
 
     In the section, det F is the ratio of the Jacobians of the deformed and the undeformed triangle times r / R.
     """
@@ -278,7 +285,7 @@ def folded_share(solution: Solution) -> float:
 
 
 def largest_height(changes: Mapping[str, float]) -> float:
-    """Height of the largest magnet of the design's diameter that leaves the least wall, mm; 0 where none fits."""
+    """Return the height of the tallest magnet of the design's diameter that leaves the least wall, mm, or 0."""
     values = {name: changes.get(name, getattr(paper(), name)) for name in LENGTHS}
     low, high = 2 * values["magnet_edge_radius"], values["D"]
     for _ in range(60):

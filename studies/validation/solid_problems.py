@@ -1,9 +1,9 @@
-"""Published and closed-form problems as functions of a mesh size: what `verify` and the tests solve.
+"""Published and closed-form problems as functions of a mesh size, which `verify` and the tests solve.
 
-Each takes the number n of elements along a side (or what it says) and returns the quantities that are published.
-Stresses are in units of the shear or Young's modulus where nothing else is said, lengths in units of the body.
-Where displacements are prescribed, Newton's method starts from those of the closed form, if there is one, and has to
-find the pressures and that the forces balance.
+Each function takes the number n of elements along a side (unless its docstring says otherwise) and returns the
+published quantities. Stresses are in units of the shear or Young's modulus and lengths in units of the body, unless
+stated otherwise. If displacements are prescribed and a closed form exists, Newton's method starts from that
+displacement field and solves for the pressures and for balance of forces.
 """
 
 from __future__ import annotations
@@ -32,23 +32,31 @@ SKIN = 1e-9
 
 
 class NotSolvedError(ArithmeticError):
-    """Newton's method gave up on a problem."""
+    """Newton's method did not converge on a problem."""
 
 
 def body(
     e: Elements, fixed: Mask, mu: float, inverse_K: float, *, dead: Array | None = None, moved: Array | None = None
 ) -> System:
-    """A system without magnet and plate; `moved` are the prescribed displacements."""
+    """Return a system without magnet and plate.
+
+    Parameters
+    ----------
+    fixed : degrees of freedom with prescribed displacement, shape (nodes, fields).
+    mu, inverse_K : shear modulus, and inverse of the bulk modulus.
+    dead : nodal dead loads, shape (nodes, fields).
+    moved : prescribed displacements, shape (nodes, fields).
+    """
     return System(e, None, mu, inverse_K, fixed, dead=dead, prescribed=moved)
 
 
-def find(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:
-    """Newton's answer from nodal displacements u (nodes, dim) without pressure, or from unknowns q.
+def solve(system: System, u: Array | None = None, q: Array | None = None) -> Equilibrium:
+    """Solve by Newton's method from nodal displacements u (nodes, dim) without pressure, or from unknowns q.
 
     Raises
     ------
     NotSolvedError
-        It does not converge.
+        Newton's method does not converge.
     """
     start = np.zeros(system.size) if q is None else q
     if u is not None:
@@ -64,24 +72,25 @@ def find(system: System, u: Array | None = None, q: Array | None = None) -> Equi
 
 
 def ramp(system: System, dead: Array, levels: Sequence[float]) -> list[Equilibrium]:
-    """Equilibria under dead loads (nodes, dim) times each level in turn, each guessed from the last two."""
+    """Solve under dead loads (nodes, dim) times each level in turn; start from the extrapolated last two states."""
     answers: list[Equilibrium] = []
     before, last, now = 0.0, np.zeros(system.size), np.zeros(system.size)
     reached = 0.0
     for level in levels:
         system.dead = level * dead
         guess = now + (now - last) * ((level - reached) / (reached - before) if answers else 0.0)
+        # an extrapolation may invert elements (J <= 0); the last state does not
         if system.admissible(guess) is None:
             guess = now
-        answers.append(find(system, q=guess))
+        answers.append(solve(system, q=guess))
         before, reached, last, now = reached, level, now, answers[-1].state.q
     return answers
 
 
 def facet_loads(mesh: skfem.Mesh, e: Elements, name: str, traction: Sequence[float]) -> Array:
-    """Nodal forces (nodes, fields) of a uniform dead traction (3,) along x, y, z on a named boundary.
+    """Return nodal forces (nodes, fields) of a uniform dead traction (3,) along x, y, z on a named boundary.
 
-    A section without harmonics is taken for one in plane strain.
+    A section without harmonics is treated as plane strain.
     """
     s = elements.surface(mesh, name, e, axisymmetric=e.angles.harmonics > 0, order=4)
     dead = np.zeros((len(e.nodes), e.angles.fields))
@@ -90,16 +99,17 @@ def facet_loads(mesh: skfem.Mesh, e: Elements, name: str, traction: Sequence[flo
 
 
 def square(n: int, move: Callable[[Array], Array] | None = None) -> skfem.MeshTri2:
-    """The unit square in 2 n^2 triangles, its corners moved by a map of coordinates (2, nodes)."""
+    """Return the unit square in 2 n^2 triangles; `move` maps the coordinates (2, nodes) of its vertices."""
     grid = np.linspace(0, 1, n + 1)
     flat = skfem.MeshTri.init_tensor(grid, grid)
     return skfem.MeshTri2.from_mesh(flat if move is None else skfem.MeshTri(move(flat.p), flat.t))
 
 
 def cook(n: int) -> tuple[float]:
-    """Tip deflection u_y(48, 60), mm, of Cook's membrane, plane strain.
+    """Return the tip deflection u_y(48, 60), mm, of Cook's membrane in plane strain.
 
-    E = 3 MPa, incompressible, dead traction of 0.05 MPa upwards on the right edge; n x n squares cut in two.
+    E = 3 MPa, incompressible, dead traction of 0.05 MPa upwards on the right edge; n x n quadrilaterals, each cut in
+    two triangles.
     """
     mesh = square(n, lambda x: np.stack([48 * x[0], 44 * x[0] + x[1] * (44 - 28 * x[0])]))
     mesh = mesh.with_boundaries({"right": lambda x: x[0] > 48 - SKIN})
@@ -112,9 +122,10 @@ def cook(n: int) -> tuple[float]:
 
 
 def bonded_cylinder(n: int, S: float) -> tuple[float]:
-    """Apparent modulus E_a / E of an incompressible disc, radius R, height 2 h, glued to two plates, S = R / 2h.
+    """Return the apparent modulus E_a / E of an incompressible disc bonded to two plates.
 
-    Small strain (1e-6) on the upper half's section; n x n rectangles that shrink towards plate and rim, cut in two.
+    The disc has radius R = 1, height 2 h and shape factor S = R / (4 h). The strain is small (1e-6). The section of
+    the upper half has n x n rectangles, cut in two, which become smaller towards plate and rim.
     """
     h, press = 1 / (4 * S), 1e-6
     mesh = square(n, lambda x: np.stack([1 - (1 - x[0]) ** 1.6, h * (1 - (1 - x[1]) ** 1.6)]))
@@ -123,7 +134,7 @@ def bonded_cylinder(n: int, S: float) -> tuple[float]:
     fixed = np.stack([(e.nodes[:, 0] < SKIN) | top, (e.nodes[:, 1] < SKIN) | top], axis=1)
     moved = np.zeros(e.nodes.shape)
     moved[top, 1] = -press * h
-    answer = find(body(e, fixed, *lame(1.0, 0.5), moved=moved))
+    answer = solve(body(e, fixed, *lame(1.0, 0.5), moved=moved))
     return (float(-answer.assembly.forces[top, 1].sum()) / math.pi / press,)
 
 
@@ -131,18 +142,18 @@ def bonded_cylinder(n: int, S: float) -> tuple[float]:
 def reese_block(
     n: int, levels: tuple[int, ...], *, mirrored: bool = False, order: int | None = None, own_energy: bool = False
 ) -> tuple[float, ...]:
-    """Compression, %, of a block's corner under dead pressures p/p0 (p0 = 4 MPa) on the inner quarter of its top.
+    """Return the compression, %, at a block's centre under dead pressures p/p0 (p0 = 4 MPa) on the middle of its top.
 
-    Quarter of the block as n^3 bricks of six tetrahedra, n a multiple of 4, with three quarters of the bricks along
-    an edge under the load; mu = 80.194, lambda = 400889.806 MPa. The top does not move sideways, so a pressure that
-    follows the surface does the same.
+    By symmetry a quarter of the block is solved, as n^3 bricks of six tetrahedra each, n a multiple of 4; the load
+    covers three quarters of the bricks along an edge. mu = 80.194, lambda = 400889.806 MPa. The top does not move
+    sideways, so that a dead load and a pressure that follows the surface are the same.
 
     Parameters
     ----------
     levels : pressures p/p0, multiples of 20.
-    mirrored : cut the bricks along the diagonal that falls from the middle of the block, not the one that rises.
-    order : of the elements' quadrature.
-    own_energy : Reese's energy, mu/2 (I1 - 3 - 2 ln J) with lambda/2 (J - 1)^2, not the isochoric law.
+    mirrored : cut the bricks along the diagonals that fall from the middle of the block instead of those that rise.
+    order : order of the elements' quadrature; default: that of `fem`.
+    own_energy : use Reese's energy, mu/2 (I1 - 3 - 2 ln J) + lambda/2 (J - 1)^2, instead of the isochoric law.
     """
     mu, lam = 80.194, 400889.806
     inner = 3 * n // 4
@@ -165,9 +176,9 @@ def reese_block(
 
 
 def _coupled(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) -> tuple[Array, Array, Array]:
-    """W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
+    """Return energy W, stress P and tangent A of Reese's law, with the energy p (J - 1) added.
 
-    The energy p (J - 1) is added.
+    W = mu/2 (I1 - 3 - 2 ln J): P = mu (F - F^-T), dP_iJ/dF_kL = mu (delta_ik delta_JL + H_iL H_kJ), H = F^-T.
     """
     W = mu / 2 * (2 * np.einsum("ii...->...", k.G) + np.sum(k.G**2, axis=(0, 1)) - 2 * np.log1p(k.Jm1))
     P, A = material.pressure_terms(k, p)
@@ -179,10 +190,10 @@ def _coupled(k: material.Kinematics, mu: Array | float, p: Array | float = 0.0) 
 
 
 def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
-    """Pressure p / mu that widens the hole of a sphere, radii 1 and 2, incompressible, by each stretch.
+    """Return the pressure p / mu that expands the hole of an incompressible sphere, radii 1 and 2, by each stretch.
 
-    Quarter section, n elements through the wall and 2 n around, on curved edges. The hole's nodes are moved
-    radially; the pressure is the radial sum of their reactions over half the hole's area.
+    The quarter section has n elements through the wall and 2 n around, on curved edges. The nodes of the hole are
+    displaced radially; the pressure is the radial sum of their reactions over half the area of the hole.
     """
 
     def polar(x: Array) -> Array:
@@ -198,14 +209,14 @@ def thick_sphere(n: int, stretches: Sequence[float]) -> tuple[float, ...]:
     pressures = []
     for stretch in stretches:
         exact = e.nodes * (np.cbrt(1 + (stretch**3 - 1) / R**3) - 1)[:, None]
-        answer = find(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
+        answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
         radial = float(np.sum(answer.assembly.forces[hole] * e.nodes[hole]))
         pressures.append(radial / (2 * math.pi * stretch**2))
     return tuple(pressures)
 
 
 def sphere_pressure(stretch: float) -> float:
-    """Closed form of `thick_sphere`: Bower, solidmechanics.org, section 4.2.
+    """Return the closed form of `thick_sphere`: Bower, solidmechanics.org, section 4.2.
 
     >>> [round(sphere_pressure(stretch), 7) for stretch in (1.25, 2.0)]
     [0.5518685, 0.8069266]
@@ -215,9 +226,10 @@ def sphere_pressure(stretch: float) -> float:
 
 
 def stretched_cube(stretch: float, mode: str) -> tuple[float]:
-    """Nominal stress P_xx / mu of an incompressible unit cube, its three mirror planes and five tetrahedra.
+    """Return the nominal stress P_xx / mu of an incompressible unit cube of tetrahedra with three symmetry planes.
 
-    Stretched along x; along y it is free (uniaxial), stretched alike (equibiaxial) or held (planar); z is free.
+    The cube is stretched along x and free along z. Along y it is free (uniaxial), stretched as along x (equibiaxial)
+    or held (planar).
     """
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 2)] * 3))
     e = elements.build(mesh, axisymmetric=False)
@@ -225,25 +237,26 @@ def stretched_cube(stretch: float, mode: str) -> tuple[float]:
     exact = e.nodes * (np.array([stretch, along, 1 / (stretch * along)]) - 1)
     end = e.nodes > 1 - SKIN
     fixed = (e.nodes < SKIN) | (end & [True, mode != "uniaxial", False])
-    answer = find(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
+    answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
     return (float(answer.assembly.forces[end[:, 0], 0].sum()),)
 
 
 def stretched_cylinder(stretch: float) -> tuple[float]:
-    """Nominal stress P_zz / mu of an incompressible cylinder pulled along its axis, two triangles."""
+    """Return the nominal stress P_zz / mu of an incompressible cylinder, two triangles, stretched along its axis."""
     e = elements.build(square(1), axisymmetric=True)
     exact = e.nodes * (np.array([stretch**-0.5, stretch]) - 1)
     end = e.nodes[:, 1] > 1 - SKIN
     fixed = e.nodes < SKIN
     fixed[end, 1] = True
-    answer = find(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
+    answer = solve(body(e, fixed, *lame(3.0, 0.5), moved=exact), exact)
     return (float(answer.assembly.forces[end, 1].sum()) / math.pi,)
 
 
 def turned_cylinder(stretch: float, angle: float, harmonics: int = 2) -> tuple[float, float]:
-    """Energy per volume over mu of a cylinder stretched along x and turned about y, and its largest nodal force.
+    """Return energy per volume over mu, and the largest nodal force, of a cylinder stretched along x, rotated about
+    y.
 
-    Fourier elements without pressure; volumes are kept. The affine map A = Q U has the fields w_-1 = A_xz z,
+    The Fourier elements have no pressure; volumes are preserved. The affine map A = Q U has the fields w_-1 = A_xz z,
     w_0 = ((A_xx + A_yy) / 2 - 1) r, w_-2 = (A_xx - A_yy) r / 2, z_0 = (A_zz - 1) z, z_1 = A_zx r.
     """
     e = elements.build(square(2), axisymmetric=True, harmonics=harmonics)
@@ -256,14 +269,14 @@ def turned_cylinder(stretch: float, angle: float, harmonics: int = 2) -> tuple[f
     system = body(e, np.zeros(u.shape, dtype=bool), 1.0, 0.0)
     q = np.zeros(system.size)
     q[: system.n_free] = u[system.free]
-    found = system.assemble(system.state(q), None)
-    return found.energy / math.pi, float(np.abs(found.forces).max())
+    assembly = system.assemble(system.state(q), None)
+    return assembly.energy / math.pi, float(np.abs(assembly.forces).max())
 
 
 def sheared_cube(shear: float) -> tuple[float, float]:
-    """Stresses sigma_xz and sigma_xx - sigma_zz over mu of a unit cube whose faces follow u_x = shear z.
+    """Return sigma_xz and sigma_xx - sigma_zz over mu of a unit cube with u_x = shear z on its faces.
 
-    Mean stresses from the nodal forces, V sigma_ij = sum f_i x_j; 1/K is small, so that p is determined.
+    The mean stresses follow from the nodal forces, V sigma_ij = sum f_i x_j. A small 1/K > 0 determines p.
     """
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, 3)] * 3))
     e = elements.build(mesh, axisymmetric=False)
@@ -271,6 +284,6 @@ def sheared_cube(shear: float) -> tuple[float, float]:
     exact[:, 0] = shear * e.nodes[:, 2]
     sides = np.asarray(((e.nodes < SKIN) | (e.nodes > 1 - SKIN)).any(axis=1))
     fixed = np.repeat(sides[:, None], 3, axis=1)
-    answer = find(body(e, fixed, 1.0, 1e-3, moved=exact), exact)
+    answer = solve(body(e, fixed, 1.0, 1e-3, moved=exact), exact)
     sigma = answer.assembly.forces.T @ (e.nodes + answer.state.u)
     return float(sigma[0, 2]), float(sigma[0, 0] - sigma[2, 2])

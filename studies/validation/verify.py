@@ -1,6 +1,6 @@
-"""Published and closed-form targets, each solved on a family of meshes and held to a fixed tolerance.
+"""Published and closed-form problems, solved on families of meshes and checked against fixed tolerances.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, says which value is checked.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from studies.output.records import FlatRow
 from studies.validation.verify_targets import Judged, Quantity, Target, targets
 
 ABOUT = """\
-A target is checked in one of three ways: the value on the finest mesh, its Richardson extrapolation, or the order of
-convergence of an error. The extrapolation fits f + C h^p to the three finest meshes; if they give no positive order,
-the value on the finest mesh is used. Tolerances are fixed and are never widened to make a target pass.
+Each target is checked by one of three numbers: the value on the finest mesh, its Richardson extrapolation, or the
+order of convergence of an error. The extrapolation fits f + C h^p to the three finest meshes. If these yield no
+positive order, the value on the finest mesh is checked. Tolerances are fixed and are never widened to make a target
+pass.
 """
 
 NAN = math.nan
@@ -30,17 +31,17 @@ NAN = math.nan
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A computed quantity beside the published one; NaN where nothing could be computed.
+    """A computed quantity and its published value; NaN where nothing was computed.
 
     Attributes
     ----------
-    computed : on the finest mesh; the order of convergence where that is judged.
-    extrapolated, order : of Richardson's extrapolation.
-    error_percent, tolerance_percent : of the published value.
-    judged : which value is held to the tolerance.
-    seconds : of all meshes of the target.
+    computed : value on the finest mesh, or the order of convergence if that is checked.
+    extrapolated, order : limit and order of Richardson's extrapolation.
+    error_percent, tolerance_percent : percent of the published value.
+    judged : which number is checked against the tolerance.
+    seconds : time of all meshes of the target.
     meshes : elements along a side, joined by hyphens.
-    message : why the problem has no solution, or empty.
+    message : reason why the problem was not solved, or empty.
     """
 
     target: str
@@ -60,11 +61,11 @@ class Comparison:
     message: str
 
     def row(self) -> FlatRow:
-        """Its columns in verify.csv and in JSON."""
+        """Return the columns of verify.csv and JSON."""
         return records.flat(self)
 
     def printed(self) -> FlatRow:
-        """Its columns in a printed table, with enough digits of the values."""
+        """Return the columns of a printed table, with enough digits of the values."""
         values = {"published": self.published, "computed": self.computed, "extrapolated": self.extrapolated}
         return self.row() | {name: _number(value, 6) for name, value in values.items()}
 
@@ -76,8 +77,8 @@ def run(
 
     Parameters
     ----------
-    quick : the reduced targets.
-    command : that this is run by.
+    quick : solve the reduced targets.
+    command : the command line that the report quotes.
 
     Returns
     -------
@@ -120,15 +121,15 @@ def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None
 def _comparison(
     target: Target, quantity: Quantity, family: Sequence[float], seconds: float, message: str
 ) -> Comparison:
-    """A quantity's values on the family of meshes, the finest last, beside the published one."""
+    """Compare a quantity's values on the family of meshes, the finest last, with the published one."""
     computed = family[-1] if family else NAN
     extrapolated, order = richardson(target.meshes, family)
     if target.judged == "order" and family:
         (n0, n1), (e0, e1) = target.meshes[-2:], family[-2:]
         computed, extrapolated = math.log(e0 / e1) / math.log(n1 / n0), NAN
         order = computed
-    counts = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
-    error = counts - quantity.published
+    checked = extrapolated if target.judged == "extrapolated" and math.isfinite(extrapolated) else computed
+    error = checked - quantity.published
     return Comparison(
         target=target.name,
         quantity=quantity.name,
@@ -149,7 +150,7 @@ def _comparison(
 
 
 def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, float]:
-    """Limit f and order p of f + C / n^p through the three finest meshes; NaN where there is none with 0.2 < p < 8.
+    """Return limit f and order p of f + C / n^p through the three finest meshes; NaN if no p in (0.2, 8) fits.
 
     >>> f, p = richardson((2, 4, 6), [1 + n**-1.5 for n in (2, 4, 6)])
     >>> round(f, 10), round(p, 10)
@@ -175,7 +176,7 @@ def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, f
 
 
 def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command: str) -> None:
-    """verify.csv with every digit, VERIFY.md to read."""
+    """Write verify.csv with 12 digits and the report VERIFY.md."""
     write_table(folder / "verify.csv", [c.row() for c in comparisons], digits=12)
     passed = sum(c.passed for c in comparisons)
     heads = ["target", "quantity", "published", "computed", "extrapolated", "order", "error %", "allowed %", ""]
@@ -199,4 +200,4 @@ def _number(value: float, digits: int) -> str:
 
 
 DETAILS = ("judged", "meshes", "source", "message", "note")
-"""Left out of the printed table."""
+"""Columns that the printed table leaves out."""

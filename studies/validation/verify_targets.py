@@ -1,6 +1,6 @@
-"""What `verify` solves: published and closed-form targets with their meshes and tolerances.
+"""Targets of `verify`: published and closed-form problems with their meshes and tolerances.
 
-Tolerances are promises and are never widened to make a target pass; where one is missed, a note says why.
+Tolerances are fixed and are never widened to make a target pass. If a target is missed, a note gives the reason.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from studies.validation import beam_problems, contact_problems, manufactured_sol
 Judged = Literal["finest", "extrapolated", "order"]
 
 REESE = (
-    "the published figures are read to half a point, and at p/p0 = 80 the limit of these elements lies below that "
-    "band. It is the same for the diagonals of the bricks laid the other way, on which the compression falls to that "
-    "limit from above 70 % with refinement; on the middle mesh neither more quadrature nor the published energy "
-    "moves it by a tenth of a percent (last rows). Load steps do not enter, as all work is stored"
+    "the published values are known to half a percentage point, and at p/p0 = 80 the limit of these elements lies "
+    "below that band. Bricks that are cut along the other diagonals lead to the same limit, with compressions that "
+    "fall towards it from above 70 % as the mesh is refined. On the middle mesh, neither a higher quadrature order "
+    "nor the published energy changes the compression by a tenth of a percent (last rows). The number of load steps "
+    "has no influence, because the material is hyperelastic"
 )
 BONDED = (
-    "the beam's theory has no clamp that keeps the section's shape: a bonded base does, and stiffens the beam over a "
-    "length of about D, by a share in D/L that grows with nu. The rows with a base that is free to contract, and the "
-    "limit for D/L = 0, meet the theory; the difference is the base's"
+    "in beam theory the clamped cross-section may change its shape. A bonded base prevents it and stiffens the beam "
+    "over a length of about D, by a share that is proportional to D/L and grows with nu. A base that is free to "
+    "contract, and the limit D/L = 0, agree with the theory, so that the bonded base explains the difference"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One published number and how far the computed one may be from it, in the unit of both."""
+    """One published number and the tolerance of the computed one, in the same unit."""
 
     name: str
     published: float
@@ -40,7 +41,14 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A problem: `solve(n)` gives its quantities on mesh n; `quick` are the meshes of a reduced run, if any."""
+    """A problem with published quantities.
+
+    Attributes
+    ----------
+    solve : returns the quantities on mesh n.
+    meshes, quick : meshes of a full and of a reduced run; the reduced run skips a target without meshes.
+    judged : which number is checked: value on the finest mesh, extrapolated value, or order of convergence.
+    """
 
     name: str
     source: str
@@ -72,9 +80,9 @@ def _relative(name: str, published: float, tolerance: float) -> Quantity:
 
 
 def targets(*, quick: bool = False) -> list[Target]:
-    """All of them, cheap ones first; if quick on the coarser meshes, and Reese's block at its two lower pressures."""
-    found = [*_closed_forms(), *_contact(), *_families(), *_beams(), *_manufactured(), *_reese(quick)]
-    return [replace(target, meshes=target.quick) for target in found if target.quick] if quick else found
+    """Return all targets, fast ones first; if quick, on coarser meshes, with two pressures of Reese's block."""
+    chosen = [*_closed_forms(), *_contact(), *_families(), *_beams(), *_manufactured(), *_reese(quick)]
+    return [replace(target, meshes=target.quick) for target in chosen if target.quick] if quick else chosen
 
 
 def _closed_forms() -> list[Target]:
@@ -106,18 +114,18 @@ def _contact() -> list[Target]:
     return [
         Target(
             "Hertz contact",
-            "Hertz 1882; meshes are quick, standard and fine",
+            "Hertz 1882; meshes 1, 2 and 3 are levels quick, standard and fine",
             lambda n: contact_problems.hertz(levels[n - 1]),
             (*depths, Quantity("exponent of the force", 1.5, 3e-3)),
             meshes=(3,),
             quick=(3,),
         ),
         Target(
-            "the plate's penalty",
-            "force on a plate without penalty, extrapolated; meshes are quick, standard and fine",
+            "penalty of the plate",
+            "extrapolation to a rigid plate; meshes 1, 2 and 3 are levels quick, standard and fine",
             lambda n: [contact_problems.penalty(levels[n - 1], depth, magnet) for depth, magnet in pressed],
             tuple(
-                Quantity(f"F / F of a rigid plate, depth {depth:g} D, magnet {magnet}", 1.0, 1.5e-4)
+                Quantity(f"force / force on a rigid plate, depth {depth:g} D, magnet {magnet}", 1.0, 1.5e-4)
                 for depth, magnet in pressed
             ),
             meshes=(1, 2, 3),
@@ -183,13 +191,13 @@ def _beams() -> list[Target]:
     found = [
         Target(
             "elastica",
-            "Mattiasson 1981; the meshes' names are L/D",
+            "Mattiasson 1981; mesh numbers are L/D",
             partial(beam_problems.elastica, loads=(1.0, 2.0)),
             tuple(_relative(f"{name}/L, P L^2/EI = {load}", value, 1e-4) for load, name, value in elastica),
             meshes=(10, 20, 40),
             quick=(5, 10, 20),
             judged="extrapolated",
-            note="a solid cylinder, so shear adds a term in (D/L)^2, which the extrapolation in L/D removes",
+            note="in a solid cylinder shear adds a term in (D/L)^2, which the extrapolation in L/D removes",
         )
     ]
     for base, nu, bonded, note in (
@@ -208,12 +216,12 @@ def _beams() -> list[Target]:
                 note=note,
             )
         )
-    limit = Quantity("stiffness / Timoshenko as D/L vanishes", 1.0, 1e-3)
+    limit = Quantity("stiffness / Timoshenko, limit D/L = 0", 1.0, 1e-3)
     return [
         *found,
         Target(
             "clamped cylinder, bonded base, nu = 0.4998, limit",
-            "Timoshenko's beam; the meshes' names are L/D",
+            "Timoshenko's beam; mesh numbers are L/D",
             lambda ratio: [beam_problems.tip_stiffness(ratio, 0.4998)],
             (limit,),
             meshes=(6, 12, 24),
@@ -250,10 +258,10 @@ def _reese(quick: bool) -> list[Target]:
             note=REESE,
         ),
         Target(
-            "Reese's block, diagonals the other way",
-            "the target above: one limit, approached from above here and from below there",
+            "Reese's block, other diagonals",
+            "the target above: the same limit, approached from the other side",
             partial(_mirrored, levels=levels),
-            tuple(Quantity(f"compression over that above, p/p0 = {level}", 1.0, 1e-3) for level in levels),
+            tuple(Quantity(f"compression / that of the target above, p/p0 = {level}", 1.0, 1e-3) for level in levels),
             meshes=(4, 8, 12),
             quick=(),
             judged="extrapolated",
@@ -263,7 +271,7 @@ def _reese(quick: bool) -> list[Target]:
             "the same mesh with quadrature of order 2 and the isochoric law",
             _variants,
             tuple(
-                Quantity(f"compression over that, p/p0 = 80, {name}", 1.0, 1e-3)
+                Quantity(f"compression / that of Reese's block, p/p0 = 80, {name}", 1.0, 1e-3)
                 for name in ("quadrature of order 4", "Reese's own energy")
             ),
             meshes=(8,),
