@@ -12,7 +12,7 @@ from studies.fabrication import assembly_picture, sensor_solids
 
 def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_without_leads():
     design = paper()
-    parts = sensor_solids.coloured(sensor_solids.things(design, sensor_solids.Making()))
+    parts = sensor_solids.coloured_parts(sensor_solids.make_solids(design, sensor_solids.FabricationChoices()))
     drawn = dict(zip(parts, assembly_picture.faceted(parts, hall_bodies.places(design)), strict=True))
     assert [name for name, part in drawn.items() if part.label] == ["S1", "S2", "S3"]
     bounds = {name: assembly_picture.shown(part).bounds for name, part in drawn.items()}
@@ -29,7 +29,7 @@ def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_withou
 @pytest.mark.parametrize("fields", [{}, {"hall_layout": "tmag5273a1", "chip_x": 3.0}])
 def test_all_but_the_magnet_is_cut_by_the_plane_of_the_section(fields):
     design = dataclasses.replace(paper(), **fields)
-    parts = sensor_solids.coloured(sensor_solids.things(design, sensor_solids.Making()))
+    parts = sensor_solids.coloured_parts(sensor_solids.make_solids(design, sensor_solids.FabricationChoices()))
     drawn = assembly_picture.faceted(parts, hall_bodies.places(design))
     cut = {name: assembly_picture.shown(part) for name, part in zip(parts, drawn, strict=True)}
     for name, (solid, _) in parts.items():

@@ -80,7 +80,7 @@ def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
     with atomic_files.staged(tmp_path) as mine:
         assert not left.exists()
         # who is at work here or elsewhere is not disturbed
-        atomic_files._tidied.cache_clear()
+        atomic_files._delete_left_folders.cache_clear()
         atomic_files.write_text(tmp_path / "text.txt", "whole")
         assert mine.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == [elsewhere.name, "text.txt"]

@@ -66,13 +66,13 @@ def test_the_recipe_names_files_volumes_and_checks(made):
 
 @pytest.mark.parametrize("process", ["fdm", "sla"])
 def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
-    recipe = casting_recipe.recipe_of(paper(), sensor_solids.Making(Mold(process=process)))
+    recipe = casting_recipe.recipe_of(paper(), sensor_solids.FabricationChoices(Mold(process=process)))
     assert recipe.magnet_limit_C == 80
     for cure in recipe.cures:
         assert 20 < cure.first_cure_C < cure.mold_limit_C
         assert 20 < cure.second_cure_C < min(cure.mold_limit_C, recipe.magnet_limit_C)
     bare = dataclasses.replace(paper(), magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
-    recipe = casting_recipe.recipe_of(bare, sensor_solids.Making(Mold(process=process)))
+    recipe = casting_recipe.recipe_of(bare, sensor_solids.FabricationChoices(Mold(process=process)))
     assert recipe.magnet_limit_C is None
     assert all(cure.second_cure_C is None for cure in recipe.cures)
 
@@ -87,11 +87,11 @@ def test_the_recipe_says_what_magnet_and_mould_need(made):
 
 
 def test_dowels_fill_their_holes_in_the_foot():
-    making = sensor_solids.Making(Mold(split=1, floor=4.5))
-    made = sensor_solids.things(paper(), making)
-    dowels = casting_recipe.recipe_of(paper(), making).dowels
-    whole = sensor_solids.Making(Mold(floor=4.5))
-    drilled = sensor_solids.things(paper(), whole).B.volume - sum(
+    choices = sensor_solids.FabricationChoices(Mold(split=1, floor=4.5))
+    made = sensor_solids.make_solids(paper(), choices)
+    dowels = casting_recipe.recipe_of(paper(), choices).dowels
+    whole = sensor_solids.FabricationChoices(Mold(floor=4.5))
+    drilled = sensor_solids.make_solids(paper(), whole).B.volume - sum(
         made.mold[name].volume for name in ("mold_b1", "mold_b2")
     )
     assert drilled == pytest.approx(2 * math.pi / 4 * dowels.diameter_mm**2 * dowels.length_mm, rel=1e-9)
@@ -340,17 +340,17 @@ def test_a_choice_out_of_its_range_names_the_range(option, ranges, value):
     for name, bounds in ranges.items():
         texts = {"--mold": [], "--base": [], option: [f"{name}={value}"]}
         with pytest.raises(BadInput) as caught:
-            sensor_solids.making_of("fdm", texts["--mold"], texts["--base"], None)
+            sensor_solids.parse_fabrication_choices("fdm", texts["--mold"], texts["--base"], None)
         assert str(caught.value).startswith(f"{name} must ")
         assert all(f"{bound:g}" in str(caught.value) for bound in (bounds.low, bounds.high))
 
 
 def test_a_count_may_be_written_as_any_whole_number():
-    assert sensor_solids.making_of("fdm", ["columns=3.0", "rows=1e0", "wall=2"], [], None).mold == Mold(
-        columns=3, wall=2
-    )
+    assert sensor_solids.parse_fabrication_choices(
+        "fdm", ["columns=3.0", "rows=1e0", "wall=2"], [], None
+    ).mold == Mold(columns=3, wall=2)
     with pytest.raises(BadInput, match=r"^columns must be a whole number from 1 to 10; got 2\.5$"):
-        sensor_solids.making_of("fdm", ["columns=2.5"], [], None)
+        sensor_solids.parse_fabrication_choices("fdm", ["columns=2.5"], [], None)
 
 
 def test_the_elements_of_a_batch_stay_in_the_base():

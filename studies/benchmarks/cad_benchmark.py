@@ -181,9 +181,9 @@ def extremes(folder: Path) -> list[ExtremeResult]:
     results = []
     for k, (name, (fields, choices)) in enumerate(EXTREMES.items()):
         start = time.process_time()
-        making = sensor_solids.Making(mold=Mold(**choices))
+        fabrication = sensor_solids.FabricationChoices(mold=Mold(**choices))
         try:
-            fabricated = sensor_parts.build(Design(**fields), folder / str(k), _silent, making)
+            fabricated = sensor_parts.build(Design(**fields), folder / str(k), _silent, fabrication)
         except BadInput as error:
             fabricated = FabricationRow("bad_input", str(error), folder / str(k))
         checks = {check.name: check for check in fabricated.checks}

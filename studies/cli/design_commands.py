@@ -60,15 +60,15 @@ def cad(
 
     given = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
-    making = sensor_solids.making_of(process, mold or [], base or [], tolerance)
+    choices = sensor_solids.parse_fabrication_choices(process, mold or [], base or [], tolerance)
     axes = design_variants.axes_of(axis or [])
     for name, reason in design_variants.idle(given, axes):
         say_no_effect(f"axis {name}", reason)
     with console.progress(as_json=as_json) as progress:
         if axes:
-            fabricated = list(design_variants.batch(given, axes, out, progress, making, command=asked))
+            fabricated = list(design_variants.batch(given, axes, out, progress, choices, command=asked))
         else:
-            fabricated = [sensor_parts.build(given, out, progress, making, command=asked)]
+            fabricated = [sensor_parts.build(given, out, progress, choices, command=asked)]
     sensor_parts.show(fabricated, as_json=as_json, wide=wide)
     if axes:
         for sentence in design_variants.sentences_of(fabricated):

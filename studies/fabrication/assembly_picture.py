@@ -1,12 +1,12 @@
 """A picture of the assembled sensor, cut open along y = 0 so that all parts but the magnet show their section.
 
-The Hall elements bear their names, and small axes show the sensor's frame. It is seen from the left and above, so
-that an element behind the section is seen beside the beam; of such an element no leads below the base are drawn, for
-they would seem to belong to one in the section.
+Labels name the Hall elements, and small axes show the sensor's frame. The view is from the left and above, so that
+an element behind the section appears beside the beam. The leads of such an element are not drawn below the base,
+because they would seem to belong to an element in the section.
 
-VTK and pyvista take as long to import as the CAD kernel does to make and check everything, and a graphics driver may
-take a process down with it. So the picture is drawn by a process of its own, `python -m
-studies.fabrication.assembly_picture`: it is started early, imports meanwhile, and draws what then comes in.
+The import of VTK and pyvista takes as long as the CAD kernel needs for all solids and checks, and a graphics driver
+may crash its process. So a process of its own draws the picture, `python -m studies.fabrication.assembly_picture`. It
+is started early, imports the libraries meanwhile, and then draws the parts that it receives.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from build123d import Solid
 
 SIZE = (1200, 900)
-"""Of the picture before its white margins are cut, pixels."""
+"""Width and height of the picture before its white margins are cut, pixels."""
 
 RIM = 20
-"""White that is left around the sensor, pixels."""
+"""Width of the white margin around the sensor, pixels."""
 
 VIEW = (-1.25, -1.35, 1.35)
-"""From where the sensor is seen, in its frame; only the direction counts."""
+"""Direction from the sensor to the camera, in the sensor's frame; its length has no effect."""
 
 WHOLE = ("magnet",)
-"""Parts that are shown whole; of all others only y > 0, so that what lies in a seat is seen in it."""
+"""Parts that are drawn whole; the others are cut at y = 0, which shows the elements in their seats."""
 
-CLOSE = 600
-"""The facets' distance from the surface is this much less than the sensor's size."""
+FACETS = 600
+"""Size of the sensor over the facet tolerance; fine enough for a picture of 1200 pixels."""
 
 COMMAND = (sys.executable, "-m", "studies.fabrication.assembly_picture")
-"""What draws: parts come in, a PNG file goes out."""
+"""Command line of the process that reads parts and writes a PNG file."""
 
 
 Vector = tuple[float, float, float]
@@ -49,14 +49,14 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What is drawn of a part.
+    """The triangles of a part and how they are drawn.
 
     Attributes
     ----------
-    vertices, faces : shape (n, 3), mm, and (m, 3).
-    opened : only y > 0 is drawn, or all.
+    vertices, faces : shape (n, 3), mm, and shape (m, 3).
+    opened : whether the part is cut at y = 0 and only y > 0 is drawn.
     floor : z below which nothing is drawn, mm; None for no limit.
-    label : name and point, mm, that a leader line goes to; None for no name.
+    label : name, and the point at which its leader line ends, mm; None for no name.
     """
 
     vertices: Any
@@ -69,53 +69,52 @@ class Part:
 
 @contextlib.contextmanager
 def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]], Mapping[str, Vector]], bytes]]:
-    """A process that gets ready to draw one picture, and a function that has it drawn.
+    """Start a process that draws one picture, and yield a function that sends it the parts.
 
-    The function takes solids in the sensor's frame by name, each with its colour, and points in those that are to be
-    named, mm, and gives the bytes of a PNG file; all but the magnet are cut open along y = 0. It raises a
-    RuntimeError if the process fails.
+    The function takes the solids by name, in the sensor's frame, each with its colour; and a point for each part that
+    gets a label, mm. It returns the bytes of a PNG file, and raises a RuntimeError if the process fails.
     """
     pipe = subprocess.PIPE
     with subprocess.Popen(COMMAND, cwd=provenance.ROOT, stdin=pipe, stdout=pipe, stderr=pipe) as process:
 
-        def drawn(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> bytes:
-            found, said = process.communicate(pickle.dumps(faceted(parts, names)))
+        def draw(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> bytes:
+            picture, errors = process.communicate(pickle.dumps(faceted(parts, names)))
             if process.returncode:
-                last = (said.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+                last = (errors.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
                 raise RuntimeError(f"drawing ended with exit code {process.returncode} ({last})")
-            return found
+            return picture
 
         try:
-            yield drawn
+            yield draw
         finally:
             process.kill()
 
 
 def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> list[Part]:
-    """The parts as triangles, those in `names` with their names at these points, mm."""
+    """Return the parts as triangles; those in `names` get labels at these points, mm."""
     import numpy as np
 
     from geometry.fabrication.solid_files import triangulated
 
-    box, found = parts["base"][0].bounding_box(optimal=False), []
+    box, drawn_parts = parts["base"][0].bounding_box(optimal=False), []
     size, underside = max(box.size), box.min.Z
     for name, (solid, colour) in parts.items():
-        mesh = triangulated(solid, size / CLOSE, 0.2)
+        mesh = triangulated(solid, size / FACETS, 0.2)
         vertices = np.asarray(mesh.vertices)
         behind, label = name in names and vertices[:, 1].min() > 0, None
         if name in names:
             x, y, z = names[name]
             if behind:
-                # on top, near the side that the beam does not hide
+                # the beam hides the rest of an element behind the section: point to its top, near the visible side
                 x, z = 0.8 * float(vertices[:, 0].min()) + 0.2 * x, float(vertices[:, 2].max())
             label = name, (x, y, z)
         floor = float(underside) if behind else None
-        found.append(Part(vertices, np.asarray(mesh.faces), colour, name not in WHOLE, floor, label))
-    return found
+        drawn_parts.append(Part(vertices, np.asarray(mesh.faces), colour, name not in WHOLE, floor, label))
+    return drawn_parts
 
 
 def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
-    """The picture as a PNG file's bytes; the size of what is shown is that of the widest part."""
+    """Draw the picture and return the bytes of its PNG file; the widest part sets the scale."""
     import numpy as np
     from PIL import Image
 
@@ -136,16 +135,16 @@ def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     camera.up = (0.0, 0.0, 1.0)
     plotter.reset_camera(render=False)
     camera.zoom(1.15)
-    text = BytesIO()
+    png = BytesIO()
     image = Image.fromarray(plotter.screenshot(return_img=True))
-    names = {part.label[0]: _seen(plotter, part.label[1]) for part in parts if part.label}
+    names = {part.label[0]: _pixel(plotter, part.label[1]) for part in parts if part.label}
     picture_labels.annotate(image, names, _axes(plotter))
-    _trimmed(image).save(text, "png", compress_level=3)
-    return text.getvalue()
+    _trimmed(image).save(png, "png", compress_level=3)
+    return png.getvalue()
 
 
-def _seen(plotter: Any, point: Vector) -> tuple[float, float]:
-    """Where a point, mm, is in the picture: pixels from its left and upper border."""
+def _pixel(plotter: Any, point: Vector) -> tuple[float, float]:
+    """Return the place of a point, mm, in the picture: pixels from its left and upper border."""
     renderer = plotter.renderer
     renderer.SetWorldPoint(*point, 1.0)
     renderer.WorldToDisplay()
@@ -154,17 +153,17 @@ def _seen(plotter: Any, point: Vector) -> tuple[float, float]:
 
 
 def _axes(plotter: Any) -> dict[str, tuple[float, float]]:
-    """Directions of the sensor's axes in the picture; one that lies in its plane is 1 long."""
-    # of a parallel projection: pixels for a mm in the picture's plane
+    """Return the directions of the sensor's axes in the picture; an axis in the picture's plane has length 1."""
+    # pixels per mm in the picture's plane: VTK defines parallel_scale as half the height of the view, mm
     scale = SIZE[1] / (2 * plotter.camera.parallel_scale)
-    x0, y0 = _seen(plotter, (0.0, 0.0, 0.0))
+    x0, y0 = _pixel(plotter, (0.0, 0.0, 0.0))
     ends = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-    places = {name: _seen(plotter, end) for name, end in ends.items()}
+    places = {name: _pixel(plotter, end) for name, end in ends.items()}
     return {name: ((x - x0) / scale, (y - y0) / scale) for name, (x, y) in places.items()}
 
 
 def shown(part: Part) -> Any:
-    """What is seen of a part, as a closed surface of PyVista."""
+    """Return the drawn region of a part as a closed PyVista surface."""
     import pyvista as pv
 
     surface = pv.PolyData.from_regular_faces(part.vertices, part.faces)
@@ -174,7 +173,7 @@ def shown(part: Part) -> Any:
 
 
 def _trimmed(picture: Any) -> Any:
-    """The picture without most of the white around."""
+    """Return the picture without white margins wider than `RIM`."""
     from PIL import ImageOps
 
     wide, tall = picture.size
@@ -183,7 +182,7 @@ def _trimmed(picture: Any) -> Any:
 
 
 def _plotter() -> Any:
-    """An empty stage; most of a picture's time goes into making it."""
+    """Return an empty plotter; its construction takes most of the time of a picture."""
     import pyvista as pv
 
     from studies.output.solution_pictures import quiet
@@ -197,7 +196,8 @@ def _plotter() -> Any:
 
 
 def main() -> None:
-    """Draw what comes in."""
+    """Read parts from standard input and write their picture to standard output."""
+    # the plotter is made before the parts arrive, which saves most of the waiting time
     plotter = _plotter()
     sys.stdout.buffer.write(portrait(pickle.load(sys.stdin.buffer), plotter))
 

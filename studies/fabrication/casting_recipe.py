@@ -13,22 +13,22 @@ from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, R
 
 if TYPE_CHECKING:
     from geometry.fabrication.solid_files import Exported
-    from studies.fabrication.sensor_solids import Making
+    from studies.fabrication.sensor_solids import FabricationChoices
     from studies.simulation.design_summary import OuterSize
 
 MARK = "# Magnetic force sensor, D = "
-"""How the file begins; a README.md that begins otherwise is not ours."""
+"""First words of the file, by which `magtip cad` recognises a README.md that it wrote itself."""
 
 WASTE = 0.5
-"""Share that is mixed over what fills the mould: vents, rim, and what stays in the cup."""
+"""Surplus of silicone for vents and rim, as a share of what fills the mould."""
 
 CUP = 2000.0
-"""And what every mixing cup keeps, mm³."""
+"""Silicone that stays in a mixing cup, mm³; it is added to what is mixed for each pour."""
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What a mould is printed from, and the temperature that it gives way from, °C."""
+    """A material that a mould is printed from; `limit` is its softening temperature, °C."""
 
     process: str
     name: str
@@ -42,20 +42,20 @@ MATERIALS = (
     Material("sla", "standard resin", 60.0),
     Material("sla", "high-temperature resin", 200.0),
 )
-"""Heat deflection temperatures as vendors commonly state them, rounded down; a maker's own data sheet goes first."""
+"""Heat deflection temperatures that vendors commonly state, rounded down; the data sheet of the material decides."""
 
 MAGNET_LIMIT = 80.0
-"""Working limit of common sintered NdFeB, grade N without a further letter, °C; grades M, H and SH stand more."""
+"""Working limit of common sintered NdFeB, grade N without a further letter, °C; grades M, H and SH withstand more."""
 
 MARGIN = 10.0
-"""A cure stays this far below what mould and magnet stand, K."""
+"""Least difference between the temperature of a cure and the limits of mould and magnet, K."""
 
 PAPER_CURE = 80.0
-"""Of the paper, for 1 h, °C; no cure is hotter."""
+"""Temperature at which the paper cures the silicone for 1 h, °C; no cure is hotter."""
 
 
 def cure(limit: float) -> float:
-    """The hottest cure for what stands `limit`, °C.
+    """Return the hottest cure for a material or a magnet whose limit is `limit`, °C.
 
     >>> cure(55.0), cure(200.0)
     (45.0, 80.0)
@@ -63,8 +63,8 @@ def cure(limit: float) -> float:
     return min(PAPER_CURE, limit - MARGIN)
 
 
-def recipe_of(design: Design, making: Making) -> Recipe:
-    """Temperatures and dowels of a casting."""
+def recipe_of(design: Design, choices: FabricationChoices) -> Recipe:
+    """Return the temperatures and dowels of a casting."""
     magnet = MAGNET_LIMIT if design.shape.has_magnet else None
     cures = tuple(
         Cure(
@@ -74,16 +74,16 @@ def recipe_of(design: Design, making: Making) -> Recipe:
             None if magnet is None else cure(min(material.limit, magnet)),
         )
         for material in MATERIALS
-        if material.process == making.mold.process
+        if material.process == choices.mold.process
     )
-    if not making.mold.split:
+    if not choices.mold.split:
         return Recipe(magnet, cures, None)
-    s = sizes(design, making.mold)
+    s = sizes(design, choices.mold)
     return Recipe(magnet, cures, Dowels(2, s.dowel, s.floor))
 
 
 def size_sentence(size: OuterSize) -> str:
-    """A sentence of the assembled sensor's outer size, or of the beam's where there is no base."""
+    """State the outer size of the assembled sensor in a sentence, or that of the beam if there is no base."""
     if size.assembled_size_mm is None:
         return f"There is no base and so no assembled size; the beam is {_sides(size.beam_size_mm)} mm (x, y, z)."
     leads = size.leads_below_base_mm
@@ -100,7 +100,7 @@ def _sides(size: Sequence[float]) -> str:
 
 def text(
     design: Design,
-    making: Making,
+    choices: FabricationChoices,
     fabricated: FabricationRow,
     recipe: Recipe,
     size: OuterSize,
@@ -108,7 +108,7 @@ def text(
     picture: str,
     command: str,
 ) -> str:
-    """The README.md of one design, which such a command makes."""
+    """Return the README.md of one design; it names `command` as its origin."""
     d = design
     lines = [
         f"{MARK}{d.D:g} mm, L = {d.L:g} mm",
@@ -119,8 +119,8 @@ def text(
         "",
         *([f"![the sensor, cut open]({picture})", ""] if picture else []),
         *_files(fabricated.parts, plan),
-        *_printing(design, making, plan),
-        *_casting(design, making, recipe),
+        *_printing(design, choices, plan),
+        *_casting(design, choices, recipe),
         *_assembly(design, plan),
         *_checks(fabricated),
     ]
@@ -146,8 +146,8 @@ def _files(parts: Sequence[Exported], plan: Plan | None) -> list[str]:
     return [*lines, ""]
 
 
-def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
-    m = making.mold
+def _printing(design: Design, choices: FabricationChoices, plan: Plan | None) -> list[str]:
+    m = choices.mold
     b = "both halves of B" if m.split else "B (mold_b)"
     lines = [
         "## Print",
@@ -171,8 +171,8 @@ def _printing(design: Design, making: Making, plan: Plan | None) -> list[str]:
     return [*lines, ""]
 
 
-def _casting(design: Design, making: Making, recipe: Recipe) -> list[str]:
-    m = making.mold
+def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> list[str]:
+    m = choices.mold
     count = m.columns * m.rows
     volumes = [count * volume for volume in pours(design, m)]
     lines = [
@@ -241,7 +241,7 @@ def _casting(design: Design, making: Making, recipe: Recipe) -> list[str]:
 
 
 def _temperatures(recipe: Recipe) -> list[str]:
-    """How hot each cure may be."""
+    """Return the table of the greatest temperature of each cure."""
     limit = recipe.magnet_limit_C
     second = "" if limit is None else " second cure, at most |"
     lines = [

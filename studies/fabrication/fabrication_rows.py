@@ -1,4 +1,4 @@
-"""What was made of a design: parts, checks, outer size, recipe and warnings, as one row."""
+"""The result of fabricating one design: parts, checks, outer size, recipe and warnings, as one row."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Cure:
-    """How hot the cures in a mould of one material may be, °C; the second one is with the magnet, None without."""
+    """Greatest temperatures of the cures in a mould of one material, °C; `second_cure_C` is None without a magnet."""
 
     mold_material: str
     mold_limit_C: float
@@ -37,7 +37,14 @@ class Dowels:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """Temperatures and dowels of a casting; None without a magnet, and without a split mould."""
+    """Temperatures and dowels of a casting.
+
+    Attributes
+    ----------
+    magnet_limit_C : working limit of the magnet; None without a magnet.
+    cures : one for each material that the mould can be printed from.
+    dowels : None if the mould is not split.
+    """
 
     magnet_limit_C: float | None
     cures: tuple[Cure, ...]
@@ -46,13 +53,14 @@ class Recipe:
 
 @dataclass(frozen=True, slots=True)
 class FabricationRow:
-    """What was made of a design.
+    """The result of fabricating one design.
 
     Attributes
     ----------
     status : ok, failed (a check fails, and no file is written) or bad_input.
-    size, recipe : None where nothing was begun.
-    variant : fields in which the design differs from the others of a batch.
+    message : reason of a failure; empty if status is ok.
+    size, recipe : None if no solids were made.
+    variant : fields of the design that vary in a batch, with their values.
     """
 
     status: str
@@ -66,7 +74,7 @@ class FabricationRow:
     variant: Mapping[str, float] = field(default_factory=dict)
 
     def row(self) -> FlatRow:
-        """The flat row of JSON and of the terminal."""
+        """Return the flat row that JSON and the terminal show."""
         row: FlatRow = {
             **self.variant,
             "status": self.status,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> dict[str, str]:
-    """The sheets of the assembled sensor and of its base, by name.
+    """Return the sheets of the assembled sensor and of its base, by name.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     side, above = View("Section y = 0"), View("From above")
     side.section(parts["base"], "rigid")
     above.projection(parts["base"])
-    # both sheets begin with the same lines
+    # projections are slow: both sheets start from copies of the same lines
     own = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
         "sensor": _sensor_sheet(design, plan, parts, bodies, side, above),
@@ -38,7 +38,7 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
 def _sensor_sheet(
     design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid], side: View, above: View
 ) -> str:
-    """Section and view from above of the assembled sensor, begun with its base."""
+    """Return the sheet of the assembled sensor; `side` and `above` already show its base."""
     side.section(parts["silicone"], "soft")
     if "magnet" in parts:
         side.section(parts["magnet"], "magnet")
@@ -94,7 +94,7 @@ def _sensor_sheet(
 
 
 def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
-    """The base: section and view from above, begun with its lines, and from below."""
+    """Return the sheet of the base; `side` and `above` already show it, the view from below is added."""
     below = View("From below")
     below.projection(base, below=True)
     p = plan
@@ -128,11 +128,11 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
 
 
 def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[Solid]) -> str:
-    """The closed mould: section through a row of cavities, and B, whole or in halves, from above."""
+    """Return the sheet of the mould: a section through a row of cavities, closed, and B from above."""
     y = s.centres[0][1]
     side, above = View(f"Section y = {number(y)}, closed"), View("B from above")
     for piece in pieces:
-        # a split B is cut beside its joint
+        # the section of a split B lies just beside its joint, where the halves would share their faces
         side.section(piece, "rigid", y=y + (1e-3 * s.R if mold.split else 0.0))
     side.section(A, "lid", y=y)
     for piece in pieces:
@@ -184,12 +184,13 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
 
 
 def _square(plan: Plan, level: int) -> list[Dimension]:
+    """Return the dimensions of the base's sides, seen from above."""
     h = plan.half
     return [((-h, -h), (h, -h), "below", level, number(2 * h)), ((-h, -h), (-h, h), "left", level, number(2 * h))]
 
 
 def _axis(view: View) -> None:
-    """The axis x = 0, a little beyond the view."""
+    """Draw the axis x = 0, a little longer than the view."""
     left, right, low, top = view.box
     over = 0.04 * math.hypot(right - left, top - low)
     view.paths.append(([[Piece((0.0, low - over), (0.0, top + over))]], "axis"))

@@ -1,4 +1,4 @@
-"""A design as things to make: solids, mould, checks, drawings, picture and recipe in one folder."""
+"""Fabrication of one design: solids, mould, checks, drawings, picture and recipe in one folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe
 from studies.fabrication.fabrication_rows import FabricationRow
-from studies.fabrication.sensor_solids import COLOURS, Making, Things, coloured, fineness, shaped, things
+from studies.fabrication.sensor_solids import (
+    COLOURS,
+    FabricatedSolids,
+    FabricationChoices,
+    coloured_parts,
+    facet_tolerance,
+    make_solids,
+    triangulated_parts,
+)
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 from studies.simulation import design_summary
@@ -25,72 +33,77 @@ if TYPE_CHECKING:
 
 PICTURE = "assembly.png"
 
-ALONE = "README.md"
-"""The file of a folder that is not replaced unless magtip wrote it."""
+RECIPE = "README.md"
+"""The casting recipe; a README.md that magtip did not write is never replaced."""
 
 
 def build(
     design: Design,
     out: Path,
     progress: Progress,
-    making: Making = Making(),
+    choices: FabricationChoices = FabricationChoices(),
     *,
     picture: bool = True,
     command: str = "magtip cad",
 ) -> FabricationRow:
-    """Make everything, check it, and write it all if every check passes; into `out`, whose other files stay.
+    """Build the solids of a design, check them, and write all files into a folder if every check passes.
+
+    Other files in the folder stay.
 
     Parameters
     ----------
-    picture : whether to draw one; it takes as long as all the rest of a design, beside it.
-    command : that this is run by, for the recipe.
+    picture : whether to draw the assembly; a second process does so, and takes about as long as all other work.
+    command : command line that the recipe names as its origin.
 
     Raises
     ------
     BadInput
-        A choice is impossible, or the folder cannot be used.
+        A choice is impossible for this design, or the folder cannot be used.
     """
     from geometry import mold
     from geometry.fabrication import hall_bodies
     from studies.fabrication import assembly_picture
 
-    mold.sizes(design, making.mold)
-    fineness(design, making)
+    # impossible choices are refused before the folder is made
+    mold.sizes(design, choices.mold)
+    facet_tolerance(design, choices)
     with atomic_files.filled(out) as folder, atomic_files.staged(folder) as stage, contextlib.ExitStack() as stack:
-        refuse_foreign(folder / ALONE)
+        refuse_foreign(folder / RECIPE)
+        # the painter imports VTK while this process imports the CAD kernel
         draw = stack.enter_context(assembly_picture.painter()) if picture else None
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
-        made = things(design, making)
-        size, recipe = design_summary.outer_size(design, made.plan), casting_recipe.recipe_of(design, making)
-        begun = FabricationRow(
-            "ok", "", folder, (), (), size, recipe, (*design.warnings(), *warnings(design, making, made))
+        solids = make_solids(design, choices)
+        size, recipe = design_summary.outer_size(design, solids.plan), casting_recipe.recipe_of(design, choices)
+        row = FabricationRow(
+            "ok", "", folder, (), (), size, recipe, (*design.warnings(), *warnings(design, choices, solids))
         )
         try:
             progress(0.2, "triangles")
-            shapes = shaped(design, making, made)
+            shapes = triangulated_parts(design, choices, solids)
             progress(0.4, "checks")
-            begun = dataclasses.replace(begun, checks=tuple(examined(design, making, made, shapes)))
-            _refuse_failed(begun.checks)
-            parts = tuple(_write(design, making, made, shapes, stage, progress))
+            row = dataclasses.replace(row, checks=tuple(run_checks(design, choices, solids, shapes)))
+            _refuse_failed(row.checks)
+            parts = tuple(_write(design, choices, solids, shapes, stage, progress))
         except RuntimeError as error:
-            return dataclasses.replace(begun, status="failed", message=str(error))
+            return dataclasses.replace(row, status="failed", message=str(error))
+        # a graphics driver may fail: then the folder is complete but for the picture
         missing: list[str] = []
-        if draw and made.plan:
+        if draw and solids.plan:
             progress(0.8, "picture")
             try:
-                (stage / PICTURE).write_bytes(draw(coloured(made), hall_bodies.places(design)))
+                (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_bodies.places(design)))
             except RuntimeError as error:
                 missing.append(f"no picture: {error}")
-        row = dataclasses.replace(begun, parts=parts, warnings=(*begun.warnings, *missing, *left_over(folder, stage)))
-        drawn = PICTURE if (stage / PICTURE).exists() else ""
-        page = casting_recipe.text(design, making, row, recipe, size, made.plan, drawn, command)
-        atomic_files.write_text(stage / ALONE, page)
+        row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
+        picture_name = PICTURE if (stage / PICTURE).exists() else ""
+        page = casting_recipe.text(design, choices, row, recipe, size, solids.plan, picture_name, command)
+        atomic_files.write_text(stage / RECIPE, page)
     return row
 
 
 def _refuse_failed(checks: Sequence[Check]) -> None:
-    """Nothing is written of a sensor that fails a check."""
+    """Raise a RuntimeError for the first check that fails, so that no file is written."""
     for check in checks:
         if not check.passed:
             raise RuntimeError(
@@ -100,83 +113,87 @@ def _refuse_failed(checks: Sequence[Check]) -> None:
 
 
 def names() -> list[str]:
-    """The files of a folder, the recipe first; which of them there are depends on the design and its mould."""
+    """Return the names of all files that a folder may have, the recipe first."""
     parts = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
-    return [ALONE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg"]
+    return [RECIPE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg"]
 
 
 def left_over(folder: Path, stage: Path) -> list[str]:
-    """A warning of files in the folder that an earlier run may have left, and that this one does not replace."""
+    """Return a warning of files that an earlier run has left in the folder and this run does not replace."""
     old = [name for name in names()[1:] if (folder / name).exists() and not (stage / name).exists()]
     return [f"{', '.join(old)} are from an earlier run, not of this sensor: delete them"] if old else []
 
 
 def refuse_foreign(readme: Path) -> None:
-    """A README.md that magtip did not write is somebody else's: it must not be replaced."""
+    """Raise BadInput if the folder has a README.md that magtip did not write."""
     if readme.exists() and not readme.read_bytes().startswith(casting_recipe.MARK.encode()):
         raise BadInput(
             f"{str(readme)!r} was not written by magtip cad and would be overwritten: choose another folder"
         )
 
 
-def examined(design: Design, making: Making, made: Things, shapes: Mapping[str, tuple[Solid, Facets]]) -> list[Check]:
-    """All checks of mould, base and printing."""
+def run_checks(
+    design: Design, choices: FabricationChoices, solids: FabricatedSolids, shapes: Mapping[str, tuple[Solid, Facets]]
+) -> list[Check]:
+    """Return all checks of mould, base and printing."""
     from geometry import base
     from geometry.fabrication import mold_checks
 
-    halves = [part for name, part in made.mold.items() if name not in ("mold_a", "mold_b")]
-    checks = mold_checks.checks(design, making.mold, made.A, made.B, halves)
-    if made.plan:
-        checks += base.checks(design, made.sensor["base"], made.bodies)
-    for name in ("base", *made.mold):
+    halves = [part for name, part in solids.mold.items() if name not in ("mold_a", "mold_b")]
+    checks = mold_checks.checks(design, choices.mold, solids.A, solids.B, halves)
+    if solids.plan:
+        checks += base.checks(design, solids.sensor["base"], solids.bodies)
+    for name in ("base", *solids.mold):
         if name in shapes:
-            checks += mold_checks.printable(name, shapes[name][1].mesh, making.mold.printing)
+            checks += mold_checks.printable(name, shapes[name][1].mesh, choices.mold.printing)
     return checks
 
 
 def _write(
     design: Design,
-    making: Making,
-    made: Things,
+    choices: FabricationChoices,
+    solids: FabricatedSolids,
     shapes: Mapping[str, tuple[Solid, Facets]],
     stage: Path,
     progress: Progress,
 ) -> list[Exported]:
-    """All files but the recipe, into the stage; what was exported."""
+    """Write all files but the recipe into the temporary folder `stage`; return the exported parts."""
     from geometry import mold
     from geometry.fabrication import solid_files
     from studies.fabrication import part_drawings
 
     progress(0.6, "STEP, STL and 3MF")
     exported = solid_files.export(shapes, stage, colours=COLOURS)
-    closed = {name: (part, COLOURS[name]) for name, part in made.mold.items()}
+    closed = {name: (part, COLOURS[name]) for name, part in solids.mold.items()}
     (stage / "mold.step").write_bytes(solid_files.step(solid_files.assembly("mold", closed)))
     progress(0.7, "drawings")
-    s, pieces = mold.sizes(design, making.mold), [part for name, part in made.mold.items() if name != "mold_a"]
-    atomic_files.write_text(stage / "mold.svg", part_drawings.mold_sheet(design, making.mold, s, made.A, pieces))
-    if made.plan:
-        (stage / "assembly.step").write_bytes(solid_files.step(solid_files.assembly("sensor", coloured(made))))
-        for name, text in part_drawings.sheets(design, made.plan, made.sensor, made.bodies).items():
+    s, pieces = mold.sizes(design, choices.mold), [part for name, part in solids.mold.items() if name != "mold_a"]
+    atomic_files.write_text(stage / "mold.svg", part_drawings.mold_sheet(design, choices.mold, s, solids.A, pieces))
+    if solids.plan:
+        (stage / "assembly.step").write_bytes(
+            solid_files.step(solid_files.assembly("sensor", coloured_parts(solids)))
+        )
+        for name, text in part_drawings.sheets(design, solids.plan, solids.sensor, solids.bodies).items():
             atomic_files.write_text(stage / f"{name}.svg", text)
     return exported
 
 
-def warnings(design: Design, making: Making, made: Things) -> list[str]:
-    """What cannot be made, what a plate would meet, and what is finer than the process makes."""
+def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSolids) -> list[str]:
+    """Return warnings: a base that cannot be made, a plate that would meet the base, details too fine to print."""
     from geometry import base, mold
 
-    s, process = mold.sizes(design, making.mold), making.mold.printing
-    details = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
-    fine = [
+    s, process = mold.sizes(design, choices.mold), choices.mold.printing
+    widths = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
+    too_fine = [
         f"{name} is {size:.3g} mm across; {process.name} printing makes {process.detail:g} mm at least"
-        for name, size in details.items()
+        for name, size in widths.items()
         if 0 < size < process.detail
     ]
-    return [*(base.warnings(design) if made.plan else [made.missing]), *fine]
+    return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
 
 
 def show(fabricated: Sequence[FabricationRow], *, as_json: bool, wide: bool = False) -> None:
-    """Print what was made: the parts and checks of one sensor, or a line for each of several; no warnings."""
+    """Print the parts and checks of one sensor, or a row for each of several; warnings are printed elsewhere."""
     if as_json:
         console.report([each.row() for each in fabricated], as_json=True)
     elif len(fabricated) == 1:
@@ -186,7 +203,7 @@ def show(fabricated: Sequence[FabricationRow], *, as_json: bool, wide: bool = Fa
 
 
 def _brief(fabricated: FabricationRow) -> FlatRow:
-    """What a row of a table has room for."""
+    """Return the columns that a table of several variants shows."""
     left_out = ("recipe", "beam_size_mm", "leads_below_base_mm")
     row = {name: value for name, value in fabricated.row().items() if name not in left_out}
     return row | {"parts": len(fabricated.parts), "checks": len(fabricated.checks)}
@@ -204,4 +221,4 @@ def _show_one(fabricated: FabricationRow, *, wide: bool) -> None:
     if fabricated.size is not None:
         console.note(casting_recipe.size_sentence(fabricated.size))
     if fabricated.parts:
-        console.note(f"Start with {fabricated.folder / ALONE}.")
+        console.note(f"Start with {fabricated.folder / RECIPE}.")

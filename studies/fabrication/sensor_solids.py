@@ -1,4 +1,4 @@
-"""All solids of a sensor and its mould, as a maker chooses them, and their triangles."""
+"""The solids of a sensor and its mould, as the fabrication choices define them, and their triangles."""
 
 from __future__ import annotations
 
@@ -27,17 +27,23 @@ COLOURS = {
     "mold_b1": "slategray",
     "mold_b2": "cadetblue",
 }
-"""Of the parts, in STEP files and in the picture; Hall elements have `OTHER`."""
+"""Colours of the parts in STEP and 3MF files and in the picture; Hall elements have `HALL_ELEMENT_COLOUR`."""
 
-OTHER = "darkslategray"
+HALL_ELEMENT_COLOUR = "darkslategray"
 
-SHARE, FINEST = 2000, 100000
-"""The facets' tolerance is D over the first unless it is given, and at least D over the second."""
+USUAL_FACETS, FINEST_FACETS = 2000, 100000
+"""D over the facet tolerance: the default, and the greatest value, beyond which a part has millions of triangles."""
 
 
 @dataclass(frozen=True, slots=True)
-class Making:
-    """What a maker chooses: mould, base, and the facets' tolerance, mm (None: D/2000)."""
+class FabricationChoices:
+    """How a sensor is fabricated, beside its design.
+
+    Attributes
+    ----------
+    mold, base : settings of the mould and of the base.
+    tolerance : largest distance of the facets from the surface, mm; None: D/2000.
+    """
 
     mold: Mold = field(default_factory=Mold)
     base: Base = field(default_factory=Base)
@@ -45,15 +51,16 @@ class Making:
 
 
 @dataclass(frozen=True, slots=True)
-class Things:
-    """All solids of a sensor.
+class FabricatedSolids:
+    """All solids of a sensor and its mould.
 
     Attributes
     ----------
-    sensor : silicone, magnet and base where they are in the sensor's frame; beam, the outer form.
+    sensor : silicone, magnet, base and beam (the outer form of silicone and magnet), in the sensor's frame.
     bodies : the Hall elements, in the sensor's frame.
-    plan : of the base; None where it has no place for the elements, and `missing` says why.
-    mold : mold_a, and mold_b or its halves, closed, in the mould frame; A and B, the parts not split.
+    plan : plan of the base; None if the elements do not fit into the base, and then `missing` gives the reason.
+    mold : mold_a, and mold_b or its halves mold_b1 and mold_b2, closed, in the mould's frame.
+    A, B : upper and lower part of the mould; B is not split.
     """
 
     sensor: dict[str, Solid]
@@ -65,27 +72,31 @@ class Things:
     B: Solid
 
 
-def making_of(process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None) -> Making:
-    """A maker's choices from texts KEY=VALUE.
+def parse_fabrication_choices(
+    process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None
+) -> FabricationChoices:
+    """Return the fabrication choices that the texts KEY=VALUE state.
 
-    >>> making_of("sla", ["columns=3", "shrink=0.01"], [], None).mold.columns
+    >>> parse_fabrication_choices("sla", ["columns=3", "shrink=0.01"], [], None).mold.columns
     3
     """
     if tolerance is not None:
         check_tolerance(tolerance)
     if any(text.partition("=")[0].strip() == "process" for text in mold):
         raise BadInput("process is not a key of --mold: give --process fdm or --process sla")
-    chosen = user_input.parse_choices("--mold", mold, Mold)
-    return Making(Mold(process=process, **chosen), Base(**user_input.parse_choices("--base", base, Base)), tolerance)
+    settings = user_input.parse_choices("--mold", mold, Mold)
+    return FabricationChoices(
+        Mold(process=process, **settings), Base(**user_input.parse_choices("--base", base, Base)), tolerance
+    )
 
 
-def things(design: Design, making: Making) -> Things:
-    """Make all solids.
+def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids:
+    """Build all solids of the sensor and its mould.
 
     Raises
     ------
     BadInput
-        Something about the mould does not go with the design.
+        The mould or the base cannot be built for this design.
     """
     from geometry import base, cad
     from geometry.fabrication import hall_bodies, mold_solids
@@ -93,39 +104,44 @@ def things(design: Design, making: Making) -> Things:
     beam = cad.beam(design)
     sensor = {"beam": beam, "silicone": beam}
     if design.shape.has_magnet:
-        # cut from the same solids it has their faces, and these are given triangles once
+        # the cut shares its faces with beam and magnet, so the kernel triangulates each face only once
         sensor["magnet"] = cad.magnet(design)
         sensor["silicone"] = cad.cut(beam, sensor["magnet"])
+    # a default base that cannot hold the elements is left out; one that the user has set is an error
     plan, missing, bodies = None, "", {}
     try:
-        plan = base.plan(design, making.base, making.mold.process)
-        sensor["base"], bodies = base.base(design, making.base, making.mold.process), hall_bodies.bodies(design)
+        plan = base.plan(design, choices.base, choices.mold.process)
+        sensor["base"], bodies = base.base(design, choices.base, choices.mold.process), hall_bodies.bodies(design)
     except BadInput as error:
-        if making.base != Base():
+        if choices.base != Base():
             raise
         missing = f"no base and no assembly: {error}"
-    A, B = mold_solids.parts(design, making.mold, beam)
-    halves = mold_solids.halves(design, making.mold, B) if making.mold.split else {"mold_b": B}
-    return Things(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
+    A, B = mold_solids.parts(design, choices.mold, beam)
+    halves = mold_solids.halves(design, choices.mold, B) if choices.mold.split else {"mold_b": B}
+    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
 
 
-def coloured(made: Things) -> dict[str, tuple[Solid, str]]:
-    """The parts of the assembled sensor, each with its colour."""
-    together = {name: part for name, part in made.sensor.items() if name != "beam"} | made.bodies
-    return {name: (part, COLOURS.get(name, OTHER)) for name, part in together.items()}
+def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:
+    """Return the parts of the assembled sensor, each with its colour."""
+    parts = {name: part for name, part in solids.sensor.items() if name != "beam"} | solids.bodies
+    return {name: (part, COLOURS.get(name, HALL_ELEMENT_COLOUR)) for name, part in parts.items()}
 
 
-def printed(made: Things) -> dict[str, Solid]:
-    """What is printed, each as it stands on the printer's bed."""
+def printed_parts(solids: FabricatedSolids) -> dict[str, Solid]:
+    """Return the parts that are printed, each as it stands on the printer's bed."""
     from geometry.fabrication.printability import standing
 
-    stood = {"base": standing(made.sensor["base"])} if made.plan else {}
-    stood |= {name: standing(part, upside_down=name == "mold_a") for name, part in made.mold.items()}
-    return stood
+    on_bed = {"base": standing(solids.sensor["base"])} if solids.plan else {}
+    on_bed |= {name: standing(part, upside_down=name == "mold_a") for name, part in solids.mold.items()}
+    return on_bed
 
 
-def shaped(design: Design, making: Making, made: Things) -> dict[str, tuple[Solid, Facets]]:
-    """What gets files of its own, each with its triangles: what is printed as it stands, the rest as it is.
+def triangulated_parts(
+    design: Design, choices: FabricationChoices, solids: FabricatedSolids
+) -> dict[str, tuple[Solid, Facets]]:
+    """Return each part that is exported, with its triangles.
+
+    Printed parts stand as they are printed; the others are in the sensor's frame.
 
     Raises
     ------
@@ -134,25 +150,26 @@ def shaped(design: Design, making: Making, made: Things) -> dict[str, tuple[Soli
     """
     from geometry.fabrication import solid_files
 
-    plain = {name: part for name, part in made.sensor.items() if name != "base"}
-    tolerance = fineness(design, making)
+    not_printed = {name: part for name, part in solids.sensor.items() if name != "base"}
+    tolerance = facet_tolerance(design, choices)
     return {
-        name: (part, solid_files.facets(name, part, tolerance)) for name, part in {**plain, **printed(made)}.items()
+        name: (part, solid_files.facets(name, part, tolerance))
+        for name, part in {**not_printed, **printed_parts(solids)}.items()
     }
 
 
-def fineness(design: Design, making: Making) -> float:
-    """Tolerance of all triangles, mm.
+def facet_tolerance(design: Design, choices: FabricationChoices) -> float:
+    """Return the largest distance of the facets from the surface, mm.
 
     Raises
     ------
     BadInput
-        It would take millions of them.
+        The tolerance is so small that a part would have millions of facets.
     """
-    tolerance = design.D / SHARE if making.tolerance is None else making.tolerance
-    if not tolerance >= design.D / FINEST:
+    tolerance = design.D / USUAL_FACETS if choices.tolerance is None else choices.tolerance
+    if not tolerance >= design.D / FINEST_FACETS:
         raise BadInput(
-            f"tolerance must be at least D/{FINEST} = {design.D / FINEST:g} mm, to avoid millions of triangles; got "
-            f"{tolerance:g} mm"
+            f"tolerance must be at least D/{FINEST_FACETS} = {design.D / FINEST_FACETS:g} mm, "
+            f"to avoid millions of triangles; got {tolerance:g} mm"
         )
     return tolerance

@@ -1,1 +1,1 @@
-"""What leaves the program: files, tables, plots, pictures, progress, provenance, kept answers."""
+"""Output of the program: files, tables, plots, pictures, progress, provenance, stored results."""

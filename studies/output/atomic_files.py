@@ -1,8 +1,8 @@
-"""Files and folders, written whole or not at all.
+"""Files and folders that are written completely or not at all.
 
-A file gets a temporary name in its own folder and is renamed when it is complete. The name tells machine and process:
-what a process that was killed has left is removed by the next one that writes into the folder. One process at a time
-fills a folder, or works for a file.
+A file is written to a temporary folder beside it and renamed when it is complete. The temporary folder's name states
+machine and process, so that the next process that writes there can delete what a killed process has left. Only one
+process at a time fills an output folder or writes an output file.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from geometry.design import BadInput
 from studies.output import file_lock
 
 WRITING = ".writing-"
-"""How the name of a temporary folder begins; machine and process follow."""
+"""Prefix of the name of a temporary folder; machine and process follow."""
 
 LOCK = ".magtip.lock"
-"""The file in a folder that is locked while it is filled; the end of the name of one beside a file."""
+"""Name of the lock file in a folder that is being filled, and suffix of the lock file of a single output file."""
 
 
 def output_folder(path: str | Path) -> Path:
-    """The folder, made if it does not exist, and found fit to write into before any work starts.
+    """Make the folder if it does not exist, check that files can be written into it, and return it.
 
     Raises
     ------
     BadInput
-        It cannot be made or written.
+        The folder cannot be made or written.
     """
     folder = Path(path)
     try:
@@ -55,20 +55,20 @@ def output_folder(path: str | Path) -> Path:
 
 @contextlib.contextmanager
 def filled(path: str | Path) -> Iterator[Path]:
-    """The folder of `output_folder` while it is filled, by this process alone; if made here, it is not left empty.
+    """Yield the output folder, locked for this process; a folder that is made here is deleted if it stays empty.
 
     Raises
     ------
     BadInput
-        It cannot be written, or another process fills it.
+        The folder cannot be written, or another process fills it.
     """
-    with _made(path) as folder, _alone(folder / LOCK, f"the folder {str(path)!r} is being filled"):
+    with _folder_made(path) as folder, _locked(folder / LOCK, f"the folder {str(path)!r} is being filled"):
         yield folder
 
 
 @contextlib.contextmanager
 def sole_writer(*paths: str | Path | None) -> Iterator[None]:
-    """No other process writes these files meanwhile. A folder that is made for them is not left empty.
+    """Lock these files for this process; a folder that is made for them is deleted if it stays empty.
 
     Raises
     ------
@@ -77,14 +77,14 @@ def sole_writer(*paths: str | Path | None) -> Iterator[None]:
     """
     with contextlib.ExitStack() as stack:
         for file in (Path(path) for path in paths if path is not None):
-            folder = stack.enter_context(_made(file.parent))
-            stack.enter_context(_alone(folder / f".{file.name}{LOCK}", f"the file {str(file)!r} is being written"))
+            folder = stack.enter_context(_folder_made(file.parent))
+            stack.enter_context(_locked(folder / f".{file.name}{LOCK}", f"the file {str(file)!r} is being written"))
         yield
 
 
 @contextlib.contextmanager
-def _alone(file: Path, what: str) -> Iterator[None]:
-    """Hold a lock, or say what is being done, and by whom."""
+def _locked(file: Path, what: str) -> Iterator[None]:
+    """Hold a lock; if another process holds it, raise BadInput with `what` that process does."""
     try:
         with file_lock.only(file):
             yield
@@ -93,40 +93,41 @@ def _alone(file: Path, what: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _made(path: str | Path) -> Iterator[Path]:
-    """The folder of `output_folder`; if it is made here, it is not left empty."""
-    made = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
+def _folder_made(path: str | Path) -> Iterator[Path]:
+    """Yield the folder of `output_folder`; delete it, and parents made with it, if they stay empty."""
+    new = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
     try:
         yield output_folder(path)
     finally:
-        for folder in made:
+        # rmdir refuses a folder that holds anything, so only empty ones go
+        for folder in new:
             with contextlib.suppress(OSError):
                 folder.rmdir()
 
 
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
-    """A temporary folder inside `folder`; if all goes well its files move up, over those of the same name."""
-    with _temporary(folder) as temporary, _named(folder):
+    """Yield a temporary folder inside `folder`; without an error its files move into `folder`."""
+    with _temporary(folder) as temporary, _with_file_name(folder):
         yield Path(temporary)
         for file in sorted(Path(temporary).iterdir()):
             os.replace(file, folder / file.name)
 
 
 def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
-    """`filled`, or None where nothing is to be written."""
+    """Return `filled(path)`, or a context that yields None if there is no path."""
     return contextlib.nullcontext() if path is None else filled(path)
 
 
 def check_output_file(path: str | Path, *suffixes: str) -> Path:
-    """A file that can be written later: right ending, and a folder fit to write into, or to make it in.
+    """Check that a file has one of the suffixes and can be written later, and return its path.
 
-    Writes nothing: a folder that does not exist is made with the file.
+    Nothing is written here: a folder that does not exist is made together with the file.
 
     Raises
     ------
     BadInput
-        It cannot be written.
+        The file cannot be written.
     """
     file = Path(path)
     if file.suffix.lower() not in suffixes:
@@ -149,28 +150,28 @@ def check_output_file(path: str | Path, *suffixes: str) -> Path:
 
 
 def check_apart(outputs: Iterable[Path | None], inputs: Iterable[str | Path | None]) -> None:
-    """Refuse to write over what is read, under whatever name it goes.
+    """Check that no output file is also an input file, even under another name or by a link.
 
     Raises
     ------
     BadInput
         An output is the same file as an input.
     """
-    given = [path for path in inputs if path is not None and os.path.isfile(path)]
+    sources = [path for path in inputs if path is not None and os.path.isfile(path)]
     for out in outputs:
-        for path in given if out is not None and os.path.isfile(out) else ():
+        for path in sources if out is not None and os.path.isfile(out) else ():
             if os.path.samefile(str(out), path):
                 raise BadInput(f"the output {str(out)!r} is also the input {str(path)!r}: choose another name")
 
 
 def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
-    """The paths of files in an output folder; none where nothing is to be written."""
+    """Return the paths of files in an output folder; without a folder there are none."""
     return [] if folder is None else [folder / name for name in names]
 
 
 @contextlib.contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
-    """A temporary name of the same ending in the same folder, to be written; it becomes `path` if all goes well.
+    """Yield a temporary path with the suffix of `path`; without an error the file written there replaces `path`.
 
     The folder is made if it does not exist.
     """
@@ -178,22 +179,22 @@ def atomic(path: str | Path) -> Iterator[Path]:
     file.parent.mkdir(parents=True, exist_ok=True)
     with _temporary(file.parent) as folder:
         temporary = Path(folder, f"part{file.suffix}")
-        with _named(file):
+        with _with_file_name(file):
             yield temporary
             os.replace(temporary, file)
 
 
 def _temporary(folder: Path) -> tempfile.TemporaryDirectory[str]:
-    """A folder for what is being written into another."""
-    _tidied(folder.absolute())
+    """Make a temporary folder inside another one, which is on the same disk, so that renaming is atomic."""
+    _delete_left_folders(folder.absolute())
     return tempfile.TemporaryDirectory(prefix=f"{WRITING}{platform.node()}-{os.getpid()}-", dir=folder)
 
 
 @functools.cache
-def _tidied(folder: Path) -> None:
-    """Remove, once in a process, what processes that are gone have left in a folder.
+def _delete_left_folders(folder: Path) -> None:
+    """Delete the temporary folders of processes that no longer run; once for each folder and process.
 
-    Those on other machines may be writing into the same folder: what they write is left alone.
+    Temporary folders of other machines stay, because their processes may still be writing.
     """
     for left in folder.glob(f"{WRITING}{glob.escape(platform.node())}-*"):
         process = left.name.rsplit("-", 2)[1]
@@ -202,7 +203,7 @@ def _tidied(folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process of this number may still run; always, where the system cannot be asked."""
+    """Return whether a process with this number may still run; True on systems that cannot say."""
     try:
         if os.name == "posix":
             os.kill(process, 0)
@@ -214,8 +215,8 @@ def _runs(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """An OSError that names no file, as that of a full disk, names this one."""
+def _with_file_name(path: Path) -> Iterator[None]:
+    """Add the file's name to an OSError that has none, such as that of a full disk."""
     try:
         yield
     except OSError as error:
@@ -231,12 +232,12 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, record: Mapping[str, Any]) -> None:
-    """Write one object, indented."""
+    """Write one JSON object, indented."""
     write_text(path, json.dumps(clean(record), indent=2, allow_nan=False) + "\n")
 
 
 def json_line(record: Mapping[str, Any]) -> str:
-    """One object on one line.
+    """Return one JSON object on one line.
 
     >>> json_line({"force_N": (0.0, math.nan)})
     '{"force_N": [0.0, null]}'
@@ -245,9 +246,10 @@ def json_line(record: Mapping[str, Any]) -> str:
 
 
 def clean(value: Any) -> Any:
-    """The value as JSON can hold it: tuples and arrays as lists, numpy's scalars as Python's, NaN and inf as None.
+    """Convert a value to what JSON can hold: tuples and arrays to lists, NumPy scalars to Python's, NaN and inf to
+    None.
 
-    A negative zero loses its sign.
+    A negative zero loses its sign, so that tables do not show -0.
     """
     if isinstance(value, Mapping):
         return {str(key): clean(item) for key, item in value.items()}
@@ -261,4 +263,5 @@ def clean(value: Any) -> Any:
 
 
 def _cause(error: Exception) -> str:
+    """Return the operating system's description of an error, or its text."""
     return getattr(error, "strerror", None) or str(error)

@@ -10,7 +10,7 @@ from studies.output.atomic_files import atomic
 
 
 def write_table(path: Path, rows: Iterable[Mapping[str, Any]], digits: int = 6) -> None:
-    """Write rows as CSV: names in the first line, significant digits, nothing where there is no figure."""
+    """Write rows as CSV with a header; `digits` are significant, and a missing value is an empty cell."""
     import pandas as pd
 
     with atomic(path) as temporary:

@@ -1,7 +1,8 @@
-"""A lock on a file or a folder, so that of several processes one writes at a time.
+"""A lock on a file or a folder, so that only one process writes at a time.
 
-The lock is the operating system's, on a small hidden file that names the process: it ends with the process, whatever
-ends that, and a file that a killed process has left binds nobody. On a file system without locks nobody is refused.
+The operating system locks a small hidden file, which names the process that holds the lock. It releases the lock when
+that process ends for whatever reason, so a lock file that a killed process has left locks nothing. On a file system
+without locks every process may write.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-FAR = 1 << 20
-"""Where Windows locks a byte: beyond the text, which others must be able to read."""
+LOCKED_BYTE = 1 << 20
+"""Position of the byte that Windows locks: far beyond the text, which other processes must be able to read."""
 
 
 class Held(Exception):
-    """Another process, or another part of this one, has the lock; `owner` says which, as far as it is known."""
+    """Another process, or another part of this one, holds the lock; `owner` names it as far as it is known."""
 
     def __init__(self, owner: str) -> None:
         super().__init__(owner)
@@ -27,32 +28,33 @@ class Held(Exception):
 
 @contextlib.contextmanager
 def only(file: Path) -> Iterator[None]:
-    """Hold the lock whose file this is; the file is removed afterwards.
+    """Hold the lock of this lock file; the file is deleted afterwards.
 
     Raises
     ------
     Held
-        It is taken.
+        Another process holds the lock.
     OSError
-        The file cannot be made.
+        The lock file cannot be made.
     """
-    handle = _opened(file)
+    handle = _locked_handle(file)
     try:
         os.ftruncate(handle, 0)
         os.write(handle, f"{os.getpid()} {platform.node()}".encode())
         yield
     finally:
-        _released(file, handle)
+        _release(file, handle)
 
 
-def _opened(file: Path) -> int:
-    """A handle of the lock's file, locked."""
+def _locked_handle(file: Path) -> int:
+    """Open the lock file and lock it; return its handle."""
     while True:
         handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            if not _locked(handle):
+            if not _try_lock(handle):
                 raise Held(_owner(file))
-            # who had it before may have removed the file after it was opened here: then this lock binds nobody
+            # the last owner may have deleted the file between opening and locking: then other processes would lock
+            # a new file of this name, so open again
             if _same(file, handle):
                 return handle
         except BaseException:
@@ -62,6 +64,7 @@ def _opened(file: Path) -> int:
 
 
 def _same(file: Path, handle: int) -> bool:
+    """Return whether the file of this name is still the one that was opened."""
     try:
         return os.path.samestat(os.stat(file), os.fstat(handle))
     except FileNotFoundError:
@@ -69,7 +72,7 @@ def _same(file: Path, handle: int) -> bool:
 
 
 def _owner(file: Path) -> str:
-    """Who wrote the file."""
+    """Name the process that wrote the lock file."""
     with contextlib.suppress(OSError, ValueError):
         process, _, machine = file.read_text("utf-8").partition(" ")
         if process.isdecimal():
@@ -80,8 +83,8 @@ def _owner(file: Path) -> str:
 if sys.platform == "win32":
     import msvcrt
 
-    def _locked(handle: int) -> bool:
-        os.lseek(handle, FAR, os.SEEK_SET)
+    def _try_lock(handle: int) -> bool:
+        os.lseek(handle, LOCKED_BYTE, os.SEEK_SET)
         try:
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         except PermissionError:
@@ -90,8 +93,8 @@ if sys.platform == "win32":
             os.lseek(handle, 0, os.SEEK_SET)
         return True
 
-    def _released(file: Path, handle: int) -> None:
-        # an open file cannot be removed; where another process has opened it meanwhile, that one removes it
+    def _release(file: Path, handle: int) -> None:
+        # Windows deletes no open file; if another process has opened this one meanwhile, that process deletes it
         os.close(handle)
         with contextlib.suppress(OSError):
             file.unlink()
@@ -99,17 +102,17 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _locked(handle: int) -> bool:
+    def _try_lock(handle: int) -> bool:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         except OSError:
-            return True  # this file system knows no locks
+            return True  # the file system has no locks
         return True
 
-    def _released(file: Path, handle: int) -> None:
-        # removed while it is held, or the file of the next process would go
+    def _release(file: Path, handle: int) -> None:
+        # delete the file while the lock is held: later it could already be the lock file of the next process
         with contextlib.suppress(OSError):
             file.unlink()
         os.close(handle)

@@ -1,4 +1,4 @@
-"""Names with leader lines, and the frame's axes, drawn into the white around a picture's subject. Pixels, y down."""
+"""Labels with leader lines, and coordinate axes, in the white space around a picture's subject. Pixels, y down."""
 
 from __future__ import annotations
 
@@ -18,24 +18,26 @@ Mask = NDArray[np.bool_]
 
 INK = "#111111"
 SIZE = 26
-"""Height of letters."""
+"""Font size, pixels."""
 PAD = 8
-"""White around a name."""
+"""White margin around a label, pixels."""
 STEP = 6
-"""Between the places along a line where a name is tried."""
-WAYS = 24
-"""Directions in which a leader line may leave."""
+"""Distance between the places that are tried along a direction, pixels."""
+DIRECTIONS = 24
+"""Number of directions that are tried for a leader line."""
 ARROW = 70
-"""Length of an axis that lies in the picture's plane."""
+"""Length of an axis that lies in the picture's plane, pixels."""
+LEAST_ARROW = 12
+"""Length of the arrow's head, and least length of an axis that gets one, pixels."""
 
 
 def annotate(image: Image.Image, names: Mapping[str, Point], axes: Mapping[str, Point]) -> None:
-    """Draw names and axes into a picture.
+    """Draw labels and axes into a picture.
 
     Parameters
     ----------
-    names : the point that each name's leader line ends at.
-    axes : direction of each axis in the picture, as long as 1 where it lies in its plane.
+    names : label and the point at which its leader line ends.
+    axes : name of each axis and its direction in the picture, of length 1 if it lies in the picture's plane.
     """
     from PIL import ImageDraw, ImageFont
 
@@ -49,7 +51,7 @@ def annotate(image: Image.Image, names: Mapping[str, Point], axes: Mapping[str, 
             continue
         _leader(draw, tip, place, (right - left) / 2 + PAD, (low - top) / 2 + PAD)
         draw.text(place, name, fill=INK, font=font, anchor="mm")
-        _take(taken, place, (right - left) / 2 + PAD, (low - top) / 2 + PAD)
+        _mark_taken(taken, place, (right - left) / 2 + PAD, (low - top) / 2 + PAD)
     corner = _corner(taken, subject)
     for name, (x, y) in axes.items():
         end = (corner[0] + ARROW * x, corner[1] + ARROW * y)
@@ -59,7 +61,9 @@ def annotate(image: Image.Image, names: Mapping[str, Point], axes: Mapping[str, 
 
 
 def free_place(taken: Mask, tip: Point, size: tuple[float, float]) -> Point | None:
-    """Centre of the nearest box of a size (width, height) that is free, on a line from the tip; None for none.
+    """Return the centre of the free box nearest to the tip, or None if no box is free.
+
+    The box has the size (width, height). Its centre lies in one of `DIRECTIONS` from the tip.
 
     >>> taken = np.zeros((100, 200), dtype=bool)
     >>> taken[20:80, :120] = True
@@ -69,8 +73,8 @@ def free_place(taken: Mask, tip: Point, size: tuple[float, float]) -> Point | No
     high, wide = taken.shape
     half_x, half_y = size[0] / 2, size[1] / 2
     for distance in range(STEP, wide + high, STEP):
-        for way in range(WAYS):
-            angle = 2 * math.pi * way / WAYS
+        for direction in range(DIRECTIONS):
+            angle = 2 * math.pi * direction / DIRECTIONS
             x, y = tip[0] + distance * math.cos(angle), tip[1] + distance * math.sin(angle)
             if not (half_x <= x <= wide - half_x and half_y <= y <= high - half_y):
                 continue
@@ -80,7 +84,7 @@ def free_place(taken: Mask, tip: Point, size: tuple[float, float]) -> Point | No
 
 
 def _leader(draw: ImageDraw, tip: Point, place: Point, half_x: float, half_y: float) -> None:
-    """A line from a dot at the tip to the border of the name's box; white beside it, to be seen on dark bodies."""
+    """Draw a line from a dot at the tip to the border of the label; a white rim makes it visible on dark parts."""
     x, y = place[0] - tip[0], place[1] - tip[1]
     share = 1 - min(half_x / abs(x) if x else math.inf, half_y / abs(y) if y else math.inf)
     end = (tip[0] + share * x, tip[1] + share * y)
@@ -90,31 +94,34 @@ def _leader(draw: ImageDraw, tip: Point, place: Point, half_x: float, half_y: fl
 
 
 def _arrow(draw: ImageDraw, start: Point, end: Point) -> None:
+    """Draw an axis with its head."""
     draw.line([start, end], fill=INK, width=2)
     x, y = end[0] - start[0], end[1] - start[1]
     length = math.hypot(x, y)
-    # an axis that points at the eye has no head
-    if length < 12:
+    # an axis that points almost at the viewer has no head
+    if length < LEAST_ARROW:
         return
     x, y = x / length, y / length
-    sides = [(end[0] - 12 * x + s * 5 * y, end[1] - 12 * y - s * 5 * x) for s in (-1, 1)]
+    back = (end[0] - LEAST_ARROW * x, end[1] - LEAST_ARROW * y)
+    sides = [(back[0] + s * 5 * y, back[1] - s * 5 * x) for s in (-1, 1)]
     draw.polygon([end, *sides], fill=INK)
 
 
-def _take(taken: Mask, place: Point, half_x: float, half_y: float) -> None:
+def _mark_taken(taken: Mask, place: Point, half_x: float, half_y: float) -> None:
+    """Mark the box of a label as taken."""
     x, y = place
     taken[max(int(y - half_y), 0) : int(y + half_y) + 1, max(int(x - half_x), 0) : int(x + half_x) + 1] = True
 
 
 def _box_of(taken: Mask) -> Sequence[int]:
-    """Left, top, right and low end of what is drawn."""
+    """Return the left, top, right and lower end of the subject."""
     rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
     high, wide = taken.shape
     return (columns[0], rows[0], columns[-1], rows[-1]) if len(rows) else (0, 0, wide, high)
 
 
 def _corner(taken: Mask, subject: Sequence[int]) -> Point:
-    """Origin of the axes: in a free corner of what is drawn, else in the picture's lower left corner."""
+    """Return the origin of the axes: in a free corner of the subject's box, else at the picture's lower left."""
     reach = ARROW + SIZE
     left, top, right, low = subject
     for x, y in ((left, low), (right, low), (left, top), (right, top)):

@@ -1,4 +1,4 @@
-"""What made a result: versions of the packages, and the commit of the source where that can be known."""
+"""Origin of a result: versions of the packages, and the commit of the source where it is known."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ ROOT = Path(__file__).resolve().parents[2]
 """The folder that holds the packages."""
 OWN = "magtip"
 PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild")
-"""That results of finite elements depend on."""
+"""Packages on which the results of finite elements depend."""
 SOURCE = ("geometry", "fem", "analytic", "studies", "pyproject.toml", "constraints.txt")
-"""What results follow from: changes elsewhere, as in the results that were written before, do not count."""
+"""Files that determine results; changes in other files, such as earlier results, do not make a commit dirty."""
 
 
 def versions(more: Sequence[str] = ()) -> str:
-    """Python, magtip, PACKAGES and more packages with their versions, as far as installed, and the commit."""
-    found = [(name, installed(name)) for name in (OWN, *PACKAGES, *more)]
-    named = ", ".join(f"{name} {number}" for name, number in found if number)
+    """State the versions of Python, magtip, `PACKAGES` and `more` packages that are installed, and the commit."""
+    numbers = [(name, installed(name)) for name in (OWN, *PACKAGES, *more)]
+    named = ", ".join(f"{name} {number}" for name, number in numbers if number)
     at = commit()
     return f"on Python {platform.python_version()} with {named}{f' at commit {at}' if at else ''}"
 
 
 def made(command: str, origin: str) -> str:
-    """The last sentence of a page of results.
+    """Return the last sentence of a page of results, which states its origin.
 
     Parameters
     ----------
-    command : by `studies.cli.printed_command.command`; empty where Python was asked directly.
-    origin : by `versions`, before a file of the repository changes.
+    command : command line from `studies.cli.printed_command.command`; empty if a Python function was called.
+    origin : text from `versions`, obtained before the results change a file of the repository.
 
     >>> made("magtip verify --quick", "on Python 3.12"), made("", "on Python 3.12")
     ('Made with `magtip verify --quick`, on Python 3.12.', 'Made on Python 3.12.')
@@ -41,7 +41,7 @@ def made(command: str, origin: str) -> str:
 
 
 def installed(name: str) -> str | None:
-    """The version of an installed package."""
+    """Return the version of a package, None if it is not installed."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -49,10 +49,11 @@ def installed(name: str) -> str | None:
 
 
 def commit() -> str | None:
-    """The commit of this source, marked as dirty if it has been changed since; None if it is no checkout of its own.
+    """Return the commit of this source, with "-dirty" if `SOURCE` has changed since; None outside its repository.
 
-    An installed copy may lie inside the repository of another project, whose commit says nothing of this code. So git
-    must find the folder above this package, it must be the project's, and this file must be tracked there.
+    An installed copy may lie inside the repository of another project, whose commit does not describe this code. So
+    three conditions must hold: `ROOT` is the top of the repository, its pyproject.toml names magtip, and git tracks
+    this file.
     """
     top = _git(ROOT, "rev-parse", "--show-toplevel")
     if top is None or Path(top).resolve() != ROOT or _project(ROOT) != OWN:
@@ -65,7 +66,7 @@ def commit() -> str | None:
 
 
 def _project(root: Path) -> str | None:
-    """The name in a folder's pyproject.toml."""
+    """Return the project's name in a folder's pyproject.toml."""
     try:
         with (root / "pyproject.toml").open("rb") as file:
             return str(tomllib.load(file)["project"]["name"])
@@ -74,9 +75,9 @@ def _project(root: Path) -> str | None:
 
 
 def _git(folder: Path, *words: str) -> str | None:
-    """What git says of a folder; None where it fails or is not there."""
+    """Run git in a folder and return its output; None if git fails or is not installed."""
     try:
-        ended = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, timeout=20, check=True)
+        process = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, timeout=20, check=True)
     except (OSError, subprocess.SubprocessError):
         return None
-    return ended.stdout.strip()
+    return process.stdout.strip()

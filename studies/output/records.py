@@ -1,10 +1,12 @@
-"""How a study's typed record becomes the flat row that tables, CSV files and JSON show.
+"""Conversion of a study's typed records to the flat rows of tables, CSV files and JSON.
 
-Each study has one frozen slotted dataclass for its rows. Its fields are the columns, in order, and a field's name is
-that of its column, with the unit: `depth_mm`, `force_N`. Where a column's name is no identifier, the field's metadata
-have it. A field whose metadata have a prefix holds another record, or None: that record's columns stand in its place,
-with the prefix before their names, or none at all. A field whose metadata have a function `columns` holds a value
-whose columns that function makes.
+Each study has one frozen slotted dataclass for its rows. The fields are the columns, in order. A field has the name
+of its column, with the unit: `depth_mm`, `force_N`. The metadata of a field cover three other cases:
+
+- `column`: the column's name, where that is not an identifier;
+- `prefix`: the field holds another record, whose columns stand in its place with this prefix, or None and no columns;
+- `columns`: a function that converts the field's value to columns.
+
 
     @dataclass(frozen=True, slots=True)
     class Part:
@@ -15,9 +17,9 @@ whose columns that function makes.
         def row(self) -> FlatRow:
             return records.flat(self)
 
-Whoever computes uses the fields (`part.step_error`, `part.response.force_N`); whoever prints or writes uses `row`. A
-study whose rows leave out columns without a value has `records.known(records.flat(self))` there. A record of plain
-fields is read back from JSON by `Part(**answer)`.
+Code that computes uses the fields (`part.step_error`, `part.response.force_N`); code that prints or writes uses
+`row`. A study whose rows leave out columns without a value calls `records.known(records.flat(self))` in `row`. A
+record of plain fields is read back from JSON by `Part(**answer)`.
 """
 
 from __future__ import annotations
@@ -30,11 +32,11 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 FlatRow = dict[str, Any]
-"""Column name with its unit -> value."""
+"""Column's name with its unit -> value."""
 
 
 def flat(record: DataclassInstance) -> FlatRow:
-    """The row of a record, its columns in the order of its fields.
+    """Return the flat row of a record, with the columns in the order of the fields.
 
     >>> from dataclasses import dataclass, field
     >>> @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ def flat(record: DataclassInstance) -> FlatRow:
 
 
 def known(row: Mapping[str, Any]) -> FlatRow:
-    """The row without the columns that hold None.
+    """Return the row without the columns that hold None.
 
     >>> known({"depth_mm": 0.0, "force_N": None})
     {'depth_mm': 0.0}

@@ -1,7 +1,8 @@
-"""Answers that a stopped study need not find again: a line of JSON for each in a file, as soon as it is there.
+"""Results that a stopped study need not compute again: a JSON line for each, written as soon as it is computed.
 
-A line holds a digest of the code that found the answer, its key (all that it depends on, as text), the answer, and a
-digest of all that. Lines that are damaged, or that other code or another study made, are not read, and stay.
+A line holds a digest of the code that computed the result, its key (a text of everything that it depends on), the
+result, and a digest of these three. Lines that are damaged, or that other code or another study has written, are
+ignored and stay in the file.
 """
 
 from __future__ import annotations
@@ -18,26 +19,36 @@ from studies.output.provenance import ROOT
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """The answers in a file that some code found, and of this run where there is no file; `known` has them by key."""
+class StoredResults:
+    """Results of one version of the code, from a file and from this run.
+
+    Attributes
+    ----------
+    file : JSON lines; None keeps the results of this run in memory only.
+    code : digest of the code.
+    known : results by their keys.
+    """
 
     file: Path | None
     code: str
     known: dict[str, Any] = field(default_factory=dict)
 
     def keep(self, key: str, answer: Any) -> None:
-        """Remember an answer, in the file too."""
+        """Add a result, also to the file."""
         self.known[key] = answer
         if self.file is not None:
             with self.file.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(_line(self.code, key, answer))
 
 
-def opened(file: Path | None, code: str) -> Kept:
-    """What the code has left in a file, which need not exist; a last line that was cut short is ended."""
-    found = Kept(file, code)
+def opened(file: Path | None, code: str) -> StoredResults:
+    """Read the results of this code from a file, which need not exist.
+
+    An incomplete last line gets its line end, so that the next result begins a new line.
+    """
+    stored = StoredResults(file, code)
     if file is None or not file.exists():
-        return found
+        return stored
     text = file.read_bytes().decode("utf-8", errors="replace")
     for line in text.split("\n"):
         try:
@@ -46,25 +57,26 @@ def opened(file: Path | None, code: str) -> Kept:
         except (ValueError, TypeError, KeyError):
             continue
         if isinstance(key, str) and f"{line}\n" == _line(code, key, answer):
-            found.known[key] = answer
+            stored.known[key] = answer
     if text and not text.endswith("\n"):
         with file.open("a", encoding="utf-8", newline="\n") as end:
             end.write("\n")
-    return found
+    return stored
 
 
 def digest(files: Iterable[Path]) -> str:
-    """Of the code in some files."""
+    """Return a digest of the code in these files."""
     return _digest(b"".join(file.read_bytes() for file in files))
 
 
 def modules(*packages: str, apart: Iterable[str] = ()) -> list[Path]:
-    """The files of whole packages with their sub-packages; those of the paths in the project `apart` are left out."""
+    """Return all Python files of packages and sub-packages, except the paths `apart` (relative to the project)."""
     left_out = {ROOT / name for name in apart}
     return sorted(file for package in packages for file in (ROOT / package).rglob("*.py") if file not in left_out)
 
 
 def _line(code: str, key: str, answer: Any) -> str:
+    """Return the line of a result; its digest reveals a damaged line."""
     record = {"code": code, "key": key, "answer": answer}
     return json_line(record | {"digest": _digest(json_line(record).encode())}) + "\n"
 

@@ -1,4 +1,4 @@
-"""The process's standard streams: one that is closed, and a standard output that cannot be written."""
+"""Standard streams that are closed, and a standard output that cannot be written."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import Any, TextIO
 
 
 class OutputLost(OSError):
-    """Standard output cannot be written: its disk is full, or whoever read it went away (EPIPE)."""
+    """Standard output cannot be written: its disk is full, or the process that reads it has ended (EPIPE)."""
 
 
 class Output:
-    """A stream whose errors are `OutputLost`, so that they are not taken for those of a file; else as it is."""
+    """A stream that raises `OutputLost` for its errors, which are thus distinct from errors of files."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        with _told():
+        with _as_output_lost():
             return self._stream.write(text)
 
     def flush(self) -> None:
-        with _told():
+        with _as_output_lost():
             self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:
@@ -32,7 +32,8 @@ class Output:
 
 
 @contextlib.contextmanager
-def _told() -> Iterator[None]:
+def _as_output_lost() -> Iterator[None]:
+    """Raise an OSError as OutputLost."""
     try:
         yield
     except OSError as error:
@@ -40,7 +41,10 @@ def _told() -> Iterator[None]:
 
 
 def complete() -> None:
-    """Let standard streams that were closed lead nowhere; else their numbers would go to files opened later."""
+    """Connect closed standard streams to the null device.
+
+    Otherwise the next files that are opened would get their numbers, and messages would be written into these files.
+    """
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             handle = os.open(os.devnull, os.O_RDWR)
@@ -48,7 +52,7 @@ def complete() -> None:
 
 
 def drop_output() -> None:
-    """Let what is still written to standard output, as at the exit, lead nowhere."""
+    """Connect standard output to the null device, so that Python's flush at the exit does not fail again."""
     handle = os.open(os.devnull, os.O_WRONLY)
     os.dup2(handle, sys.stdout.fileno())
     os.close(handle)

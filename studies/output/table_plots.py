@@ -1,4 +1,4 @@
-"""Plots of the studies' tables. Colours are Okabe and Ito's, which colour-blind readers can tell apart."""
+"""Common style of the studies' plots, with the colours of Okabe and Ito, distinct for colour-blind readers."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ STYLE = {
     "grid.linewidth": 0.7,
     "axes.axisbelow": True,
 }
-"""A figure 7 in wide; at half that width its letters are still 6 points."""
+"""Settings of matplotlib for a figure 7 in wide; the letters still have 6 points when it is printed half as wide."""
 
 
 @contextlib.contextmanager
 def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
-    """A figure and its axes, written when all is drawn; it leaves matplotlib's global state alone."""
+    """Yield a figure and its axes, and write the figure at the end; matplotlib's global state stays as it is."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -47,28 +47,28 @@ def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) ->
 
 
 BANDS = {10: 0.06, 5: 0.09}
-"""Errors that are shaded, percent, and the opacity of their greys, each upon those before it."""
+"""Errors up to which a plot is shaded, percent, and the opacity of the shades, which are drawn one over the other."""
 
 
 def bands(axis: Any) -> None:
-    """Shade errors of up to 5 % and 10 %."""
+    """Shade the ranges of errors up to 5 % and 10 %."""
     for error, opacity in BANDS.items():
         axis.axhspan(-error, error, color="#000000", alpha=opacity, linewidth=0)
     axis.axhline(0, color="#777777", linewidth=0.8)
 
 
 def band_handles() -> list[Any]:
-    """Entries of a legend for the shades, as dark as they are in the panels."""
+    """Return legend entries for the shades, each as dark as in the panels, where the shades overlap."""
     from matplotlib.patches import Patch
 
-    through, handles = 1.0, []
+    transmitted, handles = 1.0, []
     for error, opacity in BANDS.items():
-        through *= 1 - opacity
-        handles.append(Patch(label=f"error within {error} %", color="#000000", alpha=1 - through, linewidth=0))
+        transmitted *= 1 - opacity
+        handles.append(Patch(label=f"error within {error} %", color="#000000", alpha=1 - transmitted, linewidth=0))
     return handles
 
 
 def label(axis: Any, letter: str, text: str) -> None:
-    """Name the axis y, and put the panel's letter above it."""
+    """Label the y axis, and write the panel's letter above it."""
     axis.set_ylabel(text)
     axis.set_title(letter, loc="left", fontweight="bold", fontsize=12)

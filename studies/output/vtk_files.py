@@ -1,4 +1,4 @@
-"""Meshes, and displacement and pressure on them, as VTK files (.vtu)."""
+"""VTK files (.vtu) of meshes, and of displacement and pressure on them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | 
 
     Parameters
     ----------
-    about : named numbers that the file holds beside the mesh.
+    about : numbers by name that the file stores as field data.
     """
     import numpy as np
 
@@ -35,13 +35,12 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | 
 
 
 def write_field(path: str | Path, solution: Solution) -> None:
-    """Write the deformed body as .vtu with displacement_mm, pressure_MPa and region at its undeformed nodes moved.
+    """Write the deformed body as .vtu, with displacement_mm, pressure_MPa and region.
 
-    What is symmetric is written in part: the section of an axisymmetric solution, half the body of a harmonic or a
-    half one, beside the plane of its shear.
-
-    The undeformed place of a point is its own less displacement_mm. Pressure is positive in compression; in the
-    middle of an edge it is the mean of those at its ends.
+    The file holds the section of an axisymmetric solution, half the body (on one side of the plane of the shear) of a
+    harmonic or half solution, and the whole body of a full one. The points are the deformed ones: subtract
+    displacement_mm for the undeformed place. Pressure is positive in compression; at the middle of an edge it is the
+    mean of the pressures at both ends, because the pressure is linear in each element.
     """
     import numpy as np
 
@@ -58,10 +57,10 @@ def write_field(path: str | Path, solution: Solution) -> None:
 
 
 def grid_of(mesh: skfem.Mesh) -> Any:
-    """PyVista's grid of quadratic cells of a second-order mesh; its points are numbered as the mesh's `doflocs`.
+    """Return the PyVista grid of a second-order mesh; its points are numbered like the mesh's `doflocs`.
 
-    The (r, z) section lies in the plane y = 0 with x = r. scikit-fem and VTK number the nodes of a cell alike
-    (corners, then the edges 01, 12, 02 and, in a tetrahedron, 03, 13, 23), but VTK wants positive volumes.
+    The (r, z) section lies in the plane y = 0 with x = r. scikit-fem and VTK number the nodes of a cell in the same
+    order (corners, then the edges 01, 12, 02 and, in a tetrahedron, 03, 13, 23), but VTK requires positive volumes.
     """
     import numpy as np
     import pyvista as pv
@@ -70,7 +69,7 @@ def grid_of(mesh: skfem.Mesh) -> Any:
     corners = mesh.doflocs[:, nodes[: mesh.dim() + 1]]
     slopes = corners[:, 1:] - corners[:, :1]
     reversed_ = np.linalg.det(np.moveaxis(slopes, 2, 0)) < 0
-    # change the places of corners 1 and 2, and of the edges that this changes
+    # a cell of negative volume gets corners 1 and 2 exchanged, and with them the edges at these corners
     other = [0, 2, 1, 5, 4, 3] if mesh.dim() == 2 else [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
     nodes = np.where(reversed_, nodes[other], nodes)
     kind = pv.CellType.QUADRATIC_TRIANGLE if mesh.dim() == 2 else pv.CellType.QUADRATIC_TETRA
@@ -78,18 +77,18 @@ def grid_of(mesh: skfem.Mesh) -> Any:
 
 
 def spatial(vectors: Any) -> Any:
-    """Vectors (n, 2) of the section as (n, 3), with 0 along y; vectors (n, 3) as they are."""
+    """Return vectors (n, 2) of the section as (n, 3), with 0 along y; vectors (n, 3) are copied."""
     import numpy as np
 
     return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
 
 
 def nodal_pressure(body: Body) -> Any:
-    """Pressure at every node, shape (n,), MPa, positive in compression; linear along the edges."""
+    """Return the pressure at every node, shape (n,), MPa, positive in compression and linear along the edges."""
     import numpy as np
 
     pressure = np.zeros(len(body.u))
-    # the unknown p of the elements is the mean stress
+    # the elements' unknown p is the mean stress, positive in tension
     pressure[body.vertices] = -body.p
     nodes, corners = np.asarray(body.mesh.dofs.element_dofs), body.mesh.dim() + 1
     ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
@@ -99,9 +98,10 @@ def nodal_pressure(body: Body) -> Any:
 
 
 def _save(path: str | Path, grid: Any) -> None:
+    """Write a grid as a binary .vtu file."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-    # VTK writes into memory, for on a full disk it ends the whole process
+    # VTK writes into memory, because on a full disk it would end the whole process
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(grid)
     writer.SetDataModeToBinary()
