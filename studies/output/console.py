@@ -1,4 +1,4 @@
-"""What a command shows: JSON lines or tables on standard output, progress on standard error."""
+"""Output of commands: JSON lines or tables on standard output, progress and warnings on standard error."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from studies.output.atomic_files import json_line
 from studies.output.text_tables import Column
 
 MOST_NAMED = 6
-"""Of the records that a message is of, and of the columns that are left out."""
+"""Greatest number of records that are listed for a message, and of hidden columns that are named."""
 
-TOLD = ("message", "warning", "warnings")
-"""Keys of sentences, which verbs print in whole below a table: they are in it only if it is wide."""
+SENTENCES = ("message", "warning", "warnings")
+"""Keys of sentences, which verbs print in full below a table; only a wide table has columns for them."""
 
 LEFTMOST = 2
-"""Columns that a person needs where a verb does not say which."""
+"""Number of columns that a table must show if a verb does not name the columns that it needs."""
 
 NUMBER, LIST = 8, 20
-"""Characters first given to numbers, and to lists of them, in rows that are printed one by one."""
+"""Initial widths of columns of numbers and of lists, characters, in a table whose rows are printed one by one."""
 
 
 def room() -> int | None:
-    """Characters of a line: as the environment's COLUMNS says, else those of the terminal.
+    """Return the characters of a line: the environment variable COLUMNS, else the width of the terminal.
 
-    None where standard output is no terminal: no column of a table is left out there for want of room.
+    None if standard output is no terminal: a table in a file or a pipe has all its columns.
     """
-    given = os.environ.get("COLUMNS", "")
-    if given.isdecimal() and int(given) > 0:
-        return int(given)
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and int(columns) > 0:
+        return int(columns)
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
@@ -50,16 +50,17 @@ def report(
     first: Sequence[str] = (),
     wide: bool = False,
 ) -> None:
-    """Print each record as one line of JSON; or all as a table, one record upright, several one to a row.
+    """Print each record as one line of JSON, or all records as a table.
 
-    Columns that are empty in all records are left out. So are, from right to left, those that a line has no room for,
-    and it is said which; where those in `first` do not all fit, every record stands upright.
+    A single record is printed with one value to a line. Columns that are empty in all records are hidden. Columns
+    that do not fit into a line are hidden too, from right to left, and a note names them. If the columns `first` do
+    not all fit, every record is printed with one value to a line.
 
     Parameters
     ----------
-    brief : keys that the table leaves out unless it is wide.
-    first : keys that a person needs most, those of the leftmost columns by default.
-    wide : all columns, however long the lines become.
+    brief : keys that only a wide table shows.
+    first : keys that the table must show; default: those of the leftmost `LEFTMOST` columns.
+    wide : whether all columns are shown, however long the lines become.
     """
     if as_json:
         for record in records:
@@ -80,20 +81,20 @@ def report(
             chosen = keys
         else:
             _print_lines(title, text_tables.table([columns[key] for key in chosen], space))
-        _say_what_is_left_out([*(key for key in keys if key not in chosen), *rest])
+        _name_hidden_columns([*(key for key in keys if key not in chosen), *rest])
 
 
 def _keys(records: Sequence[Mapping[str, Any]], brief: Sequence[str], *, wide: bool) -> tuple[list[str], list[str]]:
-    """Keys of a table's columns, and of those that only a wide one has."""
+    """Return the keys of a table's columns, and the keys that only a wide table has."""
     filled = dict.fromkeys(key for record in records for key, value in record.items())
     empty = {key for key in filled if all(record.get(key) in (None, "") for record in records)}
     keys = [key for key in filled if key not in empty]
-    rest = [] if wide else [key for key in keys if key in (*brief, *TOLD)]
-    return [key for key in keys if key not in rest], [key for key in rest if key not in TOLD]
+    rest = [] if wide else [key for key in keys if key in (*brief, *SENTENCES)]
+    return [key for key in keys if key not in rest], [key for key in rest if key not in SENTENCES]
 
 
 def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | None) -> list[str] | None:
-    """Keys of the columns that fit, None where those that are needed do not."""
+    """Return the keys of the columns that fit into a line, or None if the needed ones do not fit."""
     keys = list(columns)
     needed = [key for key in first if key in columns] or keys[:LEFTMOST]
     order = [keys.index(key) for key in (*needed, *(key for key in keys if key not in needed))]
@@ -101,7 +102,8 @@ def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | N
     return None if places is None else [keys[k] for k in places]
 
 
-def _say_what_is_left_out(keys: Sequence[str]) -> None:
+def _name_hidden_columns(keys: Sequence[str]) -> None:
+    """Print a note that names the columns that the table does not show."""
     keys = list(dict.fromkeys(keys))
     if keys:
         names = [text_tables.heading(key)[0] for key in keys[:MOST_NAMED]]
@@ -110,7 +112,10 @@ def _say_what_is_left_out(keys: Sequence[str]) -> None:
 
 
 class _Stream:
-    """A table whose rows are printed one by one; its head comes again where a value needs a wider column."""
+    """A table whose rows are printed one by one; the head is printed again when a value needs a wider column.
+
+    `chosen` are the keys of the columns shown; None if rows are printed with one value to a line.
+    """
 
     def __init__(self, title: str, keys: Sequence[str], first: Sequence[str], space: int | None) -> None:
         self.title, self.keys, self.first, self.space = title, list(keys), first, space
@@ -131,7 +136,10 @@ class _Stream:
         self.title = ""
 
     def _widen(self, new: Mapping[str, Column], record: Mapping[str, Any]) -> None:
-        """Make room for a row, and print the head."""
+        """Widen the columns for a row, and print the head.
+
+        A column is never narrowed, and new columns get spare characters, so that the head is rarely printed again.
+        """
         for key, column in new.items():
             value = record.get(key)
             spare = LIST if isinstance(value, (list, tuple)) else NUMBER if isinstance(value, (int, float)) else 0
@@ -144,12 +152,12 @@ class _Stream:
             print("\n".join(([self.title] if self.title else [""]) + lines), flush=True)
 
     def end(self, records: Sequence[Mapping[str, Any]]) -> None:
-        """Print what is left out of all the records."""
+        """Name the columns of the records that the table did not show."""
         if self.chosen is not None:
             print(flush=True)
         chosen = self.keys if self.chosen is None else self.chosen
         keys, _ = _keys(records, (), wide=False)
-        _say_what_is_left_out([key for key in (*self.keys, *keys) if key not in chosen])
+        _name_hidden_columns([key for key in (*self.keys, *keys) if key not in chosen])
 
 
 def stream(
@@ -163,12 +171,12 @@ def stream(
     first: Sequence[str] = (),
     wide: bool = False,
 ) -> list[dict[str, Any]]:
-    """Print each record as soon as it is there, and return them all.
+    """Print each record as soon as it is computed, and return all of them.
 
     Parameters
     ----------
-    keys : of the columns of a table that is not wide.
-    count : how many records are expected; a single one is printed upright.
+    keys : columns of a table that is not wide.
+    count : how many records are expected; a single one is printed with one value to a line.
     brief, first, wide : as in `report`.
     """
     printed: list[dict[str, Any]] = []
@@ -178,7 +186,7 @@ def stream(
             report([record], as_json=as_json, title=title, brief=brief, wide=wide)
         else:
             if rows is None:
-                every = [key for key in record if key not in TOLD]
+                every = [key for key in record if key not in SENTENCES]
                 rows = _Stream(title, every if wide else keys, first, None if wide else room())
             rows.add(record)
         printed.append(dict(record))
@@ -190,27 +198,28 @@ def stream(
 def remarks(
     records: Sequence[Mapping[str, Any]], keys: Iterable[str], among: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
-    """Each message of the records once, with the records that it belongs to, told apart by those keys that vary.
+    """Return each message once, after the values that identify its records.
 
     Parameters
     ----------
-    among : the whole table that the records are of; by default they are all of it.
+    keys : keys that may identify a record; those that vary in the table are used.
+    among : all records of the table; default: `records` is the whole table.
 
-    >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "gives way"}], ["depth_mm"])
-    ['depth 2 mm: gives way']
+    >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "buckles"}], ["depth_mm"])
+    ['depth 2 mm: buckles']
     """
     whole = among or records
-    there = [key for key in keys if any(key in record for record in whole)]
-    varying = [key for key in there if len({record.get(key) for record in whole}) > 1] or there[:1]
-    places: dict[str, list[Mapping[str, Any]]] = {}
+    present = [key for key in keys if any(key in record for record in whole)]
+    varying = [key for key in present if len({record.get(key) for record in whole}) > 1] or present[:1]
+    by_message: dict[str, list[Mapping[str, Any]]] = {}
     for record in records:
         if record.get("message"):
-            places.setdefault(record["message"], []).append(record)
-    return [f"{_places(found, varying)}: {message}" for message, found in places.items()]
+            by_message.setdefault(record["message"], []).append(record)
+    return [f"{_places(group, varying)}: {message}" for message, group in by_message.items()]
 
 
 def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
-    """The first few of the records by their keys."""
+    """State the values of the keys for the first `MOST_NAMED` records, and how many records follow."""
     heads = [text_tables.heading(key) for key in keys]
     cells = [[text_tables.shown(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
     more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
@@ -222,7 +231,7 @@ def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
 
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table of texts, each column of it; where they do not fit, row by row upright."""
+    """Print a table of texts; if its columns do not all fit, print every row with one value to a line."""
     columns = [Column(head, tuple(cells), breaks=True) for head, *cells in zip(heads, *rows, strict=True)]
     space = room()
     if text_tables.fitting([column.least for column in columns], len(columns), range(len(columns)), space):
@@ -234,32 +243,32 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> No
 
 
 def note(text: str) -> None:
-    """A sentence on standard output, in lines that a terminal has room for."""
+    """Print a sentence on standard output, wrapped to the width of the terminal."""
     print("\n".join(text_tables.wrapped(text, room())), flush=True)
 
 
 def _print_lines(title: str, lines: Sequence[str]) -> None:
-    """A title, if there is one, the lines below it, and an empty one."""
+    """Print the title, if there is one, the lines, and an empty line."""
     heads = text_tables.wrapped(title, room()) if title else []
     print("\n".join([*heads, *lines, ""]), flush=True)
 
 
 def warn(text: str) -> None:
-    """A warning on standard error."""
+    """Print a warning on standard error."""
     say(f"{WARNING}{text}")
 
 
 def say(text: str) -> None:
-    """One line on standard error; where that cannot be written, there is nobody to tell."""
+    """Print one line on standard error; an error there is ignored, because it could not be reported."""
     with contextlib.suppress(OSError):
         print(" ".join(text.split()), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
 def progress(*, as_json: bool) -> Iterator[Progress]:
-    """A callback that takes a fraction and a text: a bar in a terminal, else a line for each new text.
+    """Yield a callback that takes a fraction (0 to 1) and a text, and shows the progress on standard error.
 
-    With JSON and no terminal there is nothing.
+    A terminal shows a bar; otherwise each new text is a line, or nothing is shown where the output is JSON.
     """
     if not sys.stderr.isatty():
         yield _silent if as_json else _Lines()
@@ -274,15 +283,15 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
         TimeElapsedColumn(),
         TextColumn("{task.description}"),
     )
-    # the bar would draw what is meant for a pipe or a file on standard error
-    aside = sys.stdout.isatty()
-    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=aside) as bar:
+    # rich would redirect prints to standard error, away from a pipe or a file that standard output leads to
+    redirect = sys.stdout.isatty()
+    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=redirect) as bar:
         task = bar.add_task("loading", total=1.0)
         yield lambda fraction, text: bar.update(task, completed=fraction, description=text)
 
 
 class _Lines:
-    """A line for each new text."""
+    """A progress callback that prints a line for each new text."""
 
     def __init__(self) -> None:
         self.last = ""
@@ -294,18 +303,18 @@ class _Lines:
 
 
 def _silent(fraction: float, text: str) -> None:
-    """No progress."""
+    """Report no progress."""
 
 
-_begun = threading.Event()
-"""Slow modules are loaded, or about to be."""
+_loading = threading.Event()
+"""Set when `load` starts to import in a thread."""
 
 
 def load(*names: str) -> None:
-    """Import slow modules, in a thread of their own, so that Ctrl-C ends the wait for them at once.
+    """Import slow modules in a thread of their own, so that Ctrl-C ends the wait for them at once.
 
-    Raised within a library that is being loaded, a KeyboardInterrupt becomes an error of that library, or is lost. So
-    the thread goes on loading, and a process that is to end now must not wait for it (see `loaded`).
+    A KeyboardInterrupt that is raised inside a library during its import may be lost or become an error of that
+    library. So the thread continues to import, and a process that Ctrl-C ends must not wait for it (see `loaded`).
     """
     if threading.current_thread() is not threading.main_thread() or all(name in sys.modules for name in names):
         for name in names:
@@ -313,15 +322,15 @@ def load(*names: str) -> None:
         return
     failed: list[BaseException] = []
 
-    def work() -> None:
+    def import_all() -> None:
         try:
             for name in names:
                 importlib.import_module(name)
         except BaseException as error:
             failed.append(error)
 
-    thread = threading.Thread(target=work, daemon=True)
-    _begun.set()
+    thread = threading.Thread(target=import_all, daemon=True)
+    _loading.set()
     thread.start()
     thread.join()
     if failed:
@@ -329,5 +338,5 @@ def load(*names: str) -> None:
 
 
 def loaded() -> bool:
-    """Whether `load` has been at work: Python then takes seconds to end, or fails in what is still being loaded."""
-    return _begun.is_set()
+    """Return whether `load` has started imports: Python's own exit may then take seconds or fail."""
+    return _loading.is_set()

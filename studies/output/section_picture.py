@@ -1,4 +1,4 @@
-"""The section of a solution along its shear as curved triangles, and these as small flat ones and lines; mm."""
+"""The section of a solution along its shear, as curved triangles and as the flat triangles that VTK draws; mm."""
 
 from __future__ import annotations
 
@@ -17,11 +17,18 @@ if TYPE_CHECKING:
 Quantity = Literal["displacement", "pressure"]
 
 PIECES = 6
-"""Into how many pieces each edge of a curved triangle is cut."""
+"""Pieces into which each edge of a curved triangle is divided for drawing."""
 
 
 class Cut(NamedTuple):
-    """The curved triangles in the plane y = 0: nodes (m, 6, 3), values there (m, 6), outline edges (k, 2, 3, 3)."""
+    """The curved triangles in the plane y = 0.
+
+    Attributes
+    ----------
+    rest, moved : undeformed and deformed nodes, shape (m, 6, 3), mm.
+    value : displacement, mm, or pressure, MPa, at the nodes, shape (m, 6).
+    edges : outline, undeformed and deformed, three nodes to an edge, shape (k, 2, 3, 3), mm.
+    """
 
     rest: Array
     moved: Array
@@ -30,9 +37,9 @@ class Cut(NamedTuple):
 
 
 def cut_of(solution: Solution, quantity: Quantity) -> Cut:
-    """The section of a deformed body in the plane of its shear (or y = 0), turned to y = 0.
+    """Return the section of the deformed body in the plane of its shear (without a shear y = 0), rotated to y = 0.
 
-    That of an axisymmetric body is mirrored to both sides; a full body is cut.
+    The section of an axisymmetric body is mirrored; the tetrahedra of a full body are cut.
     """
     from fem.results import revolved_body
 
@@ -47,19 +54,21 @@ def cut_of(solution: Solution, quantity: Quantity) -> Cut:
     ends = _outline(nodes)
     edges = np.stack([x[ends], (x + u)[ends]], axis=1)
     rest, moved, values = x[nodes], (x + u)[nodes], value[nodes]
+    # an axisymmetric mesh ends at the axis, and its edges there are no outline
     if solid.mesh.dim() == 2:
         mirror = np.array([-1.0, 1.0, 1.0])
-        axis = np.abs(edges[:, 0, :, 0]).max(axis=1) < 1e-9 * np.abs(x).max()
-        edges = np.concatenate([edges[~axis], edges[~axis] * mirror])
+        on_axis = np.abs(edges[:, 0, :, 0]).max(axis=1) < 1e-9 * np.abs(x).max()
+        edges = np.concatenate([edges[~on_axis], edges[~on_axis] * mirror])
         rest, moved = np.concatenate([rest, rest * mirror]), np.concatenate([moved, moved * mirror])
         values = np.concatenate([values, values])
     return Cut(rest, moved, values, edges)
 
 
 def _sliced(solid: Body, quantity: Quantity) -> Cut:
-    """Where the plane y = 0 of the undeformed body cuts tetrahedra: in each of them a triangle or two.
+    """Return the section of the undeformed tetrahedra with the plane y = 0: one or two triangles in each of them.
 
-    Points are taken at barycentric coordinates of straight cells, so neighbours meet without a gap.
+    The crossings are computed as if the cells were straight. Neighbours share the barycentric coordinates of a
+    crossing, so the section has no gaps.
     """
     nodes = np.asarray(solid.mesh.dofs.element_dofs, dtype=np.int64).T
     x = solid.mesh.doflocs.T
@@ -68,6 +77,7 @@ def _sliced(solid: Body, quantity: Quantity) -> Cut:
     middles = corners[:, ends].mean(axis=2)
     points = np.concatenate([corners, middles[:, [0, 1, 2]]], axis=1)
     pairs = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
+    # second-order shape functions at the triangles' nodes, with which place and displacement are interpolated
     edge_shapes = 4 * points[..., pairs[:, 0]] * points[..., pairs[:, 1]]
     shapes = np.concatenate([points * (2 * points - 1), edge_shapes], axis=-1)
     rest, u = (np.einsum("kpa,kai->kpi", shapes, nodal[nodes[cell]]) for nodal in (x, solid.u))
@@ -75,7 +85,7 @@ def _sliced(solid: Body, quantity: Quantity) -> Cut:
         value = np.linalg.norm(u, axis=2)
     else:
         value = np.einsum("kpa,ka->kp", shapes, nodal_pressure(solid)[nodes[cell]])
-    # an edge of the section lies in the face opposite to the corner that neither of its ends depends on
+    # an edge of the section lies in a face of its cell: both ends have no share of the corner opposite to that face
     opposite = (corners[:, ends] == 0).all(axis=2)
     outer = np.zeros(solid.mesh.facets.shape[1], dtype=bool)
     outer[solid.mesh.boundary_facets()] = True
@@ -88,12 +98,22 @@ def _sliced(solid: Body, quantity: Quantity) -> Cut:
 
 
 def _crossings(y: Array) -> tuple[NDArray[np.int64], Array]:
-    """Cells (k,) and barycentric coordinates (k, 3, 4) of the triangles where y (m, 4) at the corners is 0."""
+    """Find the triangles in which linear functions y in tetrahedra are zero.
+
+    Parameters
+    ----------
+    y : values at the corners of m cells, shape (m, 4).
+
+    Returns
+    -------
+    Cells, shape (k,), and barycentric coordinates of the triangles' corners, shape (k, 3, 4).
+    """
     above = y >= 0
     order = np.argsort(above, axis=1, kind="stable")
     count = above.sum(axis=1)
-    cells, found = [], []
-    # places in `order`: the corners below come first
+    cells, coordinates = [], []
+    # the cut is a triangle round a single corner, or a quadrilateral of two triangles between two corners and two;
+    # numbers are places in `order`, which lists the corners below the plane first
     for number, triangles in (
         (1, [((3, 0), (3, 1), (3, 2))]),
         (3, [((0, 1), (0, 2), (0, 3))]),
@@ -108,30 +128,35 @@ def _crossings(y: Array) -> tuple[NDArray[np.int64], Array]:
                 corners[np.arange(len(cell)), i, one] = 1 - share
                 corners[np.arange(len(cell)), i, other] = share
             cells.append(cell)
-            found.append(corners)
-    return np.concatenate(cells), np.concatenate(found)
+            coordinates.append(corners)
+    return np.concatenate(cells), np.concatenate(coordinates)
 
 
 def _triangles(mesh: Any) -> NDArray[np.int64]:
-    """Nodes of the curved triangles in the plane y = 0, shape (m, 6): corners, then the edges 01, 12, 02."""
+    """Return the nodes of the curved triangles in the plane y = 0, shape (m, 6): corners, then edges 01, 12, 02."""
     nodes = np.asarray(mesh.dofs.element_dofs, dtype=np.int64)
     if mesh.dim() == 2:
         return nodes.T
     faces = [[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 8, 7], [0, 2, 3, 6, 9, 7], [1, 2, 3, 5, 9, 8]]
-    found = np.concatenate([nodes[face] for face in faces], axis=1)
-    flat = np.abs(mesh.doflocs[1, found]).max(axis=0) < 1e-9 * np.abs(mesh.doflocs).max()
-    return found[:, flat].T
+    sides = np.concatenate([nodes[face] for face in faces], axis=1)
+    flat = np.abs(mesh.doflocs[1, sides]).max(axis=0) < 1e-9 * np.abs(mesh.doflocs).max()
+    return sides[:, flat].T
 
 
 def _outline(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Nodes (end, middle, end) of the edges that belong to one triangle only, shape (k, 3)."""
+    """Return the nodes (end, middle, end) of the edges that belong to one triangle only, shape (k, 3)."""
     edges = np.concatenate([triangles[:, [0, 3, 1]], triangles[:, [1, 4, 2]], triangles[:, [0, 5, 2]]])
     _, first, count = np.unique(edges[:, 1], return_index=True, return_counts=True)
     return np.asarray(edges[first[count == 1]])
 
 
 def surface(corners: Array, value: Array) -> Any:
-    """Flat triangles of curved ones, (m, 6, 3), with values (m, 6) at their points."""
+    """Divide curved triangles, shape (m, 6, 3), into a PyVista surface of flat ones.
+
+    Parameters
+    ----------
+    value : values at the nodes, shape (m, 6); the points of the surface get their interpolation.
+    """
     import pyvista as pv
 
     grid = [(i, j) for i in range(PIECES + 1) for j in range(PIECES + 1 - i)]
@@ -149,7 +174,7 @@ def surface(corners: Array, value: Array) -> Any:
 
 
 def lines(edges: Array, towards: float) -> Any:
-    """Curves through the three points of each edge, (k, 3, 3), drawn `towards` mm nearer to the eye."""
+    """Return the curves through three nodes of each edge, shape (k, 3, 3), moved by `towards` mm to the viewer."""
     import pyvista as pv
 
     t = np.linspace(0, 1, PIECES + 1)

@@ -1,6 +1,7 @@
-"""PyVista pictures of solutions, drawn off-screen: the deformed section with its magnet and the plate.
+"""Off-screen PyVista pictures of solutions: the deformed section with its magnet and the plate.
 
-Lengths in mm, in the plane of the shear (y = 0 without one), which is named, with its direction to the right.
+The section lies in the plane of the shear (without a shear y = 0), which a label names; the shear points to the
+right. Lengths are in mm.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ SIZE = (1500, 1200)
 """Width and height of a picture, pixels."""
 
 TEXT = 36
-"""Size of a picture's letters, pixels."""
+"""Font size, pixels."""
 
 PLATE = 0.06
-"""Thickness that the plate is drawn with, in units of D."""
+"""Drawn thickness of the plate over D."""
 
 WIDE = 0.71
-"""Share of the picture's width that is for the section; the scalar bar and its title take the rest."""
+"""Share of the picture's width for the section; the scalar bar and its title have the rest."""
 
 NEAR = 0.5
-"""Silicone this close below the plate, in units of the tip radius, has some of the plate drawn above it."""
+"""The plate is drawn above all silicone that is closer to it than this distance, in units of the tip radius."""
 
 _TITLES = {"displacement": "displacement (mm)", "pressure": "pressure (MPa)"}
 _DARK, _GREY, _PLATE = "#222222", "#8a8a8a", "#c9ced6"
@@ -53,15 +54,15 @@ def section_picture(
 
     Parameters
     ----------
-    magnet : "rigid" draws it where it has gone to, as the rigid body that it is.
-    quantity : what the colour shows, the magnitude of the displacement or the pressure.
+    magnet : "rigid" draws the magnet at its pose; "ignored" draws no magnet.
+    quantity : quantity that the colour shows, the magnitude of the displacement or the pressure.
     """
     import pyvista as pv
 
     quiet()
     cut = cut_of(solution, quantity)
     slope, plane = _slope(solution), plane_name(solution)
-    solution = _seen(solution)
+    solution = _in_plane(solution)
     span = plate_span(design, solution, cut.moved, slope)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")
@@ -92,8 +93,8 @@ def section_picture(
     plotter.close()
 
 
-def _seen(solution: Solution) -> Solution:
-    """The solution with what the section shows of it as motion along x and rotation about y."""
+def _in_plane(solution: Solution) -> Solution:
+    """Return the solution with load and pose as components in the section: motion along x, rotation about y."""
     (c, s), load, response = solution.load.direction, solution.load, solution.response
     x, y, z = response.shift
     load = replace(load, shear_x=c * load.shear_x + s * load.shear_y, shear_y=0.0)
@@ -104,28 +105,29 @@ def _seen(solution: Solution) -> Solution:
 
 
 def plane_name(solution: Solution) -> str:
-    """Which section is shown, by the direction that points to the right: along x, y, or as 0.6 x - 0.8 y."""
+    """Name the section by the direction that points to the right, such as "section along 0.6 x - 0.8 y"."""
     c, s = solution.load.direction
     parts = [f"{size:.2g} {axis}".removeprefix("1 ") for size, axis in ((c, "x"), (abs(s), "y")) if size > 0.005]
     return f"section along {(' - ' if s < 0 else ' + ').join(parts)}"
 
 
 def _slope(solution: Solution) -> float:
-    """How steeply the plate falls along the section."""
+    """Return the descent of the tilted plate along the section, per mm."""
     return solution.load.direction[0] * math.tan(solution.load.plate_tilt)
 
 
 def quiet() -> None:
-    """Keep VTK from warning that there is no display before it draws without one."""
+    """Suppress VTK's warning that there is no display; it then draws without one."""
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 
 def _ticks(cut: Cut, quantity: Quantity) -> Array:
-    """Round numbers over the range of the colours.
+    """Return round numbers that cover the range of the colours.
 
-    A pressure's range leaves out 0.5 % of the area at either end: the peaks at the rim and the magnet's edges.
+    The range of a pressure leaves out the lowest and the highest 0.5 % of the area, because the peaks at the rim and
+    at the magnet's edges would otherwise determine all colours.
     """
     low, high = 0.0, float(cut.value.max())
     if quantity == "pressure":
@@ -143,7 +145,7 @@ def _ticks(cut: Cut, quantity: Quantity) -> Array:
 
 
 def _in_section(outline: Array, towards: float) -> Array:
-    """Points (n, 2) of the section in space, `towards` mm nearer to the eye."""
+    """Return points (n, 2) of the section in space, `towards` mm nearer to the viewer than the rest."""
     return np.insert(outline, 1, -towards, axis=1)
 
 
@@ -160,17 +162,17 @@ def _loop(plotter: Any, outline: Array, towards: float, **look: Any) -> None:
 
 
 def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) -> None:
-    """The magnet's section, turned by the tilt about y and moved by the shift."""
+    """Draw the magnet's section, rotated by the tilt about y and displaced by the shift."""
     a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
     turn = np.linspace(0, math.pi / 2, 9)
     arcs = [
         np.stack([sx * (a - rho) + rho * np.cos(turn + start), sz * (b - rho) + rho * np.sin(turn + start)], axis=1)
         for sx, sz, start in ((1, 1, 0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
     ]
-    local = np.concatenate(arcs)
-    place = _placed(local, design, response)
-    plotter.add_mesh(_polygon(place, 0.04), color="#e4e4e4", lighting=False)
-    _loop(plotter, place, 0.05, color=_DARK, line_width=5)
+    outline = _placed(np.concatenate(arcs), design, response)
+    plotter.add_mesh(_polygon(outline, 0.04), color="#e4e4e4", lighting=False)
+    _loop(plotter, outline, 0.05, color=_DARK, line_width=5)
+    # the label is drawn only where it fits into the tilted magnet
     c, s = abs(math.cos(response.tilt)), abs(math.sin(response.tilt))
     wide, high = 0.26 * reach, 0.1 * reach
     if design.magnet_diameter > c * wide + s * high and design.magnet_height > s * wide + c * high:
@@ -178,6 +180,7 @@ def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) 
 
 
 def _placed(local: Array, design: Design, response: Response) -> Array:
+    """Return points (n, 2) of the magnet's frame in the section, mm."""
     c, s = math.cos(response.tilt), math.sin(response.tilt)
     x = c * local[:, 0] + s * local[:, 1] + response.shift[0]
     z = -s * local[:, 0] + c * local[:, 1] + response.shift[2] + design.H
@@ -185,11 +188,11 @@ def _placed(local: Array, design: Design, response: Response) -> Array:
 
 
 def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -> tuple[float, float]:
-    """Ends of the plate as it is drawn, beyond its middle and all silicone that lies close below it, mm.
+    """Return the ends of the drawn plate, mm: it covers its middle and all silicone close below it.
 
     Parameters
     ----------
-    solution : with its shear along x, as `_seen`.
+    solution : with its shear along x, as from `_in_plane`.
     moved : places (..., 3) of the section's nodes.
     """
     x, z = moved[..., 0], moved[..., 2]
@@ -200,7 +203,7 @@ def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -
 
 
 def _bottom(design: Design, solution: Solution) -> float:
-    """Height of the plate's lower face on the axis, mm."""
+    """Return the height of the plate's lower face on the beam's axis, mm."""
     load = solution.load
     return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
 
@@ -208,12 +211,13 @@ def _bottom(design: Design, solution: Solution) -> float:
 def _add_plate(
     plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
 ) -> None:
+    """Draw the plate and its label."""
     bottom, thick = _bottom(design, solution), PLATE * design.D
     ends = [(x, bottom - slope * x) for x in span]
     corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
     plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
     _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)
-    # at the end that the plate moves to, and beside the body at rest, whose outline would cross it
+    # the label stands at the end to which the plate moves, clear of the outline of the undeformed body
     half = 0.09 * reach
     at = max(span[1] - half, design.R + half)
     if solution.load.shear_x < 0:
@@ -222,7 +226,7 @@ def _add_plate(
 
 
 def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
-    """The clamped base, a bar that gives the scale, and the plane's name."""
+    """Draw the clamped base, a scale bar, and the name of the section."""
     R, thick = design.R, 0.053 * reach
     ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
     plotter.add_mesh(_polygon(ground, -0.01), color="#dddddd", lighting=False)
@@ -235,7 +239,7 @@ def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
 
 
 def _round_length(length: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that does not exceed a length."""
+    """Return the greatest 1, 2 or 5 times a power of ten that does not exceed a length."""
     power = 10.0 ** math.floor(math.log10(length))
     return max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9))
 
@@ -272,20 +276,23 @@ def _add_bar(plotter: Any, title: str, mapper: Any, labels: int) -> None:
 
 
 def _width(design: Design, span: tuple[float, float]) -> tuple[float, float]:
-    """Least and greatest x in the picture."""
+    """Return the least and the greatest x in the picture, mm."""
     edge = 0.05 * design.R
     return min(-1.4 * design.R, span[0] - edge), max(1.4 * design.R, span[1] + edge)
 
 
 def _top(design: Design, solution: Solution, slope: float) -> float:
-    """Greatest height in the picture."""
+    """Return the greatest height in the picture, mm."""
     end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
     highest = max(design.L, end if slope else 0.0)
     return max(highest + 0.14 * design.D, 1.06 * highest)
 
 
 def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, float]) -> float:
-    """Half the height of the picture; its lowest 0.28 parts are for the ground and the scale."""
+    """Return half the height of the picture, mm, so that the section fits in height and width.
+
+    The lowest 0.28 of it is for the base and the scale.
+    """
     left, right = _width(design, span)
     return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (WIDE * SIZE[0] / SIZE[1]))
 
@@ -293,7 +300,7 @@ def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, 
 def _aim(
     plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
 ) -> None:
-    """Look along +y at the section, everything in the frame, the scalar bar beside it."""
+    """Point the camera along +y at the section, with everything in view and the scalar bar beside it."""
     left, right = _width(design, span)
     centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
     height = (_top(design, solution, slope) - 0.28 * reach) / 2

@@ -1,7 +1,7 @@
-"""Tables and records as lines of text that keep to a width; no value is ever cut.
+"""Tables and records as lines of text of a limited width, in which no value is truncated.
 
-A table holds its most important columns; others are left out whole where the width does not suffice. If not even the
-columns that are needed fit, each record stands upright, one value to a line.
+A table shows its most important columns and hides the columns that do not fit. If the needed columns do not fit, each
+record is upright: one value to a line.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ UNITS = {
     "deg": ("°", 1.0),
     "percent": ("%", 1.0),
 }
-"""Unit that a key's last word stands for, as it is shown, and its size in it."""
+"""The last word of a key, the unit in which its values are shown, and the factor to that unit."""
 
 TURNS = {
     "tilt_rad": "tilt towards x",
     "tilt_y_rad": "tilt towards y",
     "rotation_rad": "rotation vector rx, ry",
 }
-"""Names of the magnet's rotations: angles by which its axis leans, or the vector (-tilt_y, tilt) about its centre."""
+"""Names of the magnet's rotations: tilt of its axis towards x or y, or the rotation vector (-tilt_y, tilt)."""
 
 MISFITS = {
     "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"][0]),
     "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
 }
-"""Names of what is no error of a result: how far polynomials are from the states or formulas they stand for."""
+"""Names of the decoder's fit errors: differences of its polynomials from the fitted states or formulas."""
 
 GAP = "  "
-"""Between columns."""
+"""Space between columns."""
 
 LEAST_TEXT = 20
-"""Characters to which a column of texts may be narrowed; they are broken between words only."""
+"""Least width of a column of texts, characters, unless a word is longer; texts are broken between words only."""
 
 MOST_LINES = 4
-"""Lines of a value beside its name."""
+"""Greatest number of lines of a value beside its name; a longer value is printed below the name."""
 
 VECTOR = 3
-"""Numbers in a list that is never broken."""
+"""Greatest number of items in a list that is not broken over lines: a vector in space."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,8 @@ class Column:
 
     Attributes
     ----------
-    head : what it holds, with its unit.
-    cells : as they are shown.
+    head : name and unit.
+    cells : values as they are shown.
     breaks : whether cells may be broken between words.
     """
 
@@ -73,7 +73,7 @@ class Column:
 
     @property
     def least(self) -> int:
-        """Its least width."""
+        """Least width, characters."""
         width = max(map(len, self.cells), default=0)
         if self.breaks:
             width = max(min(width, LEAST_TEXT), _longest_word(self.cells))
@@ -81,7 +81,7 @@ class Column:
 
 
 def column(key: str, values: Sequence[Any]) -> Column:
-    """The values of a key.
+    """Return the column of a key and its values.
 
     >>> column("field_T", [0.01, None])
     Column(head='field (mT)', cells=('10', '-'), breaks=False)
@@ -91,18 +91,19 @@ def column(key: str, values: Sequence[Any]) -> Column:
 
 
 def _is_long(value: Any) -> bool:
+    """Return whether a list may be broken over lines."""
     return isinstance(value, (list, tuple)) and (len(value) > VECTOR or any(isinstance(item, str) for item in value))
 
 
 def fitting(widths: Sequence[int], needed: int, order: Sequence[int], room: int | None) -> list[int] | None:
-    """Places of the columns that a line has room for, from left to right; None if those needed do not fit.
+    """Return the indices of the columns that fit into a line, or None if the needed ones do not fit.
 
     Parameters
     ----------
     widths : least width of each column.
-    needed : how many of the first in `order` must be there.
-    order : places of all columns, the most important first.
-    room : characters of a line; None for as many as it takes.
+    needed : number of columns, the first in `order`, that must fit.
+    order : indices of all columns, the most important first.
+    room : characters of a line; None for no limit.
 
     >>> fitting([5, 9, 3], 1, [0, 1, 2], 12)
     [0, 2]
@@ -118,7 +119,7 @@ def fitting(widths: Sequence[int], needed: int, order: Sequence[int], room: int 
 
 
 def spread(columns: Sequence[Column], room: int | None) -> list[int]:
-    """Width of each column: what is left of a line goes to texts that would be broken."""
+    """Return the width of each column; texts that would be broken get the unused characters of the line."""
     widths = [column.least for column in columns]
     spare = None if room is None else room - sum(widths) - len(GAP) * (len(widths) - 1)
     for k, column in enumerate(columns):
@@ -131,7 +132,7 @@ def spread(columns: Sequence[Column], room: int | None) -> list[int]:
 
 
 def headed(heads: Sequence[str], widths: Sequence[int]) -> list[str]:
-    """Heads broken between words, at the bottom of their lines, and a rule below."""
+    """Return the lines of the heads, broken between words and aligned at the bottom, and a rule."""
     broken = [wrapped(head, width) for head, width in zip(heads, widths, strict=True)]
     high = max(map(len, broken))
     lines = _side_by_side([[""] * (high - len(parts)) + parts for parts in broken], widths)
@@ -139,7 +140,7 @@ def headed(heads: Sequence[str], widths: Sequence[int]) -> list[str]:
 
 
 def row(cells: Sequence[str], widths: Sequence[int]) -> list[str]:
-    """The lines of a row."""
+    """Return the lines of a row."""
     return _side_by_side([wrapped(cell, width) for cell, width in zip(cells, widths, strict=True)], widths)
 
 
@@ -153,7 +154,7 @@ def _side_by_side(broken: Sequence[Sequence[str]], widths: Sequence[int]) -> lis
 
 
 def table(columns: Sequence[Column], room: int | None) -> list[str]:
-    """All columns side by side."""
+    """Return the lines of a table with all columns side by side."""
     widths = spread(columns, room)
     rows = zip(*(column.cells for column in columns), strict=True)
     return [
@@ -163,7 +164,7 @@ def table(columns: Sequence[Column], room: int | None) -> list[str]:
 
 
 def upright(record: Mapping[str, Any], room: int | None, digits: int = 5) -> list[str]:
-    """A record as lines of name and value with its unit."""
+    """Return a record as lines, each with a name, its value and unit."""
     rows = []
     for key, value in record.items():
         name, unit = heading(key)
@@ -172,7 +173,7 @@ def upright(record: Mapping[str, Any], room: int | None, digits: int = 5) -> lis
 
 
 def named(rows: Sequence[tuple[str, str]], room: int | None) -> list[str]:
-    """Names and values side by side; a value that is too long for that stands below its name.
+    """Return lines of names and values; a value that is too long stands below its name.
 
     >>> named([("law", "yeoh"), ("numbers", "yeoh_2=-0.00674683")], 20)
     ['law      yeoh', 'numbers', '  yeoh_2=-0.00674683']
@@ -190,12 +191,12 @@ def named(rows: Sequence[tuple[str, str]], room: int | None) -> list[str]:
 
 
 def wrapped(text: str, width: int | None) -> list[str]:
-    """The text in lines of a width, broken between words; within one only where it is longer than a line.
+    """Break a text into lines of a width, between words; only a word longer than a line is broken.
 
     >>> wrapped("0.5, 0, 4.149", 8)
     ['0.5, 0,', '4.149']
     """
-    # a control character, as a path may have, would break the table
+    # a path may contain control characters, which would disturb the table
     clean = "".join(letter if letter.isprintable() else "?" for letter in text)
     if width is None or len(clean) <= width:
         return [clean]
@@ -203,7 +204,7 @@ def wrapped(text: str, width: int | None) -> list[str]:
 
 
 def titled(key: str) -> str:
-    """What a key names, with the unit that its values are shown in.
+    """Return the name of a key with the unit of its values.
 
     >>> titled("stiffness_N_per_mm")
     'stiffness (N/mm)'
@@ -213,7 +214,7 @@ def titled(key: str) -> str:
 
 
 def heading(key: str) -> tuple[str, str]:
-    """What a key names, and the unit its values are shown in.
+    """Return the name of a key, and the unit in which its values are shown.
 
     >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("depth_mm")
     (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('depth', 'mm'))
@@ -232,7 +233,7 @@ def heading(key: str) -> tuple[str, str]:
 
 
 def shown(key: str, value: Any, digits: int = 5) -> str:
-    """A key's value as it is shown, in the unit of its heading."""
+    """Return a value as text, in the unit of the key's heading."""
     factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
     if isinstance(value, (list, tuple)):
         return ", ".join(shown(key, item, digits) for item in value)
