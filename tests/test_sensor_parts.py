@@ -302,11 +302,10 @@ def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_a
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
     code = (
         "import os; from studies.fabrication import design_variants as variants\n"
-        "from studies.fabrication.fabrication_rows import FabricationRow\n"
-        "def fabricated(job):\n"
+        "def fabricate(job):\n"
         "    if job[1]['L'] == 9: os._exit(7)\n"
-        "    return FabricationRow('ok', '', job[2])\n"
-        "variants.fabricated = fabricated; variants.main()\n"
+        "    return variants.FabricationRow('ok', '', job[2])\n"
+        "variants.fabricate = fabricate; variants.main()\n"
     )
     monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
@@ -318,8 +317,8 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
     code = (
         "from studies.fabrication import design_variants as variants\n"
-        "def fabricated(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
-        "variants.fabricated = fabricated; variants.main()\n"
+        "def fabricate(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
+        "variants.fabricate = fabricate; variants.main()\n"
     )
     monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
     with pytest.raises(OSError, match="No space left on device") as caught:
