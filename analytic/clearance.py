@@ -1,9 +1,10 @@
-"""Whether the magnet or the beam runs into the Hall elements, at rest or moved. Lengths in mm, angles in rad.
+"""Gaps between the Hall elements and the magnet or the beam, at rest or displaced. Lengths in mm, angles in rad.
 
-The magnet is a rigid cylinder, so its gap is exact. The beam's wall is an estimate (the finite elements know it): the
-axis runs straight from the base's centre to the moved magnet's centre, and the radius keeps the column's volume, with
-D/2 at both ends and a parabola between, r^2 = (D/2)^2 [1 + 6 t (1 - t) (H/(H + shift_z) - 1)], t from 0 to 1. Over an
-element that sits in the base, z < 0, the beam can lean but not touch it.
+The magnet is a rigid cylinder, so its gap is exact. The position of the beam's wall is an estimate; only finite
+elements compute it. The estimate takes a straight axis from the base's centre to the displaced magnet's centre. The
+radius is D/2 at both ends, with a parabola for r^2 between them that keeps the column's volume,
+r^2 = (D/2)^2 [1 + 6 t (1 - t) (H/(H + shift_z) - 1)], t from 0 to 1. The beam can extend over an element inside the
+base, z < 0, but cannot touch it.
 """
 
 from __future__ import annotations
@@ -23,30 +24,32 @@ Vector = tuple[float, float, float]
 
 
 def magnet_gap(design: Design, point: Vector, shift: Vector, tilt: tuple[float, float]) -> float:
-    """Distance of a point from the moved magnet, mm; 0 inside."""
+    """Return the distance of a point, mm, from the displaced magnet, mm; 0 inside."""
     return float(magnet_gaps(design, point, np.array([shift]), np.array([tilt]))[0])
 
 
 def magnet_gaps(design: Design, point: Vector, shifts: Array, tilts: Array) -> Array:
-    """`magnet_gap` for shifts (n, 3), mm, and tilts (n, 2), rad; shape (n,)."""
+    """Return `magnet_gap`, shape (n,), mm, for shifts (n, 3), mm, and tilts (n, 2), rad."""
     local = in_magnet_frame(np.tile(point, (len(shifts), 1)), design, shifts, tilts)
     beside = np.maximum(np.hypot(local[:, 0], local[:, 1]) - design.magnet_diameter / 2, 0.0)
     return np.asarray(np.hypot(beside, np.maximum(np.abs(local[:, 2]) - design.magnet_height / 2, 0.0)))
 
 
 def wall_gap(design: Design, point: Vector, shift: Vector) -> float:
-    """Distance of a point from the beam's wall, mm, negative inside.
+    """Return the distance of a point, mm, from the beam's estimated wall, mm; negative inside.
 
-    For a point in the base it is measured sideways; it is infinite where the beam stands over it anyway.
+    The distance from a point in the base, z < 0, is measured horizontally. It is infinite for a point directly below
+    the beam at rest, which the beam covers in any pose.
     """
     return float(wall_gaps(design, point, np.array([shift]))[0])
 
 
 def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
-    """`wall_gap` for shifts (n, 3), mm; shape (n,)."""
+    """Return `wall_gap`, shape (n,), mm, for shifts (n, 3), mm."""
     if point[2] < 0 and math.hypot(point[0], point[1]) <= design.R:
         return np.full(len(shifts), math.inf)
     x, y, z = shifts[:, :, None].transpose(1, 0, 2)
+    # the wall is sampled along the axis; a lower limit of the height avoids division by 0 far outside the workspace
     height = np.maximum(design.H + z, 1e-3 * design.H)
     t = np.linspace(0, 1, 101)
     aside = np.hypot(point[0] - t * x, point[1] - t * y)
@@ -58,28 +61,30 @@ def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
 def warnings(
     design: Design, shift: Vector, tilt: tuple[float, float], elements: Sequence[Element] | None = None
 ) -> list[str]:
-    """What runs into what, in sentences."""
-    found = []
-    low = float(lowest(design, tilt)) + design.H + shift[2]
+    """Return one sentence for each collision of the magnet or the beam with an element or the base."""
+    sentences = []
+    low = float(lowest_point(design, tilt)) + design.H + shift[2]
     if low < 0:
-        found.append(f"the magnet's lowest point is {-low:.3g} mm below the base plane: no press reaches this pose")
+        sentences.append(
+            f"the magnet's lowest point is {-low:.3g} mm below the base plane: no press reaches this pose"
+        )
     chosen = of_design(design) if elements is None else elements
-    # the axes of a chip are at one place
+    # the three axes of a chip have one position, which needs one sentence: the first axis names it
     for element in {element.position: element for element in reversed(chosen)}.values():
         gap = magnet_gap(design, element.position, shift, tilt)
         if gap < element.plate / 2 or gap == 0:
-            found.append(f"{element.name} touches or overlaps the magnet (gap {gap:.3g} mm)")
+            sentences.append(f"{element.name} touches or overlaps the magnet (gap {gap:.3g} mm)")
         gap = wall_gap(design, element.position, shift)
         if gap < 0:
             beside = "raise f" if design.hall_layout == "three" else "raise l0 or chip_x"
             remedy = beside if math.hypot(*element.position[:2]) > 0 else "raise l0"
             verb = "extends over" if element.position[2] < 0 else "overlaps"
-            found.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: {remedy}")
-    return found
+            sentences.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: {remedy}")
+    return sentences
 
 
-def lowest(design: Design, tilt: ArrayLike) -> Array:
-    """Height of the magnet's lowest point over its centre, mm, negative, for tilts of shape (..., 2), rad."""
+def lowest_point(design: Design, tilt: ArrayLike) -> Array:
+    """Return the height of the magnet's lowest point above its centre, mm, negative, for tilts (..., 2), rad."""
     rotation = np.asarray(tilt, dtype=np.float64)
     angle = np.hypot(rotation[..., 0], rotation[..., 1])
     a, b = design.magnet_diameter / 2, design.magnet_height / 2

@@ -1,9 +1,10 @@
-"""What the Hall elements read when the magnet has moved. Lengths in mm, angles in rad, B in T.
+"""Readings of the Hall elements for a displaced and tilted magnet. Lengths in mm, angles in rad, B in T.
 
-An element reads B.n, averaged over its plate (2 x 2 Gauss points, so that the average is exact to third order), with
-an ambient field added. Its output is null + gain B.n, plus noise, kept between the rails, rounded to the converter's
-steps. The field is that of the sharp-edged cylinder magnet in air: its edge radius, its recoil permeability (1.05
-weakens the field by 1.7 % everywhere outside) and iron nearby are ignored.
+An element measures B.n averaged over its plate, with an ambient field added to B. The average uses 2 x 2 Gauss
+points, which are exact for fields up to third order. The output is null + gain B.n plus noise, rounded to the
+converter's steps and limited by the rails. The field is that of a sharp-edged cylinder magnet in air. It ignores the
+edge radius, iron nearby and the recoil permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere
+outside.
 """
 
 from __future__ import annotations
@@ -25,20 +26,21 @@ from geometry.loads import Response
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])
-"""Half a turn about x: the magnet's north pole points down."""
+"""Half a turn about x, from the magnet's frame to the sensor's: the magnet's north pole points down."""
 FIELDS: tuple[Field, ...] = ("exact", "paper", "paper-printed", "dipole")
+"""Models of the magnet's field, see `field_at`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """What the elements read, in their order: S1, S2 and S3 unless others are given.
+    """Readings of the elements in their order; default: S1, S2 and S3.
 
     Attributes
     ----------
-    B_T : the flux density that the element responds to, T: B.n, or |B| in the paper's mode.
-    output : what the element gives, null + gain B, between the rails and in whole steps; V, or T for a chip.
-    saturated : whether the output lies at a rail, so that it no longer tells where the magnet is.
-    units : "V" or "T" for each output.
+    B_T : flux density that the element measures, T: B.n, or |B| in the paper's mode.
+    output : output of the element, null + gain B, in whole steps and within the rails; V, or T for a chip.
+    saturated : whether the output lies at a rail, where it no longer depends on the magnet's pose.
+    units : unit of each output, "V" or "T".
     """
 
     B_T: tuple[float, ...]
@@ -48,23 +50,23 @@ class Readings:
 
     @property
     def V(self) -> tuple[float, ...]:
-        """The outputs in V; NaN for a chip, which sends flux densities."""
+        """Outputs in V; NaN for a chip, which sends flux densities."""
         return tuple(v if unit == "V" else math.nan for v, unit in zip(self.output, self.units, strict=True))
 
 
 def elements(design: Design) -> tuple[Array, Array]:
-    """Where S1, S2 and S3 sit, shape (3, 3), mm, and the unit vectors along which they read, shape (3, 3).
+    """Return positions, shape (3, 3), mm, and directions n, shape (3, 3), of the elements S1, S2 and S3.
 
-    The directions -z, +x and +y follow from the magnet's north pole pointing down. Under it B points down, and
-    below its plane B leans away from the axis, so at rest all three outputs lie above the null voltage (S2 and S3
-    need l0 > c; else their signs turn round). S1 grows when the magnet sinks. S2 grows when the magnet moves towards
-    +x, and S3 towards +y, but not without end: straight above the element that component is 0 again. With the preset
-    `paper`, S2 peaks at a shift of 2.1 mm, and at 2.5, 2.9 and 3.1 mm with the magnet 1, 2 and 3 mm lower. A chip
-    reads along the same three directions, all at one place.
+    The directions are -z, +x and +y because the magnet's north pole points down. B points down below the magnet and
+    away from the axis beside it, so at rest all three outputs lie above the null voltage (S2 and S3 only if l0 > c;
+    otherwise their signs are reversed). S1 grows when the magnet sinks, S2 when it moves towards +x, and S3 when it
+    moves towards +y. S2 and S3 have a maximum, since straight above the element its component of B is 0. For the
+    preset `paper` S2 has its maximum at a shift of 2.1 mm, and at 2.5, 2.9 and 3.1 mm if the magnet is 1, 2 and 3 mm
+    lower. A chip measures along the same three directions, at one position.
     """
-    found = of_design(design)
-    positions = np.array([element.position for element in found])
-    directions = np.array([element.direction for element in found])
+    layout = of_design(design)
+    positions = np.array([element.position for element in layout])
+    directions = np.array([element.direction for element in layout])
     return positions, directions
 
 
@@ -76,16 +78,17 @@ def field_at(
     *,
     field: Field = "exact",
 ) -> Array:
-    """B at points of the sensor's frame, with the magnet displaced.
+    """Return B at points of the sensor's frame, for a displaced and tilted magnet.
 
     Parameters
     ----------
     points : shape (n, 3), mm, fixed in space.
     shift : displacement of the magnet's centre, shape (3,) or one for each point (n, 3), mm.
-    tilt : rotation vector (rx, ry) of the magnet about its centre, shape (2,) or (n, 2), rad; rz would change
-        nothing. A positive ry carries z towards x, as `Response.tilt` does; a positive rx carries z towards -y.
+    tilt : rotation vector (rx, ry) of the magnet about its centre, shape (2,) or (n, 2), rad; rz has no effect on
+        a body of revolution. A positive ry carries z towards x, as `Response.tilt` does; a positive rx carries z
+        towards -y.
     field : "exact" (closed form), "paper" (quadrature of the paper's equation (3), outside the magnet only),
-        "paper-printed" (the same with its misprint), or "dipole".
+        "paper-printed" (equation (3) with its misprint), or "dipole".
 
     Returns
     -------
@@ -117,9 +120,10 @@ def field_at(
 def in_magnet_frame(
     points: ArrayLike, design: Design, shift: ArrayLike = (0.0, 0.0, 0.0), tilt: ArrayLike = (0.0, 0.0)
 ) -> Array:
-    """Points of the sensor's frame, seen from the displaced magnet, z along its magnetisation; shape (n, 3), mm.
+    """Return points of the sensor's frame in the displaced magnet's frame, shape (n, 3), mm, z along its
+    magnetisation.
 
-    Parameters and errors as for `field_at`.
+    Parameters and errors as in `field_at`.
     """
     where = _rows("points", points, 3, single=False)
     vector = _rows("tilt", tilt, 2, len(where))
@@ -139,22 +143,24 @@ def readings(
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0),
     noise: np.random.Generator | None = None,
 ) -> Readings:
-    """The readings for a response, or for a shift and a tilt of the magnet; at rest if none is given.
+    """Return the readings for a response, or for a shift and a tilt of the magnet; default: at rest.
 
     Parameters
     ----------
-    response : gives the shift and the tilt.
+    response : response with the magnet's shift and tilt.
     shift, tilt : as in `field_at`, instead of a response.
-    mode : "component", B.n as a real element reads, or "magnitude", the paper's (4), sqrt(B_Z^2 + B_rho^2).
+    mode : "component" for B.n, which a real element measures, or "magnitude" for the paper's equation (4),
+        sqrt(B_Z^2 + B_rho^2).
     field : as in `field_at`.
-    elements : any elements, instead of those of the design's layout.
-    ambient : uniform field in the sensor's frame that is added, T (the Earth's is about 5e-5).
-    noise : a generator, to draw one sample of the noise; without it the outputs have none.
+    elements : elements to read; default: those of the design's layout.
+    ambient : uniform field in the sensor's frame that adds to the magnet's, T (the Earth's is about 5e-5).
+    noise : generator that draws one sample of the noise; without it the outputs have no noise.
 
     Raises
     ------
     BadInput
-        Both a response and a pose are given, the ambient field is not finite, or what `field_at` refuses.
+        Both a response and a pose are given, the mode is unknown, the ambient field is not finite, or `field_at`
+        refuses an argument.
     """
     if mode not in ("component", "magnitude"):
         raise BadInput(f"mode must be component or magnitude; got {mode!r}")
@@ -169,22 +175,24 @@ def readings(
     b = b + _rows("ambient", ambient, 3)
     directions = np.array([element.direction for element in chosen])[owners]
     values = np.linalg.norm(b, axis=1) if mode == "magnitude" else (b * directions).sum(axis=1)
-    seen = np.bincount(owners, values) / np.bincount(owners)
+    # mean over the points of each plate
+    measured = np.bincount(owners, values) / np.bincount(owners)
     gain, null, low, high, rms, step = (
         np.array([getattr(element, name) for element in chosen])
         for name in ("gain", "null", "low", "high", "noise", "step")
     )
-    raw = null + gain * seen
+    raw = null + gain * measured
     if noise is not None:
         raw = raw + rms * noise.standard_normal(len(raw))
+    # the converter rounds before the rails limit: a rail need not be a whole number of steps
     whole = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
-    kept, full = np.clip(whole, low, high), (raw <= low) | (raw >= high)
+    output, saturated = np.clip(whole, low, high), (raw <= low) | (raw >= high)
     units = tuple(element.unit for element in chosen)
-    return Readings(tuple(seen.tolist()), tuple(kept.tolist()), tuple(full.tolist()), units)
+    return Readings(tuple(measured.tolist()), tuple(output.tolist()), tuple(saturated.tolist()), units)
 
 
 def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
-    """Points at which the elements see the field, shape (n, 3), and the number of the element of each."""
+    """Return the points at which the elements sample the field, shape (n, 3), mm, and the element's index of each."""
     points, owners = [], []
     for k, element in enumerate(chosen):
         centre, normal = np.array(element.position), np.array(element.direction)
@@ -192,6 +200,7 @@ def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
             points.append(centre)
             owners.append(k)
             continue
+        # the axis farthest from the normal gives a well-conditioned direction in the plate
         aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
         aside *= element.plate / (2 * math.sqrt(3) * np.linalg.norm(aside))
         across = np.cross(normal, aside)
@@ -212,7 +221,7 @@ def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
 
 
 def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: bool = True) -> Array:
-    """The values as finite floats, shape (n, width), or (width,) where a single row is allowed."""
+    """Return the values as finite floats, shape (n, width), or (width,) where a single row is allowed."""
     rows = np.asarray(values, dtype=np.float64)
     shapes = f"({width},) or ({count}, {width})" if single else f"(n, {width})"
     fits = (rows.shape == (width,) or rows.shape == (count, width)) if single else rows.shape[1:] == (width,)
@@ -224,18 +233,18 @@ def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: b
 
 
 def _rotated(vectors: Array, tilt: Array) -> Array:
-    """Vectors (n, 3) turned by the rotation vectors (rx, ry, 0), tilt (2,) or (n, 2): Rodrigues' formula."""
+    """Return vectors (n, 3) rotated by the rotation vectors (rx, ry, 0), tilt (2,) or (n, 2): Rodrigues' formula."""
     axis = np.concatenate([tilt, np.zeros_like(tilt[..., :1])], axis=-1)
     angle = np.linalg.norm(axis, axis=-1, keepdims=True)
     along = (axis * vectors).sum(axis=-1, keepdims=True)
-    # sinc keeps both factors finite at no tilt: sin(t)/t and (1 - cos t)/t^2
+    # sinc keeps both factors, sin(t)/t and (1 - cos t)/t^2, finite at t = 0
     first, second = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi)) ** 2 / 2
-    turned = vectors * np.cos(angle) + first * np.cross(axis, vectors) + second * along * axis
-    return np.asarray(turned, dtype=np.float64)
+    rotated = vectors * np.cos(angle) + first * np.cross(axis, vectors) + second * along * axis
+    return np.asarray(rotated, dtype=np.float64)
 
 
 def _paper_vectors(local: Array, radius: float, height: float, J: float, *, printed: bool) -> Array:
-    """The paper's B_Z and B_rho at points of the magnet's frame, shape (n, 3), as vectors (n, 3)."""
+    """Return the paper's field as vectors (n, 3), T, at points of the magnet's frame, shape (n, 3), mm."""
     rho = np.hypot(local[:, 0], local[:, 1])
     b_z, b_rho = paper_field(rho, local[:, 2], radius, height, J, printed=printed)
     safe = np.where(rho > 0, rho, 1.0)

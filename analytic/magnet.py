@@ -1,8 +1,8 @@
-"""The field of a cylinder magnet, homogeneously magnetised along its axis: exact, as the paper has it, as a dipole.
+"""Field of a cylinder magnet with uniform axial magnetisation: exact, by the paper's equation (3), and as a dipole.
 
-Lengths in mm (any one unit would do: the field knows only their ratios), J and B in T. J = mu0 M is the magnet's
-polarisation; the sharp-edged cylinder is taken, an edge radius is ignored. Points and fields are in the magnet's
-frame: origin at its centre, z along the magnetisation.
+Lengths in mm (the field depends on their ratios only, so any one unit works), J and B in T. J = mu0 M is the magnet's
+polarisation. The cylinder has sharp edges; an edge radius is ignored. Points and fields are in the magnet's frame:
+origin at its centre, z along the magnetisation.
 
 The exact field is computed in NumPy (`analytic.field.cylinder_numpy`) for fewer than `MIN_COMPILED_POINTS` points in
 a call. Larger calls, and `meridian_field` for loops over single points, use the same formulas compiled by numba
@@ -34,28 +34,31 @@ from geometry.design import BadInput
 Pair = tuple[Array, Array]
 
 MIN_COMPILED_POINTS = 2000
-"""Points of a call from which on it is compiled, in a third of NumPy's time: more than one decoding asks for, less
-than a batch or a map. Loading the kernel takes about a second, once in a process."""
+"""Smallest number of points in a call for which the compiled kernel is used; it takes a third of NumPy's time.
 
-_plain: ContextVar[bool] = ContextVar("plain", default=False)
+Loading the kernel takes about a second, once in a process. A single decoding has fewer points in a call, so it does
+not wait for that; a batch or a map has more."""
+
+_uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
+"""Whether `uncompiled` is in effect."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
-    """B of the magnet, inside and outside it.
+    """Return B of the magnet, inside and outside it.
 
-    The error is below 1e-12 of |B| for discs down to height/radius = 1e-6, needles up to 1e3 and distances up to
-    1e6 radii; 1e-12 radii from a face, the hull or the rim too.
+    The error is below 1e-12 of |B| for height/radius from 1e-6 (discs) to 1e3 (needles) and distances up to 1e6
+    radii, even 1e-12 radii from a face, the hull or the rim.
 
     Parameters
     ----------
     points : shape (n, 3), mm.
-    radius, height : of the cylinder, mm.
+    radius, height : radius and height of the cylinder, mm.
     J : polarisation mu0 M, T.
 
     Returns
     -------
-    shape (n, 3), T. This is B (not mu0 H) inside as well. On the hull (r = radius) B_z jumps by J; there it is the
-    mean of both sides. Across a face B is continuous.
+    shape (n, 3), T. Inside the magnet too this is B, not mu0 H. On the hull (r = radius) B_z jumps by J; the result
+    there is the mean of both sides. B is continuous across a face.
 
     Raises
     ------
@@ -67,13 +70,13 @@ def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) ->
 
 
 def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: float) -> Pair:
-    """B as by `cylinder_field`, and its Jacobian in closed form.
+    """Return B as `cylinder_field` does, and its Jacobian in closed form.
 
     Returns
     -------
     B : shape (n, 3), T.
-    jacobian : dB_i/dx_j at [n, i, j], shape (n, 3, 3), T/mm; symmetric and without trace. On the hull, where B_z
-        jumps, the jump is left out.
+    jacobian : dB_i/dx_j at [n, i, j], shape (n, 3, 3), T/mm; symmetric, with trace 0. On the hull, where B_z jumps,
+        it does not include the jump.
 
     Raises
     ------
@@ -84,70 +87,73 @@ def cylinder_field_jacobian(points: ArrayLike, radius: float, height: float, J: 
 
 
 def compiled() -> ModuleType | None:
-    """The compiled kernel; None where numba is not installed or cannot be used.
+    """Return the compiled kernel; None if numba is not installed or not usable.
 
-    The first time after an installation it is compiled, which takes several seconds; it is kept in a file. Later a
-    process loads it in about a second; who cares when that is calls this first. No answer depends on it.
+    The first call after an installation compiles the kernel in several seconds and stores it in a file; later
+    processes load it in about a second. Call this function to choose when that happens; no result depends on it.
     """
-    return None if _plain.get() else _loaded()
+    return None if _uncompiled.get() else _loaded()
 
 
 @functools.cache
 def _loaded() -> ModuleType | None:
+    """Import the compiled kernel once in a process."""
     try:
         from analytic.field import cylinder_compiled
     except (ImportError, RuntimeError):
-        # not installed, not for this NumPy, or without a folder to keep compiled code in
+        # numba is not installed, does not support this NumPy, or finds no writable folder for the compiled code
         return None
     return cylinder_compiled
 
 
 @contextlib.contextmanager
 def uncompiled() -> Iterator[None]:
-    """Within this context all runs in NumPy and plain Python, as without numba."""
-    token = _plain.set(True)
+    """Use NumPy and plain Python within this context, as without numba."""
+    token = _uncompiled.set(True)
     try:
         yield
     finally:
-        _plain.reset(token)
+        _uncompiled.reset(token)
 
 
 def meridian_field(radius: float, height: float, J: float) -> Callable[[float, float], tuple[float, ...]]:
-    """The field of one magnet as a function of one point (rho, z), mm, for loops that wait for each.
+    """Return a function that computes the field of one magnet at one point (rho, z), mm.
 
-    It gives B_r and B_z, T, and dB_r/dr, B_r/r, dB_r/dz, dB_z/dz, T/mm, in a tenth of the time of a call of
-    `cylinder_field_jacobian`; compiled where numba is installed, else in plain Python.
+    It returns B_r and B_z, T, and dB_r/dr, B_r/r, dB_r/dz and dB_z/dz, T/mm, in a tenth of the time that
+    `cylinder_field_jacobian` needs for a single point. It is compiled if numba is installed, else plain Python.
 
     Raises
     ------
     BadInput
-        As `cylinder_field`, here or when the function is called.
+        As `cylinder_field`; for a point when the returned function is called.
     """
     check_magnet(radius, height, J)
     half = height / 2
     moments, faces = cylinder_moments(half / radius), face_moments()
     kernel = compiled()
     meridian = cylinder_pointwise.meridian if kernel is None else kernel.meridian
-    given = (moments.tolist(), faces.tolist()) if kernel is None else (moments, faces)
+    # plain Python indexes lists faster than arrays; compiled code needs arrays
+    series = (moments.tolist(), faces.tolist()) if kernel is None else (moments, faces)
 
     def field(rho: float, z: float) -> tuple[float, ...]:
-        good, *found = meridian(rho, z, radius, half, J, *given)
-        if not good:
-            raise _refuse(np.array([rho, 0.0, z]))
-        return tuple(found)
+        defined, *values = meridian(rho, z, radius, half, J, *series)
+        if not defined:
+            raise _undefined(np.array([rho, 0.0, z]))
+        return tuple(values)
 
     return field
 
 
 def dipole_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
-    """B of a dipole of the magnet's moment at its centre, [3 (m.x) x/d^2 - m]/d^3 with m = J radius^2 height/4.
+    """Return B of a dipole at the magnet's centre, with its moment: [3 (m.x) x/d^2 - m]/d^3, m = J radius^2 height/4.
 
-    It leaves out terms of the order of (size/d)^2; the first of them vanishes where height = sqrt(3) radius.
+    The relative error is of the order of (size/d)^2, and of (size/d)^4 for height = sqrt(3) radius. Parameters and
+    result as in `cylinder_field`.
 
     Raises
     ------
     BadInput
-        A point lies at the centre; or as `cylinder_field`.
+        A point lies at the centre or is not finite; radius or height is not positive.
     """
     check_magnet(radius, height, J)
     x = _points(points)
@@ -169,16 +175,16 @@ def paper_field(
     *,
     printed: bool = False,
 ) -> Pair:
-    """The paper's equation (3), by quadrature over the two charged end faces; outside the magnet.
+    """Return B by the paper's equation (3), a quadrature over the two charged end faces, outside the magnet.
 
     With dp^2 = R^2 + rho^2 - 2 R rho cos(alpha) + (h/2 - Z)^2, and dm^2 the same with (h/2 + Z):
 
         B_Z   = -(J/4 pi) int_0^2pi int_0^a [ R (h/2 - Z)/dp^3 + R (h/2 + Z)/dm^3 ] dR dalpha
         B_rho = -(J/4 pi) int_0^2pi int_0^a [ -R (rho - R cos(alpha))/dp^3 + R (rho - R cos(alpha))/dm^3 ] dR dalpha
 
-    This form agrees with `cylinder_field`. The printed one has + 2 R rho cos(alpha) in the first denominator of
-    B_rho, which off the axis is wrong by 10 to 50 % of |B| at the paper's elements. Inside the magnet it would give
-    mu0 H, so points there are refused.
+    This form agrees with `cylinder_field`. The printed equation has + 2 R rho cos(alpha) in the first denominator of
+    B_rho. Off the axis this misprint causes errors of 10 to 50 % of |B| at the paper's elements. Inside the magnet
+    equation (3) would give mu0 H, so points there are refused.
 
     Parameters
     ----------
@@ -186,18 +192,18 @@ def paper_field(
     radius, height : a and h, mm.
     J : polarisation mu0 M, T; a positive J gives B_Z > 0 on the axis above the magnet.
     n_alpha, n_R : number of Gauss-Chebyshev points in cos(alpha) and of Gauss-Legendre points in R. The
-        defaults leave an error of 1e-14 of |B| at a distance of one radius from the surface, 1e-11 at a half, 1e-6 at
-        a quarter, and 10 % at a twentieth: take more there.
-    printed : take the equation with its misprint.
+        defaults leave an error of 1e-14 of |B| at a distance of 1 radius from the surface, 1e-11 at 1/2, 1e-6 at
+        1/4, and 10 % at 1/20: take more points there.
+    printed : use the printed equation, with its misprint.
 
     Returns
     -------
-    B_Z, B_rho : shape of rho and Z together, T.
+    B_Z, B_rho : shape to which rho and Z broadcast, T.
 
     Raises
     ------
     BadInput
-        A point lies in the magnet or on its surface.
+        A point lies inside the magnet or on its surface; radius or height is not positive.
     """
     check_magnet(radius, height, J)
     rho, Z = np.broadcast_arrays(np.asarray(rho, dtype=np.float64), np.asarray(Z, dtype=np.float64))
@@ -205,11 +211,13 @@ def paper_field(
         raise BadInput("equation (3) of the paper holds outside the magnet only; got a point in it or on its surface")
     nodes, weights = np.polynomial.legendre.leggauss(n_R)
     R = (nodes * radius + radius) / 2
+    # the integrand is even and periodic in alpha: equal steps over 0..pi are Gauss-Chebyshev
     cos = np.cos(np.pi * (np.arange(n_alpha) + 0.5) / n_alpha)[:, None]
     across = np.asarray(rho)[..., None, None] - R * cos
     flat = across**2 + R**2 * (1 - cos**2)
     up, down = (height / 2 - Z)[..., None, None], (height / 2 + Z)[..., None, None]
     dp3, dm3 = (flat + up**2) ** -1.5, (flat + down**2) ** -1.5
+    # - 2 R rho cos(alpha) becomes + 2 R rho cos(alpha)
     misprint = 4 * np.asarray(rho)[..., None, None] * R * cos if printed else 0.0
     dp3_rho = (flat + up**2 + misprint) ** -1.5
     area = R * weights * (radius / 2) * (2 * np.pi / n_alpha)
@@ -219,7 +227,7 @@ def paper_field(
 
 
 def check_magnet(radius: float, height: float, J: float) -> None:
-    """Refuse a magnet that is none."""
+    """Check that radius and height are positive and J is finite."""
     for name, value in (("radius", radius), ("height", height)):
         if not 0 < value < math.inf:
             raise BadInput(f"the magnet's {name} must be a positive number of mm; got {value:g}")
@@ -228,6 +236,7 @@ def check_magnet(radius: float, height: float, J: float) -> None:
 
 
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:
+    """Return B and, with `slope`, its Jacobian (else shape (0, 3, 3)), by NumPy or the compiled kernel."""
     check_magnet(radius, height, J)
     x = _points(points)
     kernel = compiled() if len(x) >= MIN_COMPILED_POINTS else None
@@ -237,13 +246,15 @@ def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: 
 
 
 def _points(points: ArrayLike) -> Array:
+    """Return the points as a contiguous array of floats, shape (n, 3)."""
     x = np.ascontiguousarray(points, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != 3:
         raise BadInput(f"points must have shape (n, 3); got {x.shape}")
     return x
 
 
-def _refuse(point: Array) -> BadInput:
+def _undefined(point: Array) -> BadInput:
+    """Return the error for a point (3,), mm, that has no field: on the rim, or not finite."""
     if np.isfinite(point).all():
         where = ", ".join(f"{v + 0.0:g}" for v in point)
         return BadInput(
@@ -254,25 +265,26 @@ def _refuse(point: Array) -> BadInput:
 
 
 def compiled_field(kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
-    """B and, with `slope`, its Jacobian (else shape (0, 3, 3)), compiled; x as `cylinder_field`, half the height."""
+    """Return what `_exact` returns, by the compiled kernel; x are the points, `half` is half the height."""
     B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
     bad = kernel.fill(x, radius, half, J, cylinder_moments(half / radius), face_moments(), B, jacobian)
     if bad >= 0:
-        raise _refuse(x[bad])
+        raise _undefined(x[bad])
     return B, jacobian
 
 
 def numpy_field(x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
-    """The same in NumPy."""
+    """Return what `_exact` returns, by NumPy; x are the points, `half` is half the height."""
     if not np.isfinite(x).all():
-        raise _refuse(x[~np.isfinite(x).all(axis=1)][0])
+        raise _undefined(x[~np.isfinite(x).all(axis=1)][0])
+    # all lengths in radii; the gaps to hull and faces come from mm, because rounding of r and z would spoil them
     across, z = x[:, :2] / radius, x[:, 2] / radius
     rho = np.hypot(x[:, 0], x[:, 1])
     r, gap = rho / radius, distance_to_hull(x, rho, radius)
     up, down = (x[:, 2] - half) / radius, (x[:, 2] + half) / radius
     on_rim = (gap == 0) & ((up == 0) | (down == 0))
     if on_rim.any():
-        raise _refuse(x[on_rim][0])
+        raise _undefined(x[on_rim][0])
     lean, along, *slopes = unit_field(r, gap, z, up, down, half / radius, slope=slope)
     B = np.empty_like(x)
     B[:, :2] = (J * lean)[:, None] * across

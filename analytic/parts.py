@@ -1,14 +1,14 @@
-"""Hall parts, with what their data sheets say, and the elements that a design reads with.
+"""Hall parts with the values of their data sheets, and the elements of a design's layout.
 
-Figures marked unchecked were not seen in the data sheet itself: they are quoted from drivers, or from memory of the
-data sheet, and want checking before anything is built on them.
+Values in the column "unchecked" were not read in the data sheet itself. They come from drivers or from memory of the
+data sheet: check them before you rely on them.
 
-| part | source | seen | unchecked |
+| part | source | read in the source | unchecked |
 |---|---|---|---|
-| SS495A | Honeywell SS490 series, 055843 | ratiometric, rail to rail, quad Hall | 3.125 mV/G (3.00 to 3.25), null 2.5 V, +-670 G (quoted by others from it); rails 0.2 V from the supply of 5 V; noise: none stated |
-| TMAG5273A1 | Texas Instruments SLYS045A, 2021 | 12-bit converter, ranges +-40 and +-80 mT | noise 0.1 mT without averaging; 410 LSB/mT of the 16-bit word at +-80 mT is a driver's |
+| SS495A | Honeywell SS490 series, 055843 | ratiometric, rail to rail, quad Hall | 3.125 mV/G (3.00 to 3.25), null 2.5 V, +-670 G (quoted by others from it); rails 0.2 V from the supply of 5 V; no noise stated |
+| TMAG5273A1 | Texas Instruments SLYS045A, 2021 | 12-bit converter, ranges +-40 and +-80 mT | noise 0.1 mT without averaging; 410 LSB/mT of the 16-bit word at +-80 mT (from a driver) |
 | NI 9205 | the converter that the paper names | 16 bits; +-10 V make a step of 0.305 mV | random noise 0.244 mV |
-| TLE493D-P2B6 | Infineon, version 1.0, 2021-01-12 | +-160 mT, resolution down to 65 uT | step 0.13 mT at full range is a driver's; noise 0.1 mT |
+| TLE493D-P2B6 | Infineon, version 1.0, 2021-01-12 | +-160 mT, resolution down to 65 uT | step 0.13 mT at full range (from a driver); noise 0.1 mT |
 """  # noqa: E501
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """One one-axis Hall element with its amplifier and converter, fixed in the sensor's frame.
+    """Hall element with one axis, its amplifier and its converter, fixed in the sensor's frame.
 
-    Its output is null + gain B.n, plus noise, kept between low and high, rounded to whole steps.
+    The output is null + gain B.n plus noise, rounded to whole steps and limited to the range from low to high.
 
     Attributes
     ----------
-    name : what tables call it.
-    position : of the plate's centre, mm.
-    direction : unit vector n along which it reads.
-    gain : output per T.
-    null : output in zero field; an offset of the element belongs here.
-    low, high : the rails of the output.
-    noise : root mean square of the output's noise.
-    step : of the converter; 0 for none.
+    name : name in tables and messages.
+    position : centre of the plate, mm.
+    direction : unit vector n along which the element measures B.
+    gain : output per T, in `unit`/T.
+    null : output in zero field, including the element's offset, in `unit`.
+    low, high : rails of the output, in `unit`.
+    noise : root mean square of the output's noise, in `unit`.
+    step : step of the converter, in `unit`; 0 for none.
     plate : side of the square plate over which B.n is averaged, mm; 0 for a point.
-    unit : of the output: "V", or "T" where the part sends the flux density itself.
+    unit : unit of the output: "V", or "T" for a part that sends the flux density itself.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A 3-axis part that sends flux densities: range, step of one count and noise, T; plates are points."""
+    """Three-axis part that sends flux densities: range, step of one count and noise, T; its plates are points."""
 
     range: float
     step: float
@@ -88,20 +88,21 @@ CHIPS = {
     "tmag5273a1": Chip(range=0.08, step=0.08 / 2048, noise=1e-4),
     "tle493d-p2b6": Chip(range=0.16, step=1.3e-4, noise=1e-4),
 }
-"""3-axis parts by `Design.hall_layout`, at their wide range and without averaging; sources above."""
+"""Three-axis parts by the name in `Design.hall_layout`, in their wide range, without averaging; sources above."""
 
 CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
-"""What reads the elements in the paper: name, noise and step, V. The elements' own noise comes on top of it."""
+"""Converter that the paper names: name, noise and step, V. The elements' own noise adds to this noise."""
 
 AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-"""Along which S1, S2 and S3 read, or the three axes of a chip."""
+"""Directions n of S1, S2 and S3, or of the three axes of a chip; `analytic.hall.elements` explains their signs."""
 
 
 def of_design(design: Design) -> tuple[Element, ...]:
-    """The three elements of the design's layout.
+    """Return the three elements of the design's layout.
 
-    "three": one-axis elements S1 on the axis, S2 at x = f, S3 at y = f, with the design's hall_ figures (those of an
-    SS495A at 5 V by default). A chip: all three at x = chip_x and S1's height, with the chip's own figures.
+    Layout "three" has the one-axis elements S1 on the axis, S2 at x = f and S3 at y = f, with the values of the
+    design's fields hall_gain to hall_plate (default: an SS495A at 5 V). A chip has all three axes at x = chip_x and
+    at S1's height, with the chip's own values.
     """
     s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
     if design.hall_layout != "three":
@@ -133,17 +134,20 @@ def of_design(design: Design) -> tuple[Element, ...]:
 
 
 def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
-    """The elements, those in V with the noise and step of `CONVERTER` if none of them states any; and whose it is."""
+    """Return the elements, with the noise and step of `CONVERTER` if they have none and send V, and their source.
+
+    The source is a phrase for messages, such as "the design's".
+    """
     if any(element.noise or element.step for element in elements):
         return tuple(elements), "the design's" if elements[0].unit == "V" else "the chip's"
-    read = [
+    converted = [
         dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements
     ]
-    return tuple(read), f"{CONVERTER}, assumed: the design gives none"
+    return tuple(converted), f"{CONVERTER}, assumed: the design gives none"
 
 
 def columns(elements: Sequence[Element]) -> list[str]:
-    """What tables call the elements: their names without spaces.
+    """Return the names of the elements' columns in tables: their names without spaces.
 
     >>> columns(of_design(Design(hall_layout="tmag5273a1")))
     ['chip_-z', 'chip_x', 'chip_y']

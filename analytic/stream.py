@@ -227,7 +227,6 @@ class Stream:
         x, y, w = shift
         u = x * x + y * y
         k, n = _polynomial(law.lateral.tolist(), u, w)[0], _polynomial(law.normal.tolist(), u, w)[0]
-        # as `analytic.inverse.response_surface.force_and_load`
         least = law.errors[2] + ZERO_FORCE
         if w < 0 and n < -least:
             return NAN3

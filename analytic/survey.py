@@ -1,16 +1,21 @@
-"""How well a layout of Hall elements tells the magnet's poses apart, over the workspace. Lengths in mm, B in T.
+"""Quality of a layout of Hall elements over the workspace, pose by pose on a grid. Lengths in mm, B in T.
 
-At each pose of a grid: the condition number and the sign of det J, J = dB/ds (of the three directions in which the
-readings vary most, where there are more than three); how many poses in the workspace read alike, and how far the
-farthest of them is; the noise of the decoded pose and force, as the standard deviation along the worst direction
-(root of the largest eigenvalue of the covariance); whether an element is saturated, and whether the magnet or the
-beam's estimated wall runs into an element or the base.
+A survey computes at each pose:
 
-Where det J changes its sign between neighbours, a fold runs through the workspace: on it condition number and noise
-are infinite, and poses on its two sides read alike. No fold does not mean that poses are unique.
+- the condition number of J = dB/ds and the sign of det J (if there are more than three readings, of their three
+  directions of largest variation);
+- the number of poses in the workspace that have the same readings, and the distance to the farthest of them;
+- the noise of the decoded pose and force: the standard deviation along the worst direction, which is the root of the
+  largest eigenvalue of the covariance;
+- whether an element is saturated, and whether the magnet or the beam's estimated wall meets an element or the base.
 
-A tilt that follows from mechanics is known only as far as these were sampled: poses farther aside, above rest, or of
-a negative depth are not `known`. Shares are by the trapezoidal rule over the known poses.
+If det J has different signs at neighbouring poses, a fold lies between them: on it, condition number and noise are
+infinite, and poses on its two sides have the same readings. A workspace without a fold can still hold ambiguous
+poses.
+
+With mechanics, the tilt is known only within their samples: poses farther aside, above rest or of a negative depth
+are not `known`. The share of a set of poses in the workspace is their weight by the trapezoidal rule over the known
+poses.
 """
 
 from __future__ import annotations
@@ -21,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import decode, hall
-from analytic.clearance import lowest, magnet_gaps, wall_gaps
+from analytic.clearance import lowest_point, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
 from analytic.inverse import forward_model, observability, response_surface
 from analytic.inverse.polynomials import polynomial
@@ -33,21 +38,21 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """One entry for each pose of a grid, x outermost.
+    """Result at each of the n poses of a grid, with x as the slowest index; k elements.
 
     Attributes
     ----------
-    counts : of the grid along x, y and z.
+    counts : number of grid points along x, y and z.
     shift : shape (3, n), mm; tilt : rotation vector, shape (2, n), rad.
     readings : B.n of each element, shape (k, n), T.
-    weight : of the poses in a share, shape (n,); 0 where not known, their sum 1.
-    saturated : shape (n,); by_element the same of each element, shape (k, n).
-    magnet_hits, wall_hits : of each element, shape (k, n).
-    grounded : the magnet would reach below the base plane.
-    sign : of det J, -1, 0 or 1.
+    weight : weights of the poses in a share, shape (n,); 0 where not known, with sum 1.
+    saturated : whether any element is saturated, shape (n,); by_element : the same for each element, shape (k, n).
+    magnet_hits, wall_hits : whether the magnet, or the beam's wall, meets each element, shape (k, n).
+    grounded : whether the magnet would reach below the base plane, shape (n,).
+    sign : sign of det J, -1, 0 or 1, shape (n,).
     condition, noise_mm, noise_N : shape (n,); the noise is NaN without noise, noise_N without mechanics.
-    multiplicity : number of poses that read alike, itself counted; 0 where it was not looked for.
-    alike_mm : distance to the farthest of them.
+    multiplicity : number of poses with the same readings, this one included, shape (n,); 0 where not computed.
+    alike_mm : distance to the farthest of them, shape (n,).
     """
 
     counts: tuple[int, int, int]
@@ -69,33 +74,34 @@ class Survey:
 
     @property
     def blocked(self) -> Bools:
-        """Something stands in the way of this pose."""
+        """Whether the magnet or the wall meets an element or the base, shape (n,)."""
         return np.asarray(self.grounded | self.magnet_hits.any(axis=0) | self.wall_hits.any(axis=0))
 
     @property
     def usable(self) -> Bools:
-        """Known, free and not saturated."""
+        """Whether a pose is known, not blocked and not saturated, shape (n,)."""
         return np.asarray((self.weight > 0) & ~self.blocked & ~self.saturated)
 
     def share(self, flags: Bools) -> float:
-        """Of the workspace, 0 to 1."""
+        """Return the share of the workspace that the flagged poses, shape (n,), have, 0 to 1."""
         return float(self.weight[flags].sum())
 
     @property
     def folded(self) -> bool:
-        """Whether det J changes its sign between neighbouring poses that are usable."""
-        return _changes(self.sign.reshape(self.counts), self.usable.reshape(self.counts))
+        """Whether det J has different signs at neighbouring usable poses."""
+        return _sign_changes(self.sign.reshape(self.counts), self.usable.reshape(self.counts))
 
 
 def survey(
     coder: Decoder, counts: tuple[int, int, int], *, multiplicity: bool = True, clearance: float = 0.0
 ) -> Survey:
-    """Survey the decoder's workspace on a grid of so many poses along x, y and z, its faces included.
+    """Survey the decoder's workspace on a grid that includes its faces.
 
     Parameters
     ----------
-    multiplicity : whether to look for other poses, which takes most of the time.
-    clearance : least distance of an element's plate from the magnet and from the wall, mm.
+    counts : number of grid points along x, y and z.
+    multiplicity : whether to search for other poses with the same readings, which takes most of the time.
+    clearance : smallest distance of an element's plate from the magnet and from the wall, mm.
     """
     axes = [np.linspace(a, b, n) for a, b, n in zip(coder.low, coder.high, counts, strict=True)]
     shift = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
@@ -111,29 +117,35 @@ def at_poses(
     multiplicity: bool = True,
     clearance: float = 0.0,
 ) -> Survey:
-    """Survey poses (3, n), mm, in the order of a grid of so many along x, y and z, with weights (n,).
+    """Survey given poses.
+
+    Parameters
+    ----------
+    shift : shape (3, n), mm, in the order of a grid with x as the slowest index.
+    weight : weight of each pose in a share, shape (n,); need not have sum 1.
+    counts, multiplicity, clearance : as in `survey`.
 
     Raises
     ------
     BadInput
         None of the poses is known.
     """
-    ahead = coder.forward
-    values, slopes = forward_model.readings_with_slopes(ahead, shift)
-    tilt = forward_model.rotation(ahead.tau, shift)
+    forward = coder.forward
+    values, slopes = forward_model.readings_with_slopes(forward, shift)
+    tilt = forward_model.rotation(forward.tau, shift)
     weight = np.where(known(coder, shift), weight, 0.0)
     if not weight.sum() > 0:
         raise BadInput("the tilt is not known at any pose in the workspace: give states over more depths and shears")
     by_element = np.array(
-        [hall.at_rail([e], b[None]) for e, b in zip(ahead.elements, values, strict=True)], dtype=np.bool_
+        [hall.at_rail([e], b[None]) for e, b in zip(forward.elements, values, strict=True)], dtype=np.bool_
     )
     saturated = by_element.any(axis=0)
-    magnet_hits, wall_hits, grounded = hits(coder, shift, tilt, clearance)
+    magnet_hits, wall_hits, grounded = collisions(coder, shift, tilt, clearance)
     noise_mm, noise_N = _noise(coder, shift, slopes)
-    many, far = np.zeros(shift.shape[1], dtype=np.int64), np.zeros(shift.shape[1])
+    count, far = np.zeros(shift.shape[1], dtype=np.int64), np.zeros(shift.shape[1])
     if multiplicity:
-        asked = np.flatnonzero((weight > 0) & ~saturated)
-        many[asked], far[asked] = alike(coder, shift[:, asked], values[:, asked])
+        decodable = np.flatnonzero((weight > 0) & ~saturated)
+        count[decodable], far[decodable] = equal_readings(coder, shift[:, decodable], values[:, decodable])
     return Survey(
         counts=counts,
         shift=shift,
@@ -149,13 +161,13 @@ def at_poses(
         condition=observability.condition(slopes),
         noise_mm=noise_mm,
         noise_N=noise_N,
-        multiplicity=many,
+        multiplicity=count,
         alike_mm=far,
     )
 
 
 def known(coder: Decoder, shift: Array) -> Bools:
-    """Whether the mechanics know the tilt there, shape (n,), of shifts (3, n), mm; everywhere if there is no tilt."""
+    """Return whether shifts (3, n), mm, lie where the mechanics give the tilt, shape (n,); True without a tilt."""
     law = coder.mechanics
     if law is None or not coder.forward.tau.any():
         return np.ones(shift.shape[1], dtype=np.bool_)
@@ -167,70 +179,78 @@ def known(coder: Decoder, shift: Array) -> Bools:
     return np.asarray(rest | ((w < 0) & (depth >= 0) & (aside <= (law.reach * (1 + 1e-9)) ** 2)))
 
 
-def alike(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArray[np.int64], Array]:
-    """How many poses in the workspace give a pose's readings, and the distance to the farthest of them, mm.
-
-    A pose that the decoder loses, right beside a fold, is counted all the same.
+def equal_readings(coder: Decoder, shift: Array, readings: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return the number of poses with the readings of each given pose, and the distance to the farthest of them, mm.
 
     Parameters
     ----------
-    shift, readings : shape (3, n), mm, and (k, n), T; none at a rail.
+    shift, readings : poses, shape (3, n), mm, and their readings, shape (k, n), T; none at a rail.
     """
-    found = decode.decode(coder, readings.T)
-    way = np.linalg.norm(found.poses - shift.T[found.owner], axis=1)
+    decoded = decode.decode(coder, readings.T)
+    distance = np.linalg.norm(decoded.poses - shift.T[decoded.owner], axis=1)
     far, near = np.zeros(shift.shape[1]), np.full(shift.shape[1], np.inf)
-    np.maximum.at(far, found.owner, way)
-    np.minimum.at(near, found.owner, way)
-    return found.multiplicity + (near > decode.SAME), far
+    np.maximum.at(far, decoded.owner, distance)
+    np.minimum.at(near, decoded.owner, distance)
+    # right beside a fold the decoder can miss the given pose itself, which has these readings nevertheless
+    return decoded.multiplicity + (near > decode.SAME), far
 
 
-def hits(coder: Decoder, shift: Array, tilt: Array, room: float = 0.0) -> tuple[Bools, Bools, Bools]:
-    """Whether the magnet, and the beam's wall, meet each element, shape (k, n); whether the magnet meets the base.
+def collisions(coder: Decoder, shift: Array, tilt: Array, clearance: float = 0.0) -> tuple[Bools, Bools, Bools]:
+    """Return where the magnet and the beam's wall meet the elements, and where the magnet meets the base.
 
-    `room` is left around the elements' plates, mm; the wall may lean over an element that lies so deep in the base.
+    Parameters
+    ----------
+    shift, tilt : poses, shape (3, n), mm, and rotation vectors, shape (2, n), rad.
+    clearance : smallest permitted distance of an element's plate from the magnet and from the wall, mm.
+
+    Returns
+    -------
+    magnet, wall : for each element, shape (k, n).
+    base : shape (n,).
     """
     design = coder.forward.design
-    places, turns = np.ascontiguousarray(shift.T), np.ascontiguousarray(tilt.T)
+    shifts, tilts = np.ascontiguousarray(shift.T), np.ascontiguousarray(tilt.T)
     magnet, wall = [], []
     for element in coder.forward.elements:
-        gap = magnet_gaps(design, element.position, places, turns)
-        magnet.append((gap < element.plate / 2 + room) | (gap == 0))
-        aside, deep = wall_gaps(design, element.position, places), -element.position[2]
-        # the wall may lean over an element in the base
-        wall.append(aside < room if deep <= 0 else np.hypot(np.maximum(aside, 0.0), deep) < room)
-    # the lowest pose of the workspace may touch the base but for rounding
-    grounded = lowest(design, turns) + design.H + shift[2] < -1e-9 * design.H
+        gap = magnet_gaps(design, element.position, shifts, tilts)
+        magnet.append((gap < element.plate / 2 + clearance) | (gap == 0))
+        aside, deep = wall_gaps(design, element.position, shifts), -element.position[2]
+        # an element inside the base lies `deep` below the wall, which may extend over it
+        wall.append(aside < clearance if deep <= 0 else np.hypot(np.maximum(aside, 0.0), deep) < clearance)
+    # at the lowest pose of the workspace the magnet may touch the base: rounding must not make that a collision
+    grounded = lowest_point(design, tilts) + design.H + shift[2] < -1e-9 * design.H
     return np.array(magnet), np.array(wall), np.asarray(grounded)
 
 
 def determinant_sign(coder: Decoder, slopes: Array) -> NDArray[np.int8]:
-    """Sign of det J of slopes (3, k, n), shape (n,)."""
+    """Return the sign of det J, shape (n,), from slopes dB/ds (3, k, n)."""
     det = np.linalg.det(np.einsum("ik,jkn->nij", coder.table.basis, slopes))
     return np.asarray(np.sign(det), dtype=np.int8)
 
 
 def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array]:
-    """Standard deviations of shift, mm, and force, N, along their worst directions."""
+    """Return the standard deviations of shift, mm, and force, N, along their worst directions, each of shape (n,)."""
     spread = observability.spread(coder.sigma, slopes)
-    lengths = _largest(spread)
+    noise_mm = _largest_singular_value(spread)
     if coder.mechanics is None:
-        return lengths, np.full_like(lengths, np.nan)
-    force = response_surface.forces(coder.mechanics, shift)[1]
-    return lengths, _largest(np.einsum("jin,jkn->ikn", force, spread))
+        return noise_mm, np.full_like(noise_mm, np.nan)
+    force_slopes = response_surface.forces(coder.mechanics, shift)[1]
+    return noise_mm, _largest_singular_value(np.einsum("jin,jkn->ikn", force_slopes, spread))
 
 
-def _largest(spread: Array) -> Array:
-    """Largest singular values of (3, k, n), shape (n,); infinite on a fold, NaN without noise."""
+def _largest_singular_value(spread: Array) -> Array:
+    """Return the largest singular values of (3, k, n), shape (n,); infinite on a fold, NaN without noise."""
     rows = np.moveaxis(spread, 2, 0)
     if np.isnan(rows).all():
         return np.full(len(rows), np.nan)
+    # on a fold A'A is singular, so the spread is not finite, and LAPACK would fail on it
     broken: Bools = np.logical_not(np.isfinite(rows).all(axis=(1, 2)))
     values = np.linalg.svd(np.where(broken[:, None, None], 0.0, rows), compute_uv=False)[:, 0]
     return np.asarray(np.where(broken, np.inf, values))
 
 
 def _weights(counts: tuple[int, int, int]) -> Array:
-    """Of the trapezoidal rule."""
+    """Return the weights of the trapezoidal rule on a grid, shape (n,), with sum 1."""
     rules = []
     for n in counts:
         rule = np.ones(n)
@@ -239,10 +259,10 @@ def _weights(counts: tuple[int, int, int]) -> Array:
     return np.asarray(np.einsum("i,j,k->ijk", *rules).ravel())
 
 
-def _changes(sign: NDArray[np.int8], usable: Bools) -> bool:
-    """Whether neighbours on a grid, both usable, differ."""
+def _sign_changes(sign: NDArray[np.int8], usable: Bools) -> bool:
+    """Return whether the sign differs between two neighbours on the grid that are both usable."""
     for axis in range(3):
-        a, b = (np.moveaxis(v, axis, 0) for v in (sign, usable))
-        if ((a[1:] != a[:-1]) & b[1:] & b[:-1]).any():
+        signs, valid = (np.moveaxis(v, axis, 0) for v in (sign, usable))
+        if ((signs[1:] != signs[:-1]) & valid[1:] & valid[:-1]).any():
             return True
     return False
