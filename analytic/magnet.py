@@ -34,11 +34,8 @@ from geometry.design import BadInput
 Pair = tuple[Array, Array]
 
 MIN_COMPILED_POINTS = 2000
-"""Smallest number of points in a call for which the compiled kernel is used; it takes a third of NumPy's time.
-
-Loading the kernel takes about a second, once in a process. A single decoding has fewer points in a call, so it does
-not wait for that; a batch or a map has more."""
-
+"""Smallest number of points in a call for which the compiled kernel is used, in a third of NumPy's time. Loading it
+takes about a second, once in a process: a single decoding, with fewer points in a call, does not wait for that."""
 _uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
 """Whether `uncompiled` is in effect."""
 

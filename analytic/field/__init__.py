@@ -1,1 +1,1 @@
-"""The field of a cylinder magnet: its formulas in NumPy, point by point, and compiled."""
+"""Field of a cylinder magnet: the same formulas in NumPy, in plain Python for single points, and compiled."""

@@ -1,6 +1,8 @@
-"""The functions of `cylinder_pointwise`, compiled by numba; `analytic.magnet` imports this module when it pays.
+"""The functions of `analytic.field.cylinder_pointwise`, compiled by numba.
 
-`fill`, `meridian` and `at` can be called from other functions that numba compiles.
+`analytic.magnet` imports this module, which takes about a second, at the first call that it speeds up.
+
+Other functions that numba compiles can call `fill`, `meridian` and `at`.
 """
 
 from __future__ import annotations
@@ -12,9 +14,10 @@ from numba import njit
 
 from analytic.field import cylinder_pointwise
 
+# a second set of function objects with a scope of their own: the plain functions stay callable beside the compiled
 _scope = dict(vars(cylinder_pointwise)) | {"_root": np.sqrt}
 for _name, _plain in vars(cylinder_pointwise).items():
-    # the names in a compiled function are looked up when it is first called, so the order does not matter
+    # numba looks up the names in a function when it is first called, so the order does not matter
     if isinstance(_plain, FunctionType) and _name != "_root":
         _scope[_name] = njit(cache=True)(FunctionType(_plain.__code__, _scope, _name))
 

@@ -1,27 +1,26 @@
-"""The field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy.
+"""Field of a cylinder of radius 1 with J = 1, and its slope along z, in NumPy.
 
-`analytic.field.cylinder_pointwise` has the same formulas for one point, `analytic.field.cylinder_compiled` those
-compiled; this is their reference.
+This module is the reference for `cylinder_pointwise`, which has the same formulas for one point, and for
+`cylinder_compiled`, which compiles them. The method depends on the point:
 
-Three regimes, chosen point by point:
-
-- far, beyond `FAR` circumscribed radii: multipoles to order `ORDER`;
+- far, beyond `FAR` circumscribed radii from the centre: multipoles to order `ORDER`;
 - thin, beyond `THIN` half heights from the rim: current rings at `GAUSS` Gauss points over the height;
-- near: two charged end faces, with J added inside; each face by Bulirsch's cel (Derby & Olbert 2010) or, beyond `FAR`
-  radii from it, by its own multipoles.
+- near, everywhere else: two charged end faces, with J added inside; each face by Bulirsch's cel (Derby & Olbert 2010)
+  or, beyond `FAR` radii from the face, by its own multipoles.
 
-With zeta the height over a face, S = zeta^2 + (1 + r)^2, Q = zeta^2 + (1 - r)^2, m = 4 r / S and
-Delta^2 = 1 - m sin^2, all of them need K = int 1/Delta, C = int sin^2 cos^2 / Delta^3 and D = int sin^2 / Delta
+With zeta the height above a face, S = zeta^2 + (1 + r)^2, Q = zeta^2 + (1 - r)^2, m = 4 r / S and
+Delta^2 = 1 - m sin^2, rings and faces need K = int 1/Delta, C = int sin^2 cos^2 / Delta^3 and D = int sin^2 / Delta
 over 0..pi/2. The arithmetic-geometric mean of 1 and sqrt(Q/S) gives, with its half differences c_n,
 
     K = pi / (2 a_inf),    C = (K/m^2) sum_{n>=1} 2^n c_n^2,    D = (K + m C) / 2,
 
-a sum of positive terms, exact on the axis too. A face has B_r/r = 4 C / (pi S^1.5), and a ring of unit current
+a sum of positive terms, accurate on the axis too. A face has B_r/r = 4 C / (pi S^1.5), and a ring of unit current
 
     B_r/r = 4 zeta (D - C) / (pi S^1.5 Q),    B_z = 2 [(1 - r^2 + zeta^2) D - 2 r (1 - r) C] / (pi S^1.5 Q).
 
-The slope of the cylinder's field along z is the difference of the rings at its ends; where they cancel, the slope of
-their mean over the height is taken by a complex step. All else in the Jacobian follows from div B = 0 and curl B = 0.
+The slope of the cylinder's field along z is the difference of the rings at its ends. For a thin cylinder the two
+rings cancel; there a complex step gives the slope of the rings at the Gauss points. The other entries of the Jacobian
+follow from div B = 0 and curl B = 0.
 """
 
 from __future__ import annotations
@@ -35,49 +34,50 @@ import numpy as np
 from geometry.arrays import Array
 
 FAR = 5.0
-"""Beyond this many circumscribed radii the multipole series takes over: 5^-28 of the field is left out."""
+"""Distance, in circumscribed radii, beyond which the multipole series is used; its truncation error is 5^-28."""
 THIN = 12.0
-"""Beyond this many half heights from the rim Gauss points over the height suffice (error about 24^-12)."""
+"""Distance from the rim, in half heights, beyond which Gauss points over the height suffice (error about 24^-12)."""
 GAUSS = 6
-"""Their number."""
+"""Number of these Gauss points."""
 ORDER = 27
-"""Highest multipole of the field; one more for its slope."""
+"""Order of the highest multipole of the field; its slope has one order more."""
 BLOCK = 2048
-"""Points worked on at a time, so that they stay in the processor's cache."""
+"""Number of points that are computed at a time, so that their arrays stay in the processor's cache."""
 STEP = 1e-30
-"""Of the complex step, which cancels nothing however small it is."""
+"""Size of the complex step: it involves no subtraction, so it can be far below rounding."""
 NEAR_HULL = 0.01
-"""Distance from the hull within which it is computed in doubled precision."""
+"""Distance from the hull, in radii, within which that distance is computed in doubled precision."""
 SPLIT = 134217729.0
-"""2^27 + 1, for Dekker's product."""
+"""2^27 + 1, which splits a float into two halves of its digits for Dekker's product."""
 SETTLED = 1e-8
-"""Relative difference of two means whose next step is exact to rounding."""
+"""Relative difference of the two means after which one more step, which squares it, is exact to rounding."""
 
 
 def unit_field(r: Array, gap: Array, z: Array, up: Array, down: Array, z0: float, *, slope: bool) -> Array:
-    """B_r/r and B_z; with `slope` also d(B_r/r)/dz and dB_z/dz.
+    """Return B_r/r and B_z and, with `slope`, d(B_r/r)/dz and dB_z/dz.
 
     Parameters
     ----------
-    r, z : distance from the axis and height over the centre, shape (n,), radius 1.
-    gap, up, down : 1 - r, z - z0 and z + z0, given apart because rounding would spoil them near the surface.
-    z0 : half the height.
+    r, z : distance from the axis and height above the centre, shape (n,), in radii.
+    gap, up, down : 1 - r, z - z0 and z + z0, shape (n,); computed by the caller without the rounding errors that
+        these differences would have near the surface.
+    z0 : half the height, in radii.
 
     Returns
     -------
-    shape (2, n) or (4, n). On the rim it is infinite or NaN; the caller sees to that.
+    shape (2, n) or (4, n). It is infinite or NaN on the rim, which the caller must exclude.
     """
-    found = np.empty((4 if slope else 2, len(r)))
+    field = np.empty((4 if slope else 2, len(r)))
     for start in range(0, len(r), BLOCK):
         part = slice(start, start + BLOCK)
-        found[:, part] = _block(r[part], gap[part], z[part], up[part], down[part], z0, slope)
-    return found
+        field[:, part] = _block(r[part], gap[part], z[part], up[part], down[part], z0, slope)
+    return field
 
 
 def distance_to_hull(x: Array, rho: Array, radius: float) -> Array:
-    """1 - rho/radius, beside the hull as (a^2 - x^2 - y^2) / (a (a + rho)) in doubled precision.
+    """Return 1 - rho/radius, shape (n,); near the hull as (a^2 - x^2 - y^2) / (a (a + rho)) in doubled precision.
 
-    x has shape (n, 2 or more), rho shape (n,), both in the unit of the radius.
+    x has shape (n, 2 or more) and rho shape (n,), both in the unit of the radius.
     """
     gap = 1 - rho / radius
     near = np.abs(gap) < NEAR_HULL
@@ -91,7 +91,7 @@ def distance_to_hull(x: Array, rho: Array, radius: float) -> Array:
 
 
 def _square(a: Array) -> tuple[Array, Array]:
-    """a^2 and the rounding error left out of it (Dekker)."""
+    """Return a^2 and its rounding error (Dekker)."""
     wide = SPLIT * a
     high = wide - (wide - a)
     low = a - high
@@ -100,63 +100,64 @@ def _square(a: Array) -> tuple[Array, Array]:
 
 
 def _sum(a: Array, b: Array) -> tuple[Array, Array]:
-    """a + b and the rounding error left out of it (Knuth)."""
+    """Return a + b and its rounding error (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def _block(r: Array, gap: Array, z: Array, up: Array, down: Array, z0: float, slope: bool) -> Array:
+    """Return `unit_field` for one block of points, each by its method."""
     span = math.hypot(1, z0)
     far = np.hypot(r, z) > FAR * span
     thin = ~far & (np.hypot(gap, z) > THIN * z0)
     near = ~(far | thin)
     if near.all():
         return _two_faces(r, gap, up, down, slope)
-    found = np.empty((4 if slope else 2, len(r)))
+    field = np.empty((4 if slope else 2, len(r)))
     if far.any():
-        some = _multipoles(r[far] / span, z[far] / span, cylinder_moments(z0), slope)
-        # B_r/r and slopes are per length; two lengths in the slope of B_r/r
-        found[:, far] = (some.T / np.array([span, 1.0, span**2, span])[: len(some)]).T
+        values = _multipoles(r[far] / span, z[far] / span, cylinder_moments(z0), slope)
+        # from circumscribed radii to radii: B_r/r and dB_z/dz are per length, d(B_r/r)/dz is per length squared
+        field[:, far] = (values.T / np.array([span, 1.0, span**2, span])[: len(values)]).T
     if thin.any():
-        found[:, thin] = _thin(r[thin], gap[thin], z[thin], z0, slope)
+        field[:, thin] = _thin(r[thin], gap[thin], z[thin], z0, slope)
     if near.any():
-        found[:, near] = _two_faces(r[near], gap[near], up[near], down[near], slope)
-    return found
+        field[:, near] = _two_faces(r[near], gap[near], up[near], down[near], slope)
+    return field
 
 
 def _two_faces(r: Array, gap: Array, up: Array, down: Array, slope: bool) -> Array:
-    """The end faces, charged +1 at the top and -1 at the bottom, give mu0 H; inside, J is added.
+    """Return the field of the end faces, charged +1 at the top and -1 at the bottom, with J added inside the magnet.
 
-    The nearby form of a face leaves out a step of half sign(zeta) inside r = 1. All the steps are summed first,
-    where they cancel without rounding.
+    The charges give mu0 H. The near form of a face omits a step of sign(zeta)/2 inside r = 1. The steps of both faces
+    and J are summed first: their sum has no rounding error.
     """
     n = len(r)
     field, step = _faces(np.tile(r, 2), np.tile(gap, 2), np.concatenate([up, down]), slope)
-    found = field[:, :n] - field[:, n:]
+    difference = field[:, :n] - field[:, n:]
     within = 0.5 * (np.sign(gap) + 1)
-    found[1] += within * ((np.sign(down) - np.sign(up)) / 2 + (step[:n] - step[n:]))
-    return found
+    difference[1] += within * ((np.sign(down) - np.sign(up)) / 2 + (step[:n] - step[n:]))
+    return difference
 
 
 def _faces(r: Array, gap: Array, zeta: Array, slope: bool) -> tuple[Array, Array]:
-    """Discs with unit charge density: field and slope, and the step to be added to h_z inside r = 1."""
+    """Return field and slope of discs with unit charge density, and the step that h_z lacks inside r = 1."""
     far = np.hypot(r, zeta) > FAR
     if not far.any():
         return _near(r, gap, zeta, slope), np.sign(zeta) / 2
     near = ~far
-    found = np.empty((4 if slope else 2, len(r)))
-    found[:, far] = _multipoles(r[far], zeta[far], face_moments(), slope)
+    field = np.empty((4 if slope else 2, len(r)))
+    field[:, far] = _multipoles(r[far], zeta[far], face_moments(), slope)
     if near.any():
-        found[:, near] = _near(r[near], gap[near], zeta[near], slope)
-    return found, np.where(far, 0.0, np.sign(zeta) / 2)
+        field[:, near] = _near(r[near], gap[near], zeta[near], slope)
+    return field, np.where(far, 0.0, np.sign(zeta) / 2)
 
 
 def _near(r: Array, gap: Array, zeta: Array, slope: bool) -> Array:
-    """One face by the arithmetic-geometric mean.
+    """Return field and slope of one face by the arithmetic-geometric mean, without the step of h_z.
 
     B_z is -zeta cel(k, g^2, 1, g) / (pi (1 + r) sqrt(S)), k^2 = Q/S, g = (1 - r)/(1 + r). At r = 1 this cel jumps;
-    its mean there is K(k).
+    the mean of both sides is K(k).
     """
     outer = 1 + r
     S, Q = zeta * zeta + outer * outer, zeta * zeta + gap * gap
@@ -187,17 +188,17 @@ def _near(r: Array, gap: Array, zeta: Array, slope: bool) -> Array:
     S3 = np.pi * S * s
     if not slope:
         return np.stack([4 * C / S3, b_z])
-    # the slope of a solenoid's end at height zeta is a ring with the opposite sign of the face
+    # a charged face is the end of a solenoid, whose slope along z is a ring of the opposite sign
     return np.stack([4 * C / S3, b_z, *_ring_of(r, gap, zeta, -Q * S3, (K + m * C) / 2, C)])
 
 
 def _ring_of(r: Array, gap: Array, zeta: Any, scale: Any, D: Any, C: Any) -> tuple[Any, Any]:
-    """B_r/r and B_z of a ring of unit current; `scale` is pi S^1.5 Q."""
+    """Return B_r/r and B_z of a ring of unit current from the integrals D and C; `scale` is pi S^1.5 Q."""
     return 4 * zeta * (D - C) / scale, 2 * ((gap * (1 + r) + zeta * zeta) * D - 2 * r * gap * C) / scale
 
 
 def _steps(k: Any) -> int:
-    """How many steps the mean of 1 and the least of k takes."""
+    """Return the number of steps that the mean of 1 and the smallest k, the slowest of all, takes."""
     a, b, count = 1.0, float(k.real.min()), 1
     while abs(a - b) > SETTLED * a and b > 0:
         a, b, count = (a + b) / 2, math.sqrt(a * b), count + 1
@@ -205,20 +206,20 @@ def _steps(k: Any) -> int:
 
 
 def _thin(r: Array, gap: Array, z: Array, z0: float, slope: bool) -> Array:
-    """The magnet as a stack of rings."""
+    """Return field and slope of the magnet as a stack of rings at Gauss points over its height."""
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
-    found = np.zeros((4 if slope else 2, len(r)))
+    field = np.zeros((4 if slope else 2, len(r)))
     for node, weight in zip(nodes, weights, strict=True):
         zeta = z - z0 * node
         ring = np.stack(_ring(r, gap, zeta + 1j * STEP if slope else zeta))
-        found[:2] += z0 * weight * ring.real
+        field[:2] += z0 * weight * ring.real
         if slope:
-            found[2:] += z0 * weight * (ring.imag / STEP)
-    return found
+            field[2:] += z0 * weight * (ring.imag / STEP)
+    return field
 
 
 def _ring(r: Array, gap: Array, zeta: Any) -> tuple[Any, Any]:
-    """B_r/r and B_z of a ring of unit current at the height 0; zeta may be complex."""
+    """Return B_r/r and B_z of a ring of unit current at height 0; zeta may be complex."""
     S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
     m, s = 4 * r / S, np.sqrt(S)
     k = np.sqrt(Q) / s
@@ -239,7 +240,7 @@ def _ring(r: Array, gap: Array, zeta: Any) -> tuple[Any, Any]:
 
 
 def _multipoles(r: Array, z: Array, moments: Array, slope: bool) -> Array:
-    """Field of the potentials sum moments[n] P_n(cos theta) / d^(n+1), one for each row of moments; d > 0."""
+    """Return the fields of the potentials sum moments[n] P_n(cos theta) / d^(n+1), one per row of moments; d > 0."""
     d = np.hypot(r, z)
     cos, sin2 = z / d, (r / d) ** 2
     sums = np.zeros((4 if slope else 2, len(r)))
@@ -256,22 +257,22 @@ def _multipoles(r: Array, z: Array, moments: Array, slope: bool) -> Array:
         p_last, p = p, ((2 * n + 1) / (n + 1)) * cos * p - (n / (n + 1)) * p_last
         tangent_last, tangent = tangent, tangent_last + (2 * n + 1) * p_last
     along, across = sums[::2], sums[1::2]
-    found = np.empty_like(sums)
-    found[::2], found[1::2] = (along + cos * across) * inverse, along * cos - sin2 * across
-    return found
+    field = np.empty_like(sums)
+    field[::2], field[1::2] = (along + cos * across) * inverse, along * cos - sin2 * across
+    return field
 
 
 def _with_slope(moments: list[float]) -> Array:
-    """Moments of a potential and, in a second row, of its slope along z, shape (2, ORDER + 2)."""
-    found = np.zeros((2, ORDER + 2))
-    found[0, :-1] = moments
-    found[1, 1:] = -np.arange(1, ORDER + 2) * found[0, :-1]
-    return found
+    """Return the moments of a potential and, in a second row, of its slope along z, shape (2, ORDER + 2)."""
+    both = np.zeros((2, ORDER + 2))
+    both[0, :-1] = moments
+    both[1, 1:] = -np.arange(1, ORDER + 2) * both[0, :-1]
+    return both
 
 
 @lru_cache(maxsize=256)
 def face_moments() -> Array:
-    """Of the charged disc and its slope, from its potential on the axis, (sqrt(z^2 + 1) - z)/2."""
+    """Return the moments of a charged disc and of its slope, from its potential (sqrt(z^2 + 1) - z)/2 on the axis."""
     moments = [0.0] * (ORDER + 1)
     binomial = 1.0
     for k in range(1, ORDER // 2 + 2):
@@ -282,10 +283,10 @@ def face_moments() -> Array:
 
 @lru_cache(maxsize=256)
 def cylinder_moments(z0: float) -> Array:
-    """Of the cylinder of radius 1 and half height z0 and of its slope, lengths in circumscribed radii.
+    """Return the moments of a cylinder of radius 1 and half height z0, and of its slope, in circumscribed radii.
 
-    1/2 sum_k (-1)^k C(n, k) C(2n - 2k, n) 2^-n z0^(n - 2k) [(1 + z0^2)^(k+1) - z0^(2k+2)] / (k + 1), n odd; the
-    bracket is expanded, because its two terms cancel for needles.
+    The moment of order n, odd, is 1/2 sum_k (-1)^k C(n, k) C(2n - 2k, n) 2^-n z0^(n - 2k) [(1 + z0^2)^(k+1) -
+    z0^(2k+2)] / (k + 1). The bracket is expanded, because its two terms cancel for needles.
     """
     span2 = 1 + z0 * z0
     x, a2 = z0 * z0 / span2, 1 / span2

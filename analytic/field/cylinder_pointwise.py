@@ -1,7 +1,7 @@
-"""The formulas of `analytic.field.cylinder_numpy`, point by point, in plain Python.
+"""Field of a cylinder magnet at single points: the formulas of `analytic.field.cylinder_numpy` in plain Python.
 
-For a few points this is faster than NumPy. `analytic.field.cylinder_compiled` has numba compile the same functions
-for many.
+For a few points this is faster than NumPy. `analytic.field.cylinder_compiled` compiles these functions by numba for
+many points.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ NODES, WEIGHTS = (tuple(row.tolist()) for row in np.polynomial.legendre.leggauss
 
 
 def fill(x, radius, half, J, moments, faces, B, jacobian):
-    """Fill B and, if it is not empty, the Jacobian; returns the row of a point that has no field, or -1.
+    """Fill B and, if it is not empty, the Jacobian; return the index of the first point without a field, or -1.
 
     Parameters
     ----------
     x : shape (n, 3), mm.
     radius, half, J : the magnet's radius and half height, mm, and its polarisation, T.
     moments, faces : `cylinder_moments(half / radius)` and `face_moments()` of `analytic.field.cylinder_numpy`.
-    B, jacobian : shape (n, 3), T; shape (n, 3, 3), T/mm, or (0, 3, 3).
+    B, jacobian : arrays to fill, shape (n, 3), T, and shape (n, 3, 3), T/mm, or (0, 3, 3) for no Jacobian.
     """
     slope = len(jacobian) > 0
     for i in range(len(x)):
@@ -45,19 +45,23 @@ def fill(x, radius, half, J, moments, faces, B, jacobian):
 
 
 def meridian(rho, z, radius, half, J, moments, faces):
-    """At a distance from the axis, whether there is a field; B_r, B_z, T; dB_r/dr, B_r/r, dB_r/dz and dB_z/dz, T/mm.
+    """Return the field at a distance rho from the axis and a height z above the centre, mm.
 
-    Parameters as of `fill`; the moments may be lists of lists too.
+    The result has seven values: whether the field is defined; B_r and B_z, T; dB_r/dr, B_r/r, dB_r/dz and dB_z/dz,
+    T/mm. Other parameters as in `fill`; `moments` and `faces` may also be lists of lists.
     """
     good, lean, along, lean_z, along_z = at(rho, 0.0, z, radius, half, moments, faces, True)
     r, scale = rho / radius, J / radius
-    # div B = 0
+    # div B = 0: dB_r/dr = -(dB_z/dz + B_r/r)
     across = -scale * (along_z + lean)
     return good, J * lean * r, J * along, across, scale * lean, scale * lean_z * r, scale * along_z
 
 
 def at(x, y, z, radius, half, moments, faces, slope):
-    """Whether there is a field at a point; B_r/r, B_z and their slopes along z, for J = 1 and lengths in radii."""
+    """Return whether the field is defined at a point, and B_r/r, B_z and their slopes along z.
+
+    The point, radius and half height are in mm; the field is for J = 1 and lengths in radii.
+    """
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
         return False, 0.0, 0.0, 0.0, 0.0
     rho = math.hypot(x, y)
@@ -92,6 +96,7 @@ def at(x, y, z, radius, half, moments, faces, slope):
 
 
 def _face(r, gap, zeta, faces, slope):
+    """Return B_r/r, B_z and their slopes of one face, and the step that B_z lacks inside r = 1."""
     if math.hypot(r, zeta) > FAR:
         lean, along, lean_z, along_z = _multipoles(r, zeta, faces, slope)
         return lean, along, lean_z, along_z, 0.0
@@ -178,7 +183,7 @@ def _multipoles(r, z, moments, slope):
 
 
 def _gap(x, y, rho, radius):
-    """1 - rho/radius beside the hull, as in `analytic.field.cylinder_numpy`."""
+    """Return 1 - rho/radius near the hull, as `analytic.field.cylinder_numpy.distance_to_hull` does."""
     a2, a2_low = _square(radius)
     x2, x2_low = _square(x)
     y2, y2_low = _square(y)

@@ -1,1 +1,1 @@
-"""From readings back to the pose of the magnet: forward model, starting poses, iteration, observability."""
+"""Inverse problem, from readings to the magnet's pose: forward model, start poses, iteration, observability."""
