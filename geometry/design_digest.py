@@ -130,8 +130,7 @@ def check(header: Mapping[str, Any], needed: Fields, what: str) -> bool:
         )
     differing = [key for key, value in needed.items() if made.get(key) != value]
     if differing:
-        # a field missing from the label, such as a parameter of another law, only follows from a listed difference:
-        # name the fields that both sensors have
+        # name the fields that both sensors have, such as the law: a parameter that only one law has differs anyway
         differing = [key for key in differing if key in made] or differing
         named = differing[:MOST_NAMED]
         more = f" (and {len(differing) - len(named)} more fields differ)" if len(differing) > len(named) else ""

@@ -123,9 +123,9 @@ def _rounded(value: float) -> float:
     return float(f"{value:.11e}")
 
 
-def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
+def _built(unit: Shape, sizes_D: Sizes, half: bool, magnet: Parts, timeout: float) -> MeshTet2:
     """Make a new mesh for D = 1."""
-    sizes, shape = wanted.scaled(WORK_DIAMETER), unit.scaled(WORK_DIAMETER)
+    sizes, shape = sizes_D.scaled(WORK_DIAMETER), unit.scaled(WORK_DIAMETER)
     zoom = Zoom.of(shape)
     for factor in TRIES:
         attempt = sizes.finer(factor)
@@ -138,8 +138,8 @@ def _built(unit: Shape, wanted: Sizes, half: bool, magnet: Parts, timeout: float
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
     raise RuntimeError(
-        f"the mesh of size {wanted.bulk:g} D has folded or flat cells, or a wrong volume, on the exact surfaces"
-        + (" or has no edges along its rim: try a smaller size there" if wanted.ring else ": try a smaller size")
+        f"the mesh of size {sizes_D.bulk:g} D has folded or flat cells, or a wrong volume, on the exact surfaces"
+        + (" or has no edges along its rim: try a smaller size there" if sizes_D.ring else ": try a smaller size")
     )
 
 

@@ -1,4 +1,4 @@
-"""The base holds its elements where the design puts them, and says why where it cannot."""
+"""The base holds the elements at the positions of the design; if they do not fit, the message says why."""
 
 import math
 
@@ -43,13 +43,13 @@ def test_elements_sit_in_their_seats_and_the_base_prints(design):
 
 
 @pytest.mark.parametrize("layout", ["three", "tmag5273a1", "tle493d-p2b6"])
-def test_places_are_those_that_the_readings_are_taken_at(layout):
+def test_bodies_and_readings_use_the_same_positions(layout):
     design = Design(hall_layout=layout, f=6.0, c=1.0, l0=8.0, chip_x=2.5)
     elements = [element.position for element in of_design(design)]
     assert sorted(set(elements)) == sorted(places(design).values())
 
 
-def test_bodies_lie_round_their_plates():
+def test_bodies_surround_their_hall_plates():
     design, p = Design(), SS495A
     for name, body in bodies(design).items():
         x, y, z = places(design)[name]
@@ -74,7 +74,7 @@ def test_bodies_lie_round_their_plates():
         {"hall_layout": "tle493d-p2b6", "chip_x": 9},
     ],
 )
-def test_the_outer_size_is_that_of_the_solids(fields):
+def test_the_outer_size_equals_that_of_the_solids(fields):
     design = Design(**fields)
     p = plan(design, Base())
     size, leads = outer_size(design, p)
@@ -144,7 +144,7 @@ def test_bad_input(fields, choices, text):
     assert str(caught.value).startswith(text)
 
 
-def test_an_element_that_does_not_fit_is_found():
+def test_an_element_that_overlaps_the_base_fails_the_check():
     import build123d as bd
 
     design = Design()
@@ -153,7 +153,7 @@ def test_an_element_that_does_not_fit_is_found():
     assert [check.passed for check in checks(design, solid, lifted)] == [False, False]
 
 
-def test_a_plate_that_meets_the_elements_is_warned_of():
+def test_a_plate_that_touches_the_elements_causes_a_warning():
     assert warnings(Design()) == []
     assert warnings(Design(c=8.0, f=7.0)) == [
         "a wide flat plate touches S2 and S3 at a depth of 1.7 mm: lower c or use a smaller plate"

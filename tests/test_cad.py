@@ -28,7 +28,7 @@ DESIGNS = [
 
 
 def read_3mf(path):
-    """Vertices (mm) and faces by the specification's own names, as any reader finds them."""
+    """Return vertices (mm) and faces of a 3MF file, read by the names of its specification."""
     root = ElementTree.fromstring(zipfile.ZipFile(path).read("3D/3dmodel.model"))
     assert root.attrib.get("unit", "millimeter") == "millimeter"
     vertices = [[float(v.attrib[k]) for k in "xyz"] for v in root.iter() if v.tag.endswith("}vertex")]
@@ -62,7 +62,7 @@ def test_volumes_are_exact(design):
     assert silicone.is_valid
 
 
-def test_closed_forms_know_the_sphere_and_the_plain_cylinder():
+def test_closed_form_volumes_of_sphere_and_cylinder():
     ball = Shape(8, 4, 4, 4, 2)
     assert cad.magnet_volume(ball) == pytest.approx(4 / 3 * math.pi * 8, rel=1e-14)
     assert cad.beam_volume(ball) == pytest.approx(2 / 3 * math.pi * 64, rel=1e-14)

@@ -1,4 +1,4 @@
-"""Designs: every field's range, what must fit together, derived values, warnings, similarity."""
+"""Designs: ranges of fields, contradicting fields, derived values, warnings, similarity."""
 
 import dataclasses
 import math
@@ -76,7 +76,7 @@ def test_whole_numbers_become_floats():
         ({"ogden_alpha1": 0.0}, "ogden_alpha1 must be at least 0.01 or at most -0.01; got 0"),
     ],
 )
-def test_what_does_not_fit_together(values, text):
+def test_fields_that_contradict_each_other_are_refused(values, text):
     with pytest.raises(BadInput) as raised:
         changed(**values)
     assert text in sentence(raised)
@@ -159,7 +159,7 @@ def test_frozen_and_presets():
     assert PRESETS["paper"]() == Design() == paper()
 
 
-def test_numbers_of_a_law_and_those_set_in_vain():
+def test_parameters_of_a_law_and_parameters_without_effect():
     assert changed(law="yeoh", yeoh_3=2).law_numbers == (0.0, 2.0)
     assert changed(law="ogden").law_numbers == (2.0, -2.0, 0.0)
     assert paper().law_numbers == ()
@@ -173,8 +173,8 @@ def test_numbers_of_a_law_and_those_set_in_vain():
 
 
 @pytest.mark.parametrize("layout", HALL_LAYOUTS)
-def test_what_a_layout_does_not_use_is_said(layout):
-    """Every field of the elements: those that leave the elements as they are have no effect."""
+def test_fields_that_a_layout_does_not_use_are_named(layout):
+    """A field of the Hall elements is named as unused if, and only if, it does not change the elements."""
     design = Design(hall_layout=layout)
     changes = {"f": 6.0, "c": 1.0, "chip_x": 1.0, "hall_gain": 30.0, "hall_null": 2.4, "hall_low": 0.3}
     changes |= {"hall_high": 4.7, "hall_noise": 0.01, "hall_step": 0.01, "hall_plate": 0.5, "l0": 8.0}
@@ -189,7 +189,7 @@ def test_what_a_layout_does_not_use_is_said(layout):
     assert sentence in other.warnings()
 
 
-def test_without_a_magnet_its_remanence_is_in_vain():
+def test_remanence_has_no_effect_without_a_magnet():
     bare = {"magnet_diameter": 0.0, "magnet_height": 0.0}
     assert Design(**bare).unused_field_warnings() == []
     assert Design(**bare, remanence=1.0).unused_field_warnings() == ["remanence has no effect: magnet_diameter is 0"]

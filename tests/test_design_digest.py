@@ -1,4 +1,4 @@
-"""For which sensor a file was made: what enters the record, the digest, and what is said of another sensor."""
+"""Labels of files: the fields that they hold, the digest, and the message about another sensor."""
 
 import pytest
 
@@ -19,7 +19,7 @@ OTHER = Design(D=10.0, L=12.0, E=0.5, l0=9.2)
         ({"yeoh_2": 0.5}, False),
     ],
 )
-def test_states_depend_on_what_enters_the_mechanics(change, differs):
+def test_states_depend_on_the_mechanical_fields(change, differs):
     one, other = (design_digest.of_mechanics(design) for design in (paper(), Design(**change)))
     assert (one != other) is (design_digest.digest(one) != design_digest.digest(other)) is differs
 
@@ -38,18 +38,18 @@ def test_readings_depend_on_magnet_and_elements(change, differs):
     assert (design_digest.of_readings(paper()) != design_digest.of_readings(Design(**change))) is differs
 
 
-def test_an_ignored_magnet_does_not_enter():
+def test_the_size_of_an_ignored_magnet_is_not_in_the_label():
     one, other = (design_digest.of_mechanics(Design(magnet_height=h), "ignored") for h in (2.0, 3.0))
     assert one == other != design_digest.of_mechanics(paper())
 
 
-def test_a_digest_is_that_of_the_values_however_they_are_written():
+def test_equal_values_have_one_digest():
     fields = design_digest.of_mechanics(paper())
     again = {key: int(value) if value == 8.0 else value for key, value in reversed(fields.items())}
     assert design_digest.digest(again) == design_digest.digest(fields)
 
 
-def test_another_sensor_is_refused_with_what_differs():
+def test_another_sensor_is_refused_with_the_differing_fields():
     needed = design_digest.of_mechanics(paper())
     assert design_digest.check(design_digest.label(needed), needed, "states.jsonl") is True
     assert design_digest.check({}, needed, "states.jsonl") is False
@@ -66,14 +66,14 @@ def test_another_sensor_is_refused_with_what_differs():
 
 
 @pytest.mark.parametrize("made", [{"D_mm": 8.5}, None, [], {"D_mm": [8.0]}])
-def test_fields_that_were_changed_afterwards_are_refused(made):
+def test_fields_edited_afterwards_are_refused(made):
     label = design_digest.label(design_digest.of_mechanics(OTHER))
     changed = {**label["made_for"], **made} if isinstance(made, dict) else made
     with pytest.raises(BadInput, match="edited afterwards"):
         design_digest.check({**label, "made_for": changed}, design_digest.of_mechanics(paper()), "states.jsonl")
 
 
-def test_a_mesh_may_have_more_than_is_needed_and_other_silicone():
+def test_the_label_of_a_mesh_may_hold_more_fields_and_another_silicone():
     shape = paper().shape
     whole, outside = design_digest.of_solid(shape), design_digest.of_solid(shape, magnet=False)
     about = design_digest.from_numbers(design_digest.as_numbers(whole))

@@ -1,4 +1,4 @@
-"""The house keeps its order: who imports whom, unique names, and slow imports where they are used."""
+"""Structure of the packages: allowed imports, unique module names, and slow imports in functions only."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""The magnet's rotation: the one place that turns tilts into a rotation vector, held against SciPy."""
+"""Loads and responses: rotation vector of the magnet against SciPy, shear, scaling."""
 
 import math
 
@@ -12,7 +12,7 @@ from geometry.loads import Load, Response, rotation_of, tilts_of
 
 
 @pytest.mark.parametrize(("tilt", "tilt_y"), [(0.3, 0.0), (0.0, 0.3), (0.2, -0.1)])
-def test_the_axis_leans_the_way_that_the_tilts_say(tilt, tilt_y):
+def test_the_rotation_vector_leans_the_axis_by_the_tilts(tilt, tilt_y):
     response = Response((0.0,) * 3, (0.0,) * 3, tilt, 0.0, tilt_y)
     axis = Rotation.from_rotvec([*response.rotation, 0.0]).apply([0.0, 0.0, 1.0])
     # the angle from z, along the direction of (tilt, tilt_y)
@@ -23,7 +23,7 @@ def test_the_axis_leans_the_way_that_the_tilts_say(tilt, tilt_y):
     assert tilts_of(*response.rotation) == (tilt, tilt_y)
 
 
-def test_a_response_reads_as_its_rotation_vector():
+def test_the_rotation_of_a_response_is_that_of_its_tilts():
     response = Response((0.0,) * 3, (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
     by_pose = hall.readings(paper(), shift=response.shift, tilt=rotation_of(0.15, -0.08))
     assert hall.readings(paper(), response) == by_pose
@@ -32,7 +32,7 @@ def test_a_response_reads_as_its_rotation_vector():
 @pytest.mark.parametrize(
     ("x", "y", "degrees"), [(1, 0, 0), (-1, 0, 0), (0, 1, 90), (0, -1, 90), (-1, 1, -45), (1, 1, 45), (0, 0, 0)]
 )
-def test_a_shear_and_its_opposite_have_one_line(x, y, degrees):
+def test_opposite_shears_have_one_axis(x, y, degrees):
     load = Load(depth=1.0, shear_x=x, shear_y=y, friction="stick")
     angle = math.radians(degrees)
     assert load.direction == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-15)
@@ -46,7 +46,7 @@ def test_a_frictionless_plate_shears_nothing():
 
 
 @pytest.mark.parametrize(("friction", "grip"), [("stick", None), (0.3, None), ("none", 1.0)])
-def test_what_holds_or_rubs_shears_the_tip(friction, grip):
+def test_grip_stick_and_friction_shear_the_tip(friction, grip):
     load = Load(depth=0.0 if grip else 1.0, shear_y=-2.0, friction=friction, grip=grip)
     assert load.shears_tip
     assert load.imposed_shear == (0.0, -2.0)
@@ -54,11 +54,11 @@ def test_what_holds_or_rubs_shears_the_tip(friction, grip):
     assert load.coulomb == (0.3 if friction == 0.3 else None)
 
 
-def test_scaling_there_and_back_is_no_change():
+def test_scaling_and_its_inverse_change_nothing():
     response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
     assert response.scaled(4.0, 32.0).scaled(0.25, 1 / 32) == response
 
 
-def test_a_scaled_response_leans_as_before():
+def test_scaling_keeps_the_tilts():
     response = Response((0.3, -0.1, 2.0), (0.4, -0.2, -1.0), 0.15, 1.0, -0.08)
     assert response.scaled(3.0, 7.0).rotation == response.rotation

@@ -1,4 +1,4 @@
-"""The tetrahedral mesh lies on the exact surfaces, conforms at the magnet, and fTetWild never sees bad input."""
+"""The tetrahedral mesh lies on the exact surfaces and conforms at the magnet; fTetWild gets no bad input."""
 
 import dataclasses
 import math
@@ -204,7 +204,7 @@ def test_no_magnet_to_mesh():
         tetrahedra(Shape(8, 9, 4, 9.8, 0), 1.0)
 
 
-def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
+def test_a_folded_mesh_is_made_again_with_smaller_sizes(monkeypatch):
     tried = []
     straight = meshing.MeshTet1()
     monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk) or straight)
@@ -216,7 +216,7 @@ def test_a_mesh_that_folds_is_made_again_finer(monkeypatch):
 
 @pytest.mark.parametrize("push", [0.98, 1.02, 1.3])
 def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
-    """The middle of a cube pushed to a side and through it: its cells are flat, then inside out."""
+    """The middle vertex of a cube is pushed to a side and through it: its cells are flat, then inverted (J <= 0)."""
     mesh = MeshTet1.init_tensor(*3 * [np.linspace(1, 3, 3)])
     apart = {name: np.zeros(27, dtype=bool) for name in ("base", "skin")}
     whole = curved_mesh.shapes(mesh.p[:, mesh.t])
@@ -233,7 +233,7 @@ def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
 
 
 def test_mending_moves_nothing_on_the_surfaces(half):
-    """A vertex inside and one of the plane of symmetry, each put on a neighbour, come back; all else stays."""
+    """Two vertices, inside and on the plane of symmetry, each put on a neighbour, move back; no other node moves."""
     mesh = MeshTet1(half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries)
     on = {name: np.isin(np.arange(mesh.nvertices), mesh.facets[:, part]) for name, part in mesh.boundaries.items()}
     held = on["base"] | on["skin"] | on["magnet"]
@@ -249,8 +249,8 @@ def test_mending_moves_nothing_on_the_surfaces(half):
     assert np.abs(mended[1, on["symmetry"]]).max() == 0
 
 
-def test_a_magnet_whose_facets_fold_is_not_taken_for_its_volume(half):
-    """Cells of another volume than the exact one are refused, whatever the facets around them add up to."""
+def test_cells_with_a_wrong_volume_are_refused(half):
+    """Cells with a wrong volume are refused, even if their facets enclose the exact volume."""
     cells = curved_mesh.volumes(half)
     assert cells["magnet"] == pytest.approx(cad.magnet_volume(PAPER) / 2, rel=1e-5)
     straight = MeshTet1(
@@ -264,7 +264,7 @@ def test_a_magnet_whose_facets_fold_is_not_taken_for_its_volume(half):
     assert curved_mesh.curved(dataclasses.replace(straight, _subdomains=parts), sizes, PAPER) is None
 
 
-def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
+def test_straightening_mends_a_distorted_curved_cell(half, monkeypatch):
     monkeypatch.setattr(curved_mesh, "LEAST_JACOBIAN", 0.4)
     straight = meshing.MeshTet1(
         half.doflocs[:, : half.nvertices], half.t, _boundaries=half.boundaries, _subdomains=half.subdomains
@@ -275,7 +275,7 @@ def test_relaxing_rescues_a_curved_cell(half, monkeypatch):
 
 @pytest.mark.parametrize("half", [True, False])
 def test_edges_follow_the_rim(half):
-    """A closed chain (open in half a beam) with all its nodes on the ring, and no facet on both sides."""
+    """Edges form a closed chain (open in half a beam) with all nodes on the ring; no facet crosses the ring."""
     radius, size = 1.4, 0.25
     mesh = tetrahedra(PAPER, 1.6, half=half, magnet="hole", rim=(radius, size))
     check_quality(mesh, PAPER)

@@ -1,4 +1,4 @@
-"""The cache gives back what was kept, notices damage, stays within its limit, and never stands in the way."""
+"""The cache returns stored meshes, detects damage, respects its limit, and never stops a computation."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ SOME = {"points": np.arange(12.0).reshape(3, 4), "cells": np.arange(4)}
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """An own folder that does not exist yet, and warnings that are not held back as said before."""
+    """A folder of its own that does not exist yet; warnings of earlier tests are forgotten."""
     monkeypatch.setenv("MAGTIP_CACHE", str(tmp_path / "own"))
     messages.warn_once.cache_clear()
     return tmp_path / "own"
@@ -38,7 +38,7 @@ def files(place):
     return sorted(place.glob("*.mesh"))
 
 
-def test_what_is_kept_comes_back(place):
+def test_stored_arrays_are_read_again(place):
     assert mesh_cache.load("a") is None
     mesh_cache.store("a", SOME)
     found = mesh_cache.load("a")
@@ -50,7 +50,7 @@ def test_what_is_kept_comes_back(place):
 
 
 @pytest.mark.parametrize("harm", ["cut", "flipped", "empty", "other", "pickle"])
-def test_damage_is_found_removed_and_said_once(place, harm, caplog):
+def test_a_damaged_file_is_deleted_with_one_warning(place, harm, caplog):
     mesh_cache.store("a", SOME)
     (file,) = files(place)
     content = bytearray(file.read_bytes())
@@ -90,7 +90,7 @@ def test_the_files_used_least_recently_go_first(place, monkeypatch):
 
 
 @pytest.mark.parametrize("text", ["-1", "nan", "inf", "much"])
-def test_a_bad_limit_is_a_sentence(place, monkeypatch, text):
+def test_a_bad_limit_is_bad_input(place, monkeypatch, text):
     monkeypatch.setenv("MAGTIP_CACHE_MB", text)
     with pytest.raises(BadInput, match=f"MAGTIP_CACHE_MB must be a finite size in MB, 0 or more; got '{text}'"):
         keep("a", 1)
@@ -102,7 +102,7 @@ def test_the_largest_limit_keeps_everything(place, monkeypatch):
     assert mesh_cache.load("a") is not None
 
 
-def test_a_folder_in_place_of_a_mesh_is_put_aside_once_with_what_it_holds(place, caplog):
+def test_a_folder_in_place_of_a_mesh_is_renamed_with_its_files(place, caplog):
     (place / "a.mesh").mkdir(parents=True)
     (place / "a.mesh" / "mine.txt").write_text("mine")
     with caplog.at_level(logging.WARNING):
@@ -141,7 +141,7 @@ def test_the_platforms_folder(monkeypatch, tmp_path):
     assert mesh_cache.folder().name == "magtip"
 
 
-def test_a_file_in_place_of_the_folder_is_said_once(place, caplog):
+def test_a_file_in_place_of_the_folder_causes_one_warning(place, caplog):
     place.write_text("")
     with caplog.at_level(logging.WARNING):
         for name in "ab":
@@ -168,7 +168,7 @@ def test_a_full_disk_leaves_no_part_behind(place, caplog, monkeypatch):
     assert list(place.iterdir()) == []
 
 
-def test_clearing_takes_files_and_leftovers_but_nothing_else(place):
+def test_clearing_deletes_meshes_and_temporary_files_only(place):
     keep("a", 1)
     (place / "notes.txt").write_text("mine")
     (place / ".writing-old").write_text("")
@@ -176,7 +176,7 @@ def test_clearing_takes_files_and_leftovers_but_nothing_else(place):
     assert [file.name for file in place.iterdir()] == ["notes.txt"]
 
 
-def test_what_dead_processes_left_is_forgotten(place):
+def test_temporary_files_of_dead_processes_are_deleted(place):
     keep("a", 1)
     for name, age in (("old", 2 * mesh_cache.FORGOTTEN_S), ("new", 0)):
         file = place / f".writing-{name}"
@@ -207,7 +207,7 @@ def test_processes_do_not_disturb_each_other(place, monkeypatch, capfd):
     assert all(mesh_cache.load(file.stem) is not None for file in files(place))
 
 
-def test_keys_tell_everything_apart():
+def test_different_parts_have_different_keys():
     given = [{"size": 0.1, "half": True}, {"size": 0.1, "half": False}, {"size": 0.1 + 1e-12, "half": True}]
     assert len({mesh_cache.key(**one) for one in given}) == 3
     assert mesh_cache.key(a=1, b=[1.5, "x"]) == mesh_cache.key(b=[1.5, "x"], a=1)
@@ -217,7 +217,7 @@ def test_keys_tell_everything_apart():
 
 @pytest.fixture
 def made(monkeypatch):
-    """The requests that reach the mesher, which here answers with a ball of few cells at once."""
+    """The list of requests to the mesher, which is replaced by a ball of few cells."""
     asked = []
 
     def build(*request):
@@ -288,7 +288,7 @@ def test_a_damaged_mesh_is_made_anew(place, made, caplog):
     assert caplog.text.count("is damaged") == 1
 
 
-def test_the_verb_tells_and_clears(place, run, strict):
+def test_the_verb_cache_reports_and_clears(place, run, strict):
     keep("a", 1)
     status, out, _ = run("cache", "--json")
     (record,) = strict(out)

@@ -1,4 +1,4 @@
-"""Meshes from elsewhere come in whole, with their regions, or are refused by a sentence that says why."""
+"""Imported meshes keep their cells and regions, or are refused with the reason."""
 
 from dataclasses import replace
 
@@ -166,7 +166,7 @@ def test_other_files_are_refused(tmp_path, points):
         mesh_import.read(tmp_path / "b.vtu", SHAPE)
 
 
-def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
+def test_a_solve_on_an_imported_mesh(tmp_path, run, strict):
     sets = ("--set", "L=6", "--set", "magnet_diameter=3", "--set", "magnet_edge_radius=0.4", "--set", "l0=5")
     assert run("mesh", "paper", *sets, "--size", 1.5, "--half", "--out", "half.vtu")[0] == 0
     press = ("paper", *sets, "--depth", 0.3, "--json")
@@ -182,8 +182,8 @@ def test_a_solve_on_a_mesh_from_elsewhere(tmp_path, run, strict):
     assert "is for model half" in err
 
 
-def test_a_mesh_says_for_which_sensor_it_was_made(own, tmp_path):
-    """A sensor that differs by less than what surfaces and volumes tell is another one all the same."""
+def test_the_label_of_a_mesh_names_its_sensor(own, tmp_path):
+    """The label detects another sensor even where surfaces and volumes differ by less than their tolerances."""
     said = []
     vtk_files.write_mesh(tmp_path / "own.vtu", own, design_digest.as_numbers(design_digest.of_solid(SHAPE)))
     same_parts(mesh_import.read(tmp_path / "own.vtu", SHAPE, warn=said.append), own)

@@ -1,4 +1,4 @@
-"""A small magnet is enlarged as a whole, and the mesh finds back to its true place without folding."""
+"""A small magnet is enlarged, and the map back to the true body restores it without folded cells."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ SMALL = Shape(50, 60, 0.2, 0.2, 0.02)
 LOW = Shape(50, 25.5, 0.4, 0.2, 0.02)
 
 
-def test_large_magnets_stay():
+def test_large_magnets_are_not_enlarged():
     zoom = Zoom.of(Shape(8, 9, 4, 2, 0.1))
     assert (zoom.shape, zoom.centre, zoom.factor) == (Shape(8, 9, 4, 2, 0.1), 5, 1)
     points = np.random.default_rng(0).random((3, 5))
@@ -19,7 +19,7 @@ def test_large_magnets_stay():
 
 
 @pytest.mark.parametrize("shape", [SMALL, LOW])
-def test_the_magnet_comes_back_to_its_size_and_place(shape):
+def test_the_map_restores_the_magnet(shape):
     zoom = Zoom.of(shape)
     assert zoom.factor > 4
     assert zoom.shape.magnet_diameter == pytest.approx(zoom.factor * shape.magnet_diameter)
@@ -31,7 +31,7 @@ def test_the_magnet_comes_back_to_its_size_and_place(shape):
 
 
 @pytest.mark.parametrize("shape", [SMALL, LOW])
-def test_outside_all_stays_and_between_nothing_folds(shape):
+def test_the_outside_does_not_move_and_nothing_folds(shape):
     zoom = Zoom.of(shape)
     side = np.array([[shape.R, 0, 3], [0, 0, 2], [shape.H, shape.L, 0]], dtype=float)
     moved = zoom.back(side)
@@ -52,7 +52,7 @@ def test_similar_shapes_are_enlarged_alike():
     assert other.centre == pytest.approx(0.1 * one.centre)
 
 
-def test_a_magnet_near_the_base_is_enlarged_as_far_as_doubles_cells():
+def test_a_magnet_near_the_base_is_enlarged_until_cells_double():
     """The design of `magtip range` whose magnet of D/100 lies D/15 over the base."""
     zoom = Zoom.of(Shape(50, 28.337, 0.5046, 1.122, 0.006252))
     assert zoom.factor == pytest.approx(zoom.room / zoom.core)

@@ -1,4 +1,4 @@
-"""The mould's parts against closed forms, and its checks against moulds that must fail them."""
+"""Parts of the mould against closed forms, and its checks on wrong moulds, which must fail."""
 
 import pytest
 
@@ -188,7 +188,7 @@ def test_halves_make_up_b_but_for_the_dowels():
     assert min(vertex.Y for vertex in pieces["mold_b1"].vertices()) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_half_that_hooks_the_cast_is_found():
+def test_a_half_with_an_undercut_is_found():
     import build123d as bd
 
     design, mold = Design(), Mold(split=1)
@@ -222,7 +222,7 @@ def test_a_pocket_that_does_not_fit_is_found():
     assert {"distance of the magnet's end from the pocket's", "share of the magnet outside its pocket"} <= set(found)
 
 
-def test_without_a_pin_a_loose_lid_meets_nothing():
+def test_without_a_pin_any_fit_is_allowed():
     bare = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
     assert sizes(Design(D=0.1, L=1.0, **bare), Mold(fit=0.3, vent_diameter=0.01)).fit == 0.3
 

@@ -1,4 +1,4 @@
-"""What solids meet when they part, and how far their faces are apart, where both are known."""
+"""Collisions of parting solids and distances of faces, in cases with known answers."""
 
 import math
 
@@ -23,13 +23,13 @@ def ball(height):
 
 @pytest.fixture
 def steps(monkeypatch):
-    """Counts the intersections that are computed."""
+    """Count the intersections that are computed."""
     asked = []
     monkeypatch.setattr(part_separation, "overlap", lambda one, other: asked.append(1) or cad.overlap(one, other))
     return asked
 
 
-def test_what_the_faces_tell_needs_no_intersection(steps):
+def test_no_intersection_is_computed_if_the_faces_exclude_a_collision(steps):
     plug = cad.turned([(0, -4, 0), (2, -4, 0.5), (2, 1, 0), (0, 1, 0)])
     assert largest_overlap(plug, cup(), 10.0, UP) == 0
     dome = cad.turned([(0, -2, 0), (1.5, -2, 1.5), (1.9, 1, 0), (0, 1, 0)])
@@ -37,7 +37,7 @@ def test_what_the_faces_tell_needs_no_intersection(steps):
     assert steps == []
 
 
-def test_a_ball_under_a_ball_is_met(steps):
+def test_a_ball_collides_with_a_ball_above(steps):
     assert largest_overlap(ball(0), ball(5), 5.0, UP) == pytest.approx(4 / 3 * math.pi, rel=1e-9)
     assert largest_overlap(ball(5), ball(0), 5.0, UP) == 0
     assert len(steps) == len(part_separation.STEPS) + 3
@@ -49,7 +49,7 @@ def test_a_plug_does_not_leave_a_cup_sideways_or_downwards():
     assert largest_overlap(plug, cup(), 4.0, (0.0, 0.0, -1.0)) > 1
 
 
-def test_a_thin_lip_far_ahead_is_met():
+def test_a_thin_lip_far_ahead_is_detected():
     lip = [(3, 0, 0), (1.5, 0, 0), (1.5, -0.1, 0), (2, -0.1, 0), (2, -4, 0), (0, -4, 0)]
     held = cad.turned([(0, -4, 0), (2, -4, 0), (2, -3, 0), (0, -3, 0)])
     ring = math.pi * (2**2 - 1.5**2)
@@ -65,7 +65,7 @@ def test_solids_that_overlap_before_are_intersected(steps):
     assert steps
 
 
-def test_gaps_are_those_of_the_solids():
+def test_gaps_equal_the_distances_of_the_solids():
     body = cad.turned([(0, -3, 0), (1, -3, 1), (1, 0, 0), (0, 0, 0)])
     faces = cup().faces()
     assert least_gap(body, faces, (0.0, 0.0)) == pytest.approx(1, abs=1e-12)
@@ -75,7 +75,7 @@ def test_gaps_are_those_of_the_solids():
     assert least_gap(body, faces, (0.3, 0.0)) == pytest.approx(1, abs=1e-9)
 
 
-def test_a_square_foot_is_as_far_as_it_is():
+def test_the_gap_to_a_square_foot_is_exact():
     import build123d as bd
 
     body = cad.turned([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])

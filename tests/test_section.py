@@ -92,7 +92,7 @@ def test_extremes(name, magnet):
     assert angles(mesh).min() > 14
 
 
-def test_every_boundary_is_exactly_in_its_place():
+def test_every_boundary_lies_on_its_exact_curve():
     mesh = section(PAPER, 0.075)
     assert np.all(nodes_on(mesh, "base")[1] == 0)
     assert np.all(nodes_on(mesh, "axis")[0] == 0)

@@ -1,4 +1,4 @@
-"""The wanted edge length: what is left out for speed changes no bit of it."""
+"""The target edge length of sections: the shortcuts for speed do not change a bit of it."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def random_grading(seed, count=60):
 
 
 def line(seed, count):
-    """Points from one place to another, crowded at both ends."""
+    """Return points on a line, dense at both ends."""
     start, end = np.random.default_rng(seed).random((2, 2)) @ [1, 1j]
     t = np.geomspace(1e-10, 0.5, count // 2)
     return start + (end - start) * np.concatenate([t, 1 - t[::-1]])
@@ -32,7 +32,7 @@ def test_least_and_growth():
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_sources_that_ask_for_more_everywhere_do_not_matter(seed):
+def test_sources_without_effect_are_left_out(seed):
     grading = random_grading(seed)
     reduced = grading.reduced()
     x = np.random.default_rng(seed).uniform(-1, 2, (5000, 2)) @ [1, 1j]
@@ -43,7 +43,7 @@ def test_sources_that_ask_for_more_everywhere_do_not_matter(seed):
 
 @pytest.mark.parametrize("count", [2, BLOCK, 5 * BLOCK + 6])
 @pytest.mark.parametrize("seed", range(10))
-def test_looked_up_along_lines_it_is_the_same(seed, count):
+def test_lengths_along_a_line_equal_those_at_single_points(seed, count):
     grading = random_grading(seed)
     x = np.concatenate([line(100 * seed + k, count) for k in range(5)] + [np.full(count, 9 + 9j)])
     assert len(np.unique(grading(x))) > 1

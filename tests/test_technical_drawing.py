@@ -1,4 +1,4 @@
-"""Drawings: sections are those of the solids, sheets are valid SVG with what they must say inside the frame."""
+"""Drawings: sections match the solids; sheets are valid SVG with all dimensions inside the frame."""
 
 import math
 import re
@@ -19,7 +19,7 @@ NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
 
 
 def area(view):
-    """Of all loops of a view by Green's theorem, arcs included; holes are negative only by their turn."""
+    """Return the area of all loops of a view by Green's theorem, arcs included: the outer loop less the holes."""
     total = 0.0
     for loops, _ in view.paths:
         areas = []

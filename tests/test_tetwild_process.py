@@ -37,7 +37,7 @@ BEAM, PAPER = "8, 6, 0, 0, 0", "8, 9, 4, 2, 0.1"
     ids=["full", "rim", "half"],
 )
 def test_two_processes_make_one_mesh(shape, size, half, magnet, rim):
-    """Python's hashes, addresses, the order of processes: nothing of that is in the mesh."""
+    """Python's hashes, memory addresses and the order of processes do not affect the mesh."""
     ask = ASK.format(shape=shape, size=size, half=half, magnet=magnet, rim=rim)
     done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     with mesh_cache.bypassed():
@@ -46,7 +46,7 @@ def test_two_processes_make_one_mesh(shape, size, half, magnet, rim):
 
 
 def test_another_seed_makes_another_mesh(monkeypatch, tmp_path):
-    """The seed is what decides: the replaced function is called."""
+    """The mesh depends on the seed: the replaced function is called."""
     other = tmp_path / "other.py"
     other.write_text(meshing.CHILD.read_text().replace(f"SEED = {tetwild_process.SEED}", "SEED = 7"))
     with mesh_cache.bypassed():
@@ -60,7 +60,7 @@ def test_a_library_without_the_function_has_no_slot():
     assert tetwild_process.slot(str(PyfTetWildWrapper.__file__), b"no such function") is None
 
 
-def test_a_seed_that_cannot_be_fixed_is_said_once(monkeypatch, tmp_path, caplog):
+def test_a_seed_that_cannot_be_fixed_causes_one_warning(monkeypatch, tmp_path, caplog):
     child = tmp_path / "child.py"
     child.write_text(meshing.CHILD.read_text().replace('"linux"', '"elsewhere"'))
     monkeypatch.setattr(meshing, "CHILD", child)

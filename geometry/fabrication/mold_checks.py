@@ -36,8 +36,8 @@ UP = (0.0, 0.0, 1.0)
 def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Solid] = ()) -> list[Check]:
     """Measure parts A and B of the closed mould, in the mould's frame, and the halves of a split B."""
     s = sizes(design, mold)
-    # the boundary of this block lies within the walls and the floor: it adds to the cavity only where a wall has a
-    # hole
+    # a block that ends inside the walls and the floor: without A and B the cast remains, plus the volume of any hole
+    # in a wall
     outline = slab(s, s.R + s.wall / 2, -s.L - s.floor / 2, 0.0)
     casts = outline.cut(B, A, *_plugs(s, mold)).solids()
     cast = max(casts, key=lambda piece: float(piece.volume))
@@ -109,7 +109,7 @@ def _clearances(design: Design, s: Sizes, mold: Mold, A: Solid, B: Solid) -> lis
         if pin is not None:
             distances += [mouth.distance_to(pin) for mouth in mouths]
             results += _pocket(design, mold, moved(pin, (-x, -y, 0.0)))
-    # material of A within the vents means a closed vent; one cut with all vents is faster than one overlap for each
+    # a vent is closed if A has material in it; one cut with all vents is faster than one overlap for each vent
     closed = float(A.volume) - sum(float(piece.volume) for piece in A.cut(*holes).solids())
     clearance = 0.0 if closed > NOTHING else min(distances)
     results.append(

@@ -1,10 +1,10 @@
 """Separation of solids: collisions when one leaves another along an axis, and distances of faces. Lengths in mm.
 
-A solid moves freely along a direction w if each of its faces whose normal points along w lies beyond, or beside, all
-faces of the other solid whose normals point along -w: such a face can meet only faces that lie ahead of it. Bounding
-boxes of faces decide this in most cases. Where the boxes leave it open, or the solids overlap at the start, the solid
-is moved in steps and intersected with the other one, just behind each position at which two faces may begin to meet,
-and in between.
+Solid M moves along the direction w and solid S stands still. Only a face of M with a normal along w can collide, and
+only with a face of S with a normal along -w that lies ahead of it and not beside it. In most cases the bounding boxes
+of the faces show that no such pair exists, and so that M moves freely. Otherwise, or if the solids overlap at the
+start, M is moved in steps and intersected with S. The steps include positions just behind those where two faces may
+begin to touch.
 
 The distance of two faces of revolution about one axis is the distance of their meridians in the half-plane (r, z).
 """

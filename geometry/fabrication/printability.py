@@ -50,7 +50,10 @@ TURNS = [math.radians(15 * k) for k in range(12)]
 """Directions of the lines along which bridges are measured, rad."""
 
 FLAT = 1e-4
-"""Tolerance of the unit normal of a level facet; also tolerance of heights, as a fraction of the part's height."""
+"""A facet is level if the vertical component of its unit normal differs from 1 by less than this.
+
+The same number is the tolerance of heights, as a fraction of the part's height.
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,8 +167,8 @@ def background(sizes: Sizes, half: bool) -> tuple[Array, Ints, Array]:
         kept = np.ones(corner.shape, dtype=bool)
         kept[tuple(slice(each.start, each.stop - 1) for each in around)] = False
         corner = corner[kept]
-    # Kuhn's subdivision: six tetrahedra in each box, one for each order in which a path from its lowest to its
-    # highest # corner takes the three axes; odd orders have two corners exchanged, so that all volumes are positive
+    # Kuhn's subdivision of each box into six tetrahedra: one for each path along edges from the lowest to the highest
+    # corner; two corners are exchanged for odd permutations of the axes, so that all volumes are positive
     corner, tets = corner.ravel(), [denser]
     for order in permutations(range(3)):
         path = np.concatenate([[0], np.cumsum(strides[list(order)])])

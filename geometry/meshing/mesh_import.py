@@ -306,7 +306,7 @@ def _quadratic(mesh: MeshTet1, source: _Cells) -> MeshTet2:
     straight = MeshTet2.from_mesh(mesh)
     nodes = straight.dofs.element_dofs
     number = np.full(straight.doflocs.shape[1], -1)
-    # cells that share an edge must name the same middle node: the last one written is compared with all
+    # cells that share an edge must share its middle node: `number` keeps the last one, which then differs from others
     number[nodes[4:]] = source.cells[:, 4:].T
     if (number[nodes[4:]] != source.cells[:, 4:].T).any():
         raise BadInput(f"cells of the mesh {source.text} have different nodes on a shared edge: merge equal nodes")

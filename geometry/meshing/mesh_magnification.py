@@ -24,8 +24,11 @@ from geometry.arrays import Array
 from geometry.design import Shape
 
 CORE, MARGIN, ROOM = 0.2, 1.5, 0.9
-"""Least core over room; core over the radius about the pole that the enlarged magnet takes up; and room over the
-distance from the pole to the closest outer surface."""
+"""Ratios of radii about the pole.
+
+CORE is the least ratio of the core to the room. MARGIN is the ratio of the core to the farthest point of the enlarged
+magnet. ROOM is the ratio of the room to the distance of the closest outer surface.
+"""
 LEAST = 1.5
 """Least useful factor: a magnet that would be enlarged by less is meshed at its true size."""
 

@@ -34,9 +34,10 @@ FILLET is a fraction of the fillet's radius (by default). ARC is a fraction of t
 it, parabolas in place of arcs change the volume by less than 1e-5. GAP is a fraction of the layer's thickness.
 """
 TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
-"""Growth of the edge length per distance from the tip and from other features, each with a size in units of D.
+"""Growth of the edge length per unit of distance: from the tip (TIP_GROWTH) and from other features (GROWTH).
 
-Below that size the growth is proportional to the size, so that half the size gives half of every edge length.
+For sizes below FULL_TIP_GROWTH and FULL_GROWTH, in units of D, the growth is reduced in proportion to the size, so
+that half the size gives half of every edge length.
 """
 DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
 """Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,

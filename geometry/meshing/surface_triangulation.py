@@ -133,7 +133,7 @@ def _lid(ring: Ints) -> Ints:
 
 def _strip(low: Ints, high: Ints) -> list[tuple[int, int, int]]:
     """Return the outward triangles between two rings, which may have different numbers of points."""
-    # advance on the ring whose next point is the earlier one, as a fraction of the circle
+    # the next triangle advances on the ring whose next point comes first, both measured as fractions of the circle
     i = j = 0
     faces = []
     while i < len(low) - 1 or j < len(high) - 1:
