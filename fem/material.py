@@ -279,13 +279,13 @@ def ogden(
     e, N = np.linalg.eigh(twice)
     h = np.log1p(np.maximum(e, _LEAST)) / 2
     middle = h.mean(axis=-1, keepdims=True)
-    own = h - middle
+    isochoric = h - middle
     scale = np.asarray(mu, dtype=np.float64)[..., None]
     W, t, s = np.zeros_like(h), np.zeros_like(h), np.zeros_like(h)
     theta = np.zeros((*h.shape, 3))
     d, around = h[..., :, None] - h[..., None, :], h[..., :, None] + h[..., None, :]
     for alpha, share in zip(alphas, shares, strict=True):
-        power = np.expm1(alpha * own)
+        power = np.expm1(alpha * isochoric)
         W += 2 * share / alpha**2 * power
         t += 2 * share / alpha * power
         s += 2 * share * (1 + power)

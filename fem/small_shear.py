@@ -121,13 +121,15 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
         raise BadInput(
             f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    held = glue(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
-    system, plate = held.d.system, held.plate
-    at_press = system.assemble(system.state(held.q), plate)
+    glued = glue(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
+    system, plate = glued.d.system, glued.plate
+    at_press = system.assemble(system.state(glued.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
-    moved = system.assemble(system.state(held.q), shear, tangent=False)
+    moved = system.assemble(system.state(glued.q), shear, tangent=False)
     # the springs are linear: moving the plate with the body fixed changes the residual by the load of a unit shear
-    return _read_small_shear(scene.design, pressed, held, _solve_linear(at_press, at_press.residual - moved.residual))
+    return _read_small_shear(
+        scene.design, pressed, glued, _solve_linear(at_press, at_press.residual - moved.residual)
+    )
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
@@ -147,18 +149,18 @@ def _solve_linear(assembly: Assembly, right: Array) -> Array:
         solver.close()
 
 
-def _read_small_shear(design: Design, pressed: PathState, held: PathState, step: Array) -> SmallShear:
+def _read_small_shear(design: Design, pressed: PathState, glued: PathState, step: Array) -> SmallShear:
     """Return the response from the linear solution `step` per unit of shear, about a press that is glued.
 
     Pose and skin displacements are differentiated by a central difference along `step`.
     """
-    system, skin, plate, D = held.d.system, held.skin, held.plate, design.D
+    system, skin, plate, D = glued.d.system, glued.skin, glued.plate, design.D
     assert plate.tied is not None
     small = 1e-6
-    ahead, behind = system.state(held.q + small * step), system.state(held.q - small * step)
+    ahead, behind = system.state(glued.q + small * step), system.state(glued.q - small * step)
     du = skin.displacement((ahead.u - behind.u) / (2 * small))[..., 0]
     stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
-    (shift2, tilt2), (shift1, tilt1) = (read_pose(held.d, s.u, s.q) for s in (ahead, behind))
+    (shift2, tilt2), (shift1, tilt1) = (read_pose(glued.d, s.u, s.q) for s in (ahead, behind))
     return SmallShear(
         stiffness=stiffness * design.E * D,
         shift=float(shift2[0] - shift1[0]) / (2 * small),

@@ -35,15 +35,15 @@ TOLERANCE = 1e-4
 AROUND = 0.05
 """Search steps around the critical depth of another mesh, over that depth."""
 MOVED = 0.02
-"""Relative change of the radius at which the contact ends above which the mesh is refined again."""
+"""Relative change of the radius at which the contact ends that requires another mesh."""
 KAPPA = 3e5
 """Stiffness number of the plate: ten times that of other sections, because elements are this small where a deep
 contact ends (see `fem.contact.plate_contact`). With a softer plate the press of a wide magnet seemed unstable at
 level fine from 0.33 D on."""
 RIM = 0.25
 """Edge length where the contact ends, over that of a glued area; at most EDGE_SHARE of the contact radius. With
-larger elements the lateral stiffness scatters with the position where the contact ends, and a critical depth by 2
-%."""
+larger elements the lateral stiffness depends on where in an element the contact ends, and a critical depth scatters
+by 2 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +84,8 @@ def critical(
 ) -> Critical:
     """Return the depth at which a press becomes unstable sideways.
 
-    A coarse mesh locates the depth first; a second mesh is refined where the contact ends at that depth. On it the
-    zero of the lateral stiffness is found (see `fem.results.lateral_stiffness`).
+    A coarse mesh gives a first estimate of the depth. A second mesh, refined where the contact ends at that depth,
+    gives the zero of the lateral stiffness (see `fem.results.lateral_stiffness`).
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def critical(
     BadInput
         The depth does not fit the design, or the design has no magnet to be rigid.
     """
-    room = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
-    deepest = DEEPEST * room if deepest is None else deepest
+    silicone = design.L - (design.magnet_height if magnet == "rigid" else 0.0)
+    deepest = DEEPEST * silicone if deepest is None else deepest
     scene = Scene(design, (Load(depth=deepest),), accuracy, magnet)
     state = _find_critical(scene, guided)
     if not estimate or state.depth is None:

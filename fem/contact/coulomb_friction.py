@@ -6,10 +6,10 @@ relative to the plate. Over a load step from the last converged state n,
 
     trial = t_n + et (s - s_n),      t = trial where |trial| <= mu p (stick), else mu p trial / |trial| (slip).
 
-This is an implicit return map: the part of the trial traction outside the cone becomes slip, of length (|trial| - mu
-p) / et. The stiffness et = STICK en is a penalty that allows a small elastic motion while a point sticks. A point
-that first touches within a step is assumed to touch half way along its expected motion, so its spring is relaxed
-there. A point that lifts off loses its traction. The tangent, with n = trial / |trial|, is
+This is an implicit return map: the part of the trial traction outside the cone becomes slip, and the slip has the
+length (|trial| - mu p) / et. The stiffness et = STICK en is a penalty that allows a small elastic motion while a
+point sticks. A point that first touches within a step is assumed to touch half way along its expected motion, so its
+spring is relaxed there. A point that lifts off loses its traction. The tangent, with n = trial / |trial|, is
 
     stick:  dt = et ds,        slip:  dt = mu p et / |trial| (1 - n n^T) ds + mu n dp.
 

@@ -10,8 +10,8 @@ Coulomb friction is in `fem.contact.coulomb_friction`. It has no energy, so the 
 only while every point sticks.
 
 The stiffness is en = kappa E / a, where a = sqrt(R d) is the radius at which the undeformed tip would cut the plate
-at depth d. The overlap in a Hertz contact is then about 0.57 d / kappa, and the force is too small by the share 0.85
-/ kappa at any depth.
+at depth d. In a Hertz contact the overlap is then about 0.57 d / kappa, and at any depth the force is too small by
+the share 0.85 / kappa.
 
 The springs must also be stiff compared with the elements of the skin. An element of edge length h resists with a
 stiffness of about E / h per area. Where en h / E is not large beside p / E (p the pressure), the pressure acts on the

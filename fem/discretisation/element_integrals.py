@@ -20,8 +20,8 @@ def gradient(e: Elements, part: slice, u: Array) -> Array:
     t, f = len(V), V.shape[-1]
     if e.B is not None:
         G = np.zeros((9, m, q))
-        own = u.ravel()[e.places[part], None]
-        G[e.components] = (e.B[part].reshape(m, -1, f * a) @ own).reshape(m, q, -1).transpose(2, 0, 1)
+        nodal = u.ravel()[e.places[part], None]
+        G[e.components] = (e.B[part].reshape(m, -1, f * a) @ nodal).reshape(m, q, -1).transpose(2, 0, 1)
         return G.reshape(3, 3, m, q)
     g = (D.reshape(m, 3 * q, a) @ u[e.cells[part]]).reshape(m * q, 3, f)
     G = np.empty((3, 3, m * q, t))
@@ -97,8 +97,8 @@ def displacement_stiffness(e: Elements, part: slice, A: Array) -> Array:
         s = len(pairs.first)
         H = np.empty((m * q, 3, 3, s))
         for J, L in np.ndindex(3, 3):
-            own = A[pairs.i, J, pairs.k, L].transpose(2, 0, 1, 3).reshape(m * q, -1)
-            np.matmul(own, pairs.products[J, L], out=H[:, J, L])
+            tangents = A[pairs.i, J, pairs.k, L].transpose(2, 0, 1, 3).reshape(m * q, -1)
+            np.matmul(tangents, pairs.products[J, L], out=H[:, J, L])
         np.matmul(np.swapaxes(H.reshape(m, 9 * q, s), 1, 2), D, out=K[:, done : done + s])
         done += s
     return K.reshape(m, -1, a, a)

@@ -88,8 +88,8 @@ def section(
     around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
     fillet : see `geometry.section.section`.
     """
-    held = magnet == "rigid"
-    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if held else "none")
+    rigid = magnet == "rigid"
+    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none")
     e = elements.build(mesh, axisymmetric=True, harmonics=harmonics)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -97,8 +97,8 @@ def section(
     skin = elements.surface(
         mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
-    glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
-    body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if held else None
+    glued = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if rigid else None
     dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
@@ -128,16 +128,16 @@ def solid(
     mesh : mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim are then
         ignored.
     """
-    held = magnet == "rigid"
-    mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if held else "none")
+    rigid = magnet == "rigid"
+    mesh = mesh or _solid_mesh(shape, size, tip_size, rim, half, "hole" if rigid else "none")
     e = elements.build(mesh, axisymmetric=False)
     fixed = np.zeros(e.nodes.shape, dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
     if half:
         fixed[elements.boundary_nodes(mesh, "symmetry"), 1] = True
     skin = elements.surface(mesh, "skin", e, axisymmetric=False, order=4)
-    glued = elements.boundary_nodes(mesh, "magnet") if held else NONE
-    body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if held else None
+    glued = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.solid(e.nodes[glued] - [0, 0, shape.H], 3 if half else 6) if rigid else None
     symmetry = 2.0 if half else 1.0
     dead = distribute_push(skin, fixed.shape, shape.H, push / symmetry) if push else None
     system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)

@@ -54,15 +54,15 @@ def settle_contact(
         return step
     surface = system.surface
     assert surface is not None
-    was = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
-    loose = np.ones(len(was), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
-    hard = (plate.stiffness * surface.weights).ravel()
+    acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
+    loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
+    spring_stiffness = (plate.stiffness * surface.weights).ravel()
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
     points, B, Z = np.empty(0, dtype=np.int64), np.empty((0, len(step))), np.empty((len(step), 0))
-    better, now = step, plain
+    settled, now = step, plain
     for _ in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
-        flips = loose & ((now > 0) != was)
+        flips = loose & ((now > 0) != acting)
         flips[points] = False
         new = np.flatnonzero(flips)
         if not len(new):
@@ -73,15 +73,15 @@ def settle_contact(
         points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
         # only the unknowns of the skin have entries in B: the product is over few columns
         own = B.any(axis=0)
-        force = _exchange(B[:, own] @ Z[own], plain[points], was[points], hard[points])
+        force = _exchange(B[:, own] @ Z[own], plain[points], acting[points], spring_stiffness[points])
         if force is None:
             return step
-        better = step - Z @ force
-        now = plate_contact.overlap(surface, system.state(state.q - better).u, plate).ravel()
-    return better
+        settled = step - Z @ force
+        now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
+    return settled
 
 
-def _exchange(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Array | None:
+def _exchange(G: Array, plain: Array, acting: NDArray[np.bool_], spring_stiffness: Array) -> Array | None:
     """Return the forces e (m,) of the springs that switch, from the compliance G (m, m).
 
     None if the set does not settle, or the body would be unstable without the springs that are removed.
@@ -89,12 +89,12 @@ def _exchange(G: Array, plain: Array, was: NDArray[np.bool_], hard: Array) -> Ar
     Parameters
     ----------
     plain : (m,) overlaps after the plain step.
-    was : (m,) mask of the springs in the factorised tangent.
-    hard : (m,) stiffness of the springs.
+    acting : (m,) mask of the springs in the factorised tangent.
+    spring_stiffness : (m,) stiffness of the springs.
     """
-    pressed, spring = plain > 0, np.where(was, hard, -hard)
+    pressed, spring = plain > 0, np.where(acting, spring_stiffness, -spring_stiffness)
     for _ in range(MOST_EXCHANGES):
-        flips = spring * (pressed != was)
+        flips = spring * (pressed != acting)
         try:
             overlap = np.linalg.solve(np.eye(len(plain)) - G * flips, plain)
         except np.linalg.LinAlgError:

@@ -27,8 +27,8 @@ FRICTION_PRESS, FRICTION_SHEAR, FRICTION_PRESS_SHARE = 0.02, 0.08, 0.2
 """Longest increments over D with Coulomb friction, whose result depends on the path: the error is of second order in
 the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE of its depth."""
 SHORTEST = 1e-3
-"""Increment over D, or over the length of a segment shorter than D, below which the path stops: a state that such a
-small increment cannot reach is a limit of the path, not of the increment."""
+"""Increment over D, or over the length of a segment shorter than D, below which the path stops: if even such a small
+increment fails, the path has reached a limit."""
 PASSED_TOLERANCE, SOLID_PASSED_TOLERANCE = 1e-4, 3e-3
 """Newton tolerances of intermediate states without friction, on sections and in tetrahedra, whose iterations cost
 more. The next increment corrects the remaining residual."""
@@ -38,8 +38,8 @@ GROWTH = 1.5
 """Ratio of an increment to the easy one before. A failed increment is halved, so a factor of 2 would repeat the
 length that failed."""
 SURE = 0.01
-"""Increment over D to which an increment is shortened before its result is accepted, if it is the first to find an
-unstable direction or crushed silicone. A long increment may land on an unstable branch beside the stable one."""
+"""Longest increment over D whose result is accepted if it is the first with an unstable direction or crushed
+silicone. Longer ones are halved: they may land on an unstable branch beside the stable one."""
 CRUSHED = 0.25
 """Volume ratio J below which silicone is crushed. A coarse mesh has spurious equilibria, of higher energy, with one
 element folded flat (J of 0.1 to 0.2 at its points), on which a long increment may land. At the edges of a glued area
@@ -151,7 +151,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
 
 
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
-    """Return the state at a position (3,) from a converged answer for the plate there."""
+    """Return the path's state at a position (3,), from the converged equilibrium with the plate there."""
     friction, dissipated = state.friction, state.dissipated
     if friction is not None:
         friction, lost = plate_contact.advance_friction(state.skin, answer.state.u, plate)
