@@ -1,4 +1,4 @@
-"""The main job: the paper's sensor from CAD to the comparison of formulas and finite elements, in one folder."""
+"""The demonstration: the paper's sensor from CAD to the comparison of formulas and finite elements, in a folder."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_findings, design_summary
 from studies.simulation.compare import Comparison, Outcome, part
+from studies.simulation.design_summary import MeshReport
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "matplotlib")
-"""What draws and makes solids, beside what finite elements need."""
+"""Packages whose versions the report names, besides those of the finite elements: solids, meshes, tables, plots."""
 
 FILES = {
     "cad/": "beam, silicone, magnet, base and the mould's parts A and B, drawings, and the recipe (README.md); mm",
@@ -63,17 +64,18 @@ def run(
     command: str = "",
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Do the whole job on the paper's sensor and write everything into an existing folder.
+    """Make, mesh and solve the paper's sensor, compare it with the formulas, and write all files into a folder.
 
     Parameters
     ----------
+    folder : an existing folder.
     accuracy, depths, shears : as in `compare.run`.
-    command : that this is run by.
-    progress : called with the fraction done and what is being done.
+    command : command line that the report repeats.
+    progress : called with the fraction of the work that is done and the name of the current step.
 
     Returns
     -------
-    "status", "message" (of the first thing that failed), "summary" of the comparison, "parts", "checks" and "mesh".
+    "status" and "message" of the first step that failed, "summary" of the comparison, "parts", "checks" and "mesh".
     """
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
     cad = sensor_parts.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
@@ -86,7 +88,7 @@ def run(
         _write_last(folder, name, design, states)
     atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin))
     show(1.0, "done")
-    outcomes = [(cad.status, cad.message), (mesh["status"], mesh["message"])]
+    outcomes = [(cad.status, cad.message), (mesh.status, mesh.message)]
     outcomes += [(row.status, row.message) for row in comparison.press]
     outcomes += [(row.status, row.message) for row in comparison.shear]
     status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), ("ok", ""))
@@ -96,20 +98,21 @@ def run(
         "summary": comparison.summary,
         "parts": cad.row()["parts"],
         "checks": cad.row()["checks"],
-        "mesh": mesh,
+        "mesh": mesh.row(),
     }
 
 
 def _silent(fraction: float, text: str) -> None:
-    """No progress."""
+    """Ignore the progress."""
 
 
 def _part(show: Progress, low: float, high: float, name: str) -> Progress:
+    """Return the progress of a step that takes the whole from `low` to `high`."""
     return part(show, low, high, name) or _silent
 
 
 def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcome]) -> None:
-    """The last state that was reached, as .vtu and as a picture."""
+    """Write the last converged state as a .vtu file and as a picture of its section."""
     from studies.output.solution_pictures import section_picture
 
     reached: list[Solution] = [state.solution for state in states if state.solution is not None]
@@ -121,10 +124,8 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 # REPORT.md
 
 
-def document(
-    design: Design, comparison: Comparison, cad: FabricationRow, mesh: Mapping[str, Any], origin: str
-) -> str:
-    """The text of REPORT.md: findings in sentences, small tables, what is assumed, what was made and with what."""
+def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: MeshReport, origin: str) -> str:
+    """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
     summary = comparison.summary
     press = [row.row() for row in comparison.press if row.status == "ok"]
     shear = [row.row() for row in comparison.shear if row.status == "ok"]
@@ -147,7 +148,7 @@ def document(
         _assumed(design),
         _bullets(MODELLING),
         "## Parts, mould and mesh",
-        _bullets(_made(cad, mesh)),
+        _bullets(_part_lines(cad, mesh)),
         "## Files",
         _bullets([f"`{name}`: {text}" for name, text in FILES.items()]),
         "## How it was made",
@@ -156,6 +157,7 @@ def document(
     return "\n\n".join(block for block in blocks if block) + "\n"
 
 
+# full names of columns are too long for a report; column and format behind each heading
 _PRESS_COLUMNS = {
     "depth (mm)": ("depth_mm", ".2f"),
     "F, FEM with magnet (N)": ("fem_force_N", ".2f"),
@@ -184,6 +186,7 @@ def _bullets(lines: Sequence[str]) -> str:
 
 
 def _table(rows: Sequence[FlatRow], columns: Mapping[str, tuple[str, str]]) -> str:
+    """Return a Markdown table; `columns` maps each heading to the row's column and the number format."""
     if not rows:
         return ""
     lines = [list(columns), ["---:"] * len(columns)]
@@ -194,7 +197,7 @@ def _table(rows: Sequence[FlatRow], columns: Mapping[str, tuple[str, str]]) -> s
 
 
 def _number(value: float, form: str) -> str:
-    """The number as text, nothing for NaN, and no sign on a zero.
+    """Format a number: "" for NaN, and no sign for a zero.
 
     >>> _number(-0.001, "+.1f")
     '0.0'
@@ -204,6 +207,7 @@ def _number(value: float, form: str) -> str:
 
 
 def _assumed(design: Design) -> str:
+    """Return a table of the values that the paper does not give."""
     lines = ["| value | assumed | meaning |", "|---|---:|---|"]
     for spec in dataclasses.fields(design):
         if design_summary.origin(spec.name, design) == "assumed" and spec.name not in design.unused_fields():
@@ -213,8 +217,8 @@ def _assumed(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _made(cad: FabricationRow, mesh: Mapping[str, Any]) -> list[str]:
-    """What became of parts, mould and mesh."""
+def _part_lines(cad: FabricationRow, mesh: MeshReport) -> list[str]:
+    """Return sentences on the parts, the mould and base, and the mesh."""
     parts, checks = cad.parts, cad.checks
     passed = sum(check.passed for check in checks)
     lines = [f"Mould and base: {passed} of {len(checks)} checks passed."]
@@ -225,11 +229,12 @@ def _made(cad: FabricationRow, mesh: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"{len(parts)} parts, all watertight; their triangles miss the exact volumes by {worst:.1g} at most."
         )
-    if mesh["status"] != "ok":
-        return [*lines, f"Mesh: {mesh['message']}"]
-    error = max(abs(value) for name, value in mesh.items() if name.endswith("_volume_error"))
+    if mesh.written is None:
+        return [*lines, f"Mesh: {mesh.message}"]
+    quality = mesh.written.quality
+    error = max(map(abs, quality.volume_errors.values()))
     lines.append(
-        f"Mesh: {mesh['cells']} tetrahedra of second order; volumes right to {error:.1g}; "
-        f"least radius ratio {mesh['least_shape']:.2f}, mean {mesh['mean_shape']:.2f} (1 is best)."
+        f"Mesh: {quality.cells} tetrahedra of second order; volumes right to {error:.1g}; "
+        f"least radius ratio {quality.least_shape:.2f}, mean {quality.mean_shape:.2f} (1 is best)."
     )
     return lines

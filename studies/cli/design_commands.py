@@ -105,7 +105,7 @@ def mesh(
     given = design_of(source, sets)
     atomic_files.check_apart([out], [source])
     with console.progress(as_json=as_json) as progress:
-        record = design_summary.build_mesh(given, out, size, progress, half=half)
+        record = design_summary.build_mesh(given, out, size, progress, half=half).row()
     console.report([record], as_json=as_json, title="Mesh")
     return judged([record])
 

@@ -1,24 +1,26 @@
-"""A design in numbers and as a mesh: the records of `magtip design` and `mesh`."""
+"""Values that follow from a design, and its mesh: the records of `magtip design` and `magtip mesh`."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, console, records, vtk_files
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
     from geometry.base import Plan
+    from geometry.meshing.mesh_quality import Quality
 
 
 def origin(name: str, design: Design) -> str:
-    """Where a field's value comes from: "paper", "assumed" (the paper leaves it open) or "changed"."""
+    """Return where a field's value comes from: "paper", "assumed" (the paper leaves it open) or "changed"."""
     spec = next(spec for spec in dataclasses.fields(Design) if spec.name == name)
     if getattr(design, name) != getattr(paper(), name):
         return "changed"
@@ -26,26 +28,129 @@ def origin(name: str, design: Design) -> str:
 
 
 def shown(value: float | str) -> str:
-    """A field's value as a table shows it."""
+    """Format a field's value for a table."""
     return value if isinstance(value, str) else f"{value:g}"
 
 
-def design_record(design: Design) -> dict[str, Any]:
-    """Every field, what follows from them, the names of the assumed ones, and warnings."""
-    fields = dataclasses.asdict(design)
-    derived, failed = derived_values(design)
+@dataclass(frozen=True, slots=True)
+class OuterSize:
+    """Outer sizes (x, y, z), mm, of the beam alone and of the sensor on its base; None if the base cannot be planned.
+
+    Attributes
+    ----------
+    leads_below_base_mm : length of the Hall elements' leads below the base.
+    """
+
+    beam_size_mm: tuple[float, float, float]
+    assembled_size_mm: tuple[float, float, float] | None
+    leads_below_base_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedValues:
+    """Values that follow from a design.
+
+    Attributes
+    ----------
+    H_mm : height of the magnet's centre above the base plane.
+    wall_mm : thickness of the silicone beside the magnet; None without a magnet.
+    S1_mm, S2_mm, S3_mm : positions of the Hall elements.
+    rest_readings_T, rest_readings_V, rest_saturated : one value for each element without a load; None if the field
+        at an element is unknown, and no volts for a chip.
+    """
+
+    H_mm: float
+    tip_radius_mm: float
+    wall_mm: float | None
+    beam_volume_mm3: float
+    magnet_volume_mm3: float
+    silicone_volume_mm3: float
+    outer_size: OuterSize = field(metadata={"prefix": ""})
+    S1_mm: list[float]
+    S2_mm: list[float]
+    S3_mm: list[float]
+    rest_readings_T: list[float] | None
+    rest_readings_V: list[float] | None
+    rest_saturated: list[bool] | None
+
+
+def _derived_columns(derived: DerivedValues) -> FlatRow:
+    return {"derived": records.flat(derived)}
+
+
+@dataclass(frozen=True, slots=True)
+class DesignReport:
+    """A design with its derived values.
+
+    Attributes
+    ----------
+    assumed : names of the fields that the paper leaves open.
+    """
+
+    design: Design = field(metadata={"columns": dataclasses.asdict})
+    derived: DerivedValues = field(metadata={"columns": _derived_columns})
+    assumed: list[str]
+    warnings: list[str]
+
+    def row(self) -> FlatRow:
+        """Return the row for JSON: all fields of the design, and the derived values as an object."""
+        return records.flat(self)
+
+
+def _quality_columns(quality: Quality) -> FlatRow:
+    """Return the quality of a mesh in mm under the names of the command line."""
     return {
-        **fields,
-        "derived": derived,
-        "assumed": [
-            name for name in fields if origin(name, design) == "assumed" and name not in design.unused_fields()
-        ],
-        "warnings": [*design.warnings(), *failed],
+        "cells": quality.cells,
+        "nodes": quality.nodes,
+        **{f"{name}_volume_mm3": value for name, value in quality.volumes.items()},
+        **{f"{name}_volume_error": value for name, value in quality.volume_errors.items()},
+        "base_error": quality.base_error,
+        "gap_mm": quality.gap,
+        "least_shape": quality.least_shape,
+        "mean_shape": quality.mean_shape,
+        "least_jacobian": quality.least_jacobian,
     }
 
 
-def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
-    """Heights, volumes, outer size, places and readings at rest of the Hall elements; and why one is missing."""
+@dataclass(frozen=True, slots=True)
+class WrittenMesh:
+    """Time to make a mesh, s, and its quality."""
+
+    seconds: float
+    quality: Quality = field(metadata={"columns": _quality_columns})
+
+
+@dataclass(frozen=True, slots=True)
+class MeshReport:
+    """Report of a mesh.
+
+    Attributes
+    ----------
+    size_mm : edge length away from small features.
+    written : None if the mesher failed; the row then ends with the size.
+    """
+
+    status: str
+    message: str
+    file: str | None
+    size_mm: float
+    written: WrittenMesh | None = field(metadata={"prefix": ""})
+
+    def row(self) -> FlatRow:
+        """Return the flat row for JSON and for the terminal."""
+        return records.flat(self)
+
+
+def report_of(design: Design) -> DesignReport:
+    """Return a design with its derived values, the names of the assumed fields, and warnings."""
+    derived, failures = derived_values(design)
+    names = [each.name for each in dataclasses.fields(Design)]
+    assumed = [name for name in names if origin(name, design) == "assumed" and name not in design.unused_fields()]
+    return DesignReport(design, derived, assumed, [*design.warnings(), *failures])
+
+
+def derived_values(design: Design) -> tuple[DerivedValues, list[str]]:
+    """Return the derived values, and a sentence for each that is unknown or whose element is saturated."""
     from analytic import hall
     from analytic.parts import of_design
     from geometry.base import Base, plan
@@ -53,46 +158,40 @@ def derived_values(design: Design) -> tuple[dict[str, Any], list[str]]:
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)
-    places = dict(zip(("S1_mm", "S2_mm", "S3_mm"), positions.tolist(), strict=True))
-    at_rest: dict[str, Any] = {"rest_readings_T": None, "rest_readings_V": None, "rest_saturated": None}
-    failed: list[str] = []
-    built = None
+    first, second, third = positions.tolist()
+    failures: list[str] = []
+    base_plan = rest = None
+    # a design can have a field at the elements but no base that carries them, and the reverse
     try:
-        built = plan(design, Base())
+        base_plan = plan(design, Base())
     except BadInput as error:
-        failed.append(f"the size of the assembled sensor is unknown: {error}")
+        failures.append(f"the size of the assembled sensor is unknown: {error}")
     try:
-        seen = hall.readings(design)
-        volts = list(seen.V) if set(seen.units) == {"V"} else None
-        at_rest = dict(zip(at_rest, (list(seen.B_T), volts, list(seen.saturated)), strict=True))
+        rest = hall.readings(design)
         names = [element.name for element in of_design(design)]
-        failed += [f"{name} is saturated at rest" for name, full in zip(names, seen.saturated, strict=True) if full]
+        failures += [f"{name} is saturated at rest" for name, full in zip(names, rest.saturated, strict=True) if full]
     except BadInput as error:
-        failed.append(f"the readings at rest are unknown: {error}")
-    return {
-        "H_mm": design.H,
-        "tip_radius_mm": design.R,
-        "wall_mm": design.shape.wall,
-        "beam_volume_mm3": body,
-        "magnet_volume_mm3": magnet,
-        "silicone_volume_mm3": body - magnet,
-        **records.flat(outer_size(design, built)),
-        **places,
-        **at_rest,
-    }, failed
-
-
-@dataclass(frozen=True, slots=True)
-class OuterSize:
-    """Outer size of the beam, and with base and Hall elements, (x, y, z) in mm; None without a plan of the base."""
-
-    beam_size_mm: tuple[float, float, float]
-    assembled_size_mm: tuple[float, float, float] | None
-    leads_below_base_mm: float | None
+        failures.append(f"the readings at rest are unknown: {error}")
+    derived = DerivedValues(
+        H_mm=design.H,
+        tip_radius_mm=design.R,
+        wall_mm=design.shape.wall,
+        beam_volume_mm3=body,
+        magnet_volume_mm3=magnet,
+        silicone_volume_mm3=body - magnet,
+        outer_size=outer_size(design, base_plan),
+        S1_mm=first,
+        S2_mm=second,
+        S3_mm=third,
+        rest_readings_T=None if rest is None else list(rest.B_T),
+        rest_readings_V=list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
+        rest_saturated=None if rest is None else list(rest.saturated),
+    )
+    return derived, failures
 
 
 def outer_size(design: Design, plan: Plan | None) -> OuterSize:
-    """Outer size of a sensor on a base."""
+    """Return the outer sizes of a sensor; `plan` is that of its base, or None if there is none."""
     from geometry import base
 
     size, leads = base.outer_size(design, plan) if plan else (None, None)
@@ -101,9 +200,9 @@ def outer_size(design: Design, plan: Plan | None) -> OuterSize:
 
 def show(design: Design, *, as_json: bool) -> None:
     """Print a design."""
-    record = design_record(design)
+    report = report_of(design)
     if as_json:
-        console.report([record], as_json=True)
+        console.report([report.row()], as_json=True)
         return
     rows = []
     for spec in dataclasses.fields(Design):
@@ -111,49 +210,36 @@ def show(design: Design, *, as_json: bool) -> None:
         value = shown(getattr(design, spec.name))
         rows.append([spec.name, value, unit, origin(spec.name, design), spec.metadata["text"]])
     console.table("Design", ["field", "value", "unit", "source", "meaning"], rows)
-    console.report([record["derived"]], as_json=False, title="Derived")
-    for warning in record["warnings"]:
+    console.report([records.flat(report.derived)], as_json=False, title="Derived")
+    for warning in report.warnings:
         console.note(f"{WARNING}{warning}")
 
 
 def build_mesh(
     design: Design, out: Path, size: float | None, progress: Progress, *, half: bool = False
-) -> dict[str, Any]:
-    """Mesh the sensor, or the half of it at y >= 0, write the mesh, and measure it."""
+) -> MeshReport:
+    """Mesh the sensor, or its half at y >= 0, write the mesh to a .vtu file and measure its quality.
+
+    Parameters
+    ----------
+    size : edge length away from small features, mm; default: D/8.
+    """
     file = atomic_files.check_output_file(out, ".vtu")
     length = design.D / 8 if size is None else size
     if not 0.02 * design.D <= length <= design.D:
         raise BadInput(f"size must lie between D/50 = {0.02 * design.D:g} and D = {design.D:g} mm; got {length:g} mm")
     from geometry.mesh import tetrahedra
+    from geometry.meshing.mesh_quality import quality
 
     with atomic_files.sole_writer(file):
         progress(0.0, "tetrahedra")
         begin = time.perf_counter()
         try:
-            made = tetrahedra(
+            mesh = tetrahedra(
                 design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none"
             )
         except RuntimeError as error:
-            return {"status": "failed", "message": str(error), "file": None, "size_mm": length}
+            return MeshReport("failed", str(error), None, length, None)
         seconds = time.perf_counter() - begin
-        vtk_files.write_mesh(file, made, design_digest.as_numbers(design_digest.of_solid(design.shape)))
-    record = {"status": "ok", "message": "", "file": str(file), "size_mm": length, "seconds": seconds}
-    return record | mesh_quality(made, design)
-
-
-def mesh_quality(mesh: Any, design: Design) -> dict[str, Any]:
-    """What a mesh of the design in mm is worth, under the names of the command line."""
-    from geometry.meshing.mesh_quality import quality
-
-    found = quality(mesh, design.shape)
-    return {
-        "cells": found.cells,
-        "nodes": found.nodes,
-        **{f"{name}_volume_mm3": value for name, value in found.volumes.items()},
-        **{f"{name}_volume_error": value for name, value in found.volume_errors.items()},
-        "base_error": found.base_error,
-        "gap_mm": found.gap,
-        "least_shape": found.least_shape,
-        "mean_shape": found.mean_shape,
-        "least_jacobian": found.least_jacobian,
-    }
+        vtk_files.write_mesh(file, mesh, design_digest.as_numbers(design_digest.of_solid(design.shape)))
+    return MeshReport("ok", "", str(file), length, WrittenMesh(seconds, quality(mesh, design.shape)))
