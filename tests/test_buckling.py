@@ -8,6 +8,7 @@ from analytic import buckling
 from geometry.design import Design, paper
 from studies.cli import entry_point
 from studies.simulation import critical_depth_map
+from studies.simulation.critical_depth_map import ColumnLoad, CriticalPoint, SlendernessRow
 
 
 @pytest.mark.parametrize("end", [buckling.FREE, buckling.GUIDED])
@@ -35,14 +36,13 @@ def test_depth_is_hertz_for_a_small_force():
     assert 4 / 3 * E_star * beam.R**0.5 * d**1.5 == pytest.approx(1e-9, rel=1e-2)
 
 
-def row(ratio, found, guided=None):
-    loads = {f"{name}_N": 1.0 for name in ("euler", "engesser", "haringx")}
-    depths = {f"{name}_depth_mm": 1.0 for name in ("euler", "engesser", "haringx")}
-    head = {"L_over_D": ratio, "L_mm": 8 * ratio, "magnet": "ignored", "status": "ok", "message": ""}
-    free = {"critical_depth_mm": found, "critical_force_N": found, "stable_to_mm": found or 4.0}
-    held = {"guided_critical_depth_mm": guided, "guided_critical_force_N": guided, "guided_stable_to_mm": 4.0}
-    errors = {f"critical_{what}_error_estimate": found and 0.01 for what in ("depth", "force")}
-    return head | free | held | loads | depths | errors
+def row(ratio, critical, guided=None):
+    error = critical and 0.01
+    load = ColumnLoad(1.0, 1.0)
+    free = CriticalPoint(critical, critical, critical or 4.0, error, error)
+    return SlendernessRow(
+        ratio, 8 * ratio, "ignored", "ok", free, CriticalPoint(guided, guided, 4.0), load, load, load
+    )
 
 
 def test_report_says_where_a_formula_holds(tmp_path):

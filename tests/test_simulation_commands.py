@@ -81,16 +81,15 @@ def test_what_was_not_found_is_not_in_the_legend(tmp_path, monkeypatch):
 
     from geometry.design import paper
     from studies.simulation import critical_depth_map
+    from studies.simulation.critical_depth_map import ColumnLoad, CriticalPoint, SlendernessRow
 
     shown = []
     real = Figure.legend
     monkeypatch.setattr(Figure, "legend", lambda self, *a, **k: shown.append(real(self, *a, **k)))
-    names = ("euler", "engesser", "haringx")
-    row = {"status": "ok", "L_over_D": 2.0, "L_mm": 16.0, "critical_depth_mm": 2.0, "critical_force_N": 3.0}
-    row |= {"guided_critical_depth_mm": None, "guided_critical_force_N": None}
-    row |= {f"{name}_{key}": 1.0 for name in names for key in ("N", "depth_mm")}
+    load = ColumnLoad(1.0, 1.0)
+    row = SlendernessRow(2.0, 16.0, "rigid", "ok", CriticalPoint(2.0, 3.0), CriticalPoint(), load, load, load)
     critical_depth_map.picture(tmp_path / "some.png", paper(), [row])
-    critical_depth_map.picture(tmp_path / "none.png", paper(), [{"status": "refused"}])
+    critical_depth_map.picture(tmp_path / "none.png", paper(), [SlendernessRow(2.0, 16.0, "rigid", "refused")])
     (labels,) = [[text.get_text() for text in legend.get_texts()] for legend in shown]
     assert "FEM, free tip" in labels
     assert "FEM, guided tip" not in labels

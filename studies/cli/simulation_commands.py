@@ -172,9 +172,10 @@ def _stability_map(
 
     atomic_files.check_apart(atomic_files.inside(out, work.FILES), [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = list(work.run(given, magnet, accuracy, ratios, progress))
+        solved = list(work.run(given, magnet, accuracy, ratios, progress))
         if folder is not None:
-            work.write(folder, given, rows, versions(), asked)
+            work.write(folder, given, solved, versions(), asked)
+    rows = [each.row() for each in solved]
     console.report(
         rows,
         as_json=as_json,

@@ -1,21 +1,26 @@
-"""The critical depth of a press over the slenderness L/D, beside Euler's, Engesser's and Haringx's column.
+"""The critical depth of a press over the slenderness L/D, compared with Euler's, Engesser's and Haringx's column.
 
-ABOUT, which the report prints, says how.
+`ABOUT` is the explanation that STABILITY.md prints.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.output import records
 from studies.output.provenance import made
+from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    from fem.stability import Critical
 
 ABOUT = """\
 Each length is solved with a free tip (it slides on a frictionless plate) and with a guided tip (its contact area
@@ -24,115 +29,165 @@ has a row that says so. Depths and forces are given in mm and N, and made dimens
 The depth of a formula is that of Hertz's contact in series with a uniform column under the formula's load.
 """
 
-Row = dict[str, Any]
 
-FIGURES = (
-    *("critical_depth_mm", "critical_force_N", "stable_to_mm"),
-    *("critical_depth_error_estimate", "critical_force_error_estimate"),
-    *("guided_critical_depth_mm", "guided_critical_force_N", "guided_stable_to_mm"),
-    *("guided_critical_depth_error_estimate", "guided_critical_force_error_estimate"),
-    *("euler_N", "euler_depth_mm", "engesser_N", "engesser_depth_mm", "haringx_N", "haringx_depth_mm"),
-)
+@dataclass(frozen=True, slots=True)
+class CriticalPoint:
+    """Critical depth and force of one tip; both None if the press is stable down to `stable_to_mm`."""
+
+    critical_depth_mm: float | None = None
+    critical_force_N: float | None = None
+    stable_to_mm: float | None = None
+    critical_depth_error_estimate: float | None = None
+    critical_force_error_estimate: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnLoad:
+    """Buckling load of a column by a formula, and the depth of a press with this force."""
+
+    force_N: float | None = field(default=None, metadata={"column": "N"})
+    depth_mm: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SlendernessRow:
+    """Critical points and column loads at one L/D; without them if the design of this length is refused.
+
+    Attributes
+    ----------
+    status : "ok" or "refused".
+    """
+
+    L_over_D: float
+    L_mm: float
+    magnet: Magnet
+    status: str
+    free: CriticalPoint = field(default=CriticalPoint(), metadata={"prefix": ""})
+    guided: CriticalPoint = field(default=CriticalPoint(), metadata={"prefix": "guided_"})
+    euler: ColumnLoad = field(default=ColumnLoad(), metadata={"prefix": "euler_"})
+    engesser: ColumnLoad = field(default=ColumnLoad(), metadata={"prefix": "engesser_"})
+    haringx: ColumnLoad = field(default=ColumnLoad(), metadata={"prefix": "haringx_"})
+    message: str = ""
+
+    def row(self) -> FlatRow:
+        """Return the flat row for tables, CSV files and JSON."""
+        return records.flat(self)
+
+    @property
+    def formulas(self) -> dict[str, ColumnLoad]:
+        """Column loads by the name of their formula."""
+        return {"euler": self.euler, "engesser": self.engesser, "haringx": self.haringx}
+
 
 NEAR = 0.1
+"""Relative difference up to which the report calls a formula close to the finite elements."""
 
 FILES = ("stability.csv", "stability.png", "STABILITY.md")
-"""What is written into a folder."""
+"""Files that `write` writes into a folder."""
 
 
 def run(
     design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress
-) -> Iterator[Row]:
-    """One row for each L/D, as soon as it is there."""
+) -> Iterator[SlendernessRow]:
+    """Yield the row of each L/D as soon as it is solved."""
     if magnet == "ignored":
         design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
     for i, ratio in enumerate(slenderness):
         progress(i / len(slenderness), f"L/D = {ratio:g}")
-        head: Row = {"L_over_D": ratio, "L_mm": ratio * design.D, "magnet": magnet}
+        length = ratio * design.D
         try:
-            beam = replace(design, L=ratio * design.D, l0=ratio * design.D)
-            yield head | _row(beam, magnet, accuracy)
+            yield _solve(replace(design, L=length, l0=length), magnet, accuracy, ratio)
         except BadInput as error:
-            yield head | {"status": "refused"} | dict.fromkeys(FIGURES) | {"message": str(error)}
+            yield SlendernessRow(ratio, length, magnet, "refused", message=str(error))
 
 
-def _row(beam: Design, magnet: Magnet, accuracy: str) -> Row:
+def _solve(beam: Design, magnet: Magnet, accuracy: str, ratio: float) -> SlendernessRow:
     from fem import stability
     from fem.accuracy import LEVELS
 
-    found: Row = {"status": "ok"}
-    said = []
-    for name, guided in (("", False), ("guided_", True)):
-        critical = stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy])
-        found |= {
-            f"{name}critical_depth_mm": critical.depth,
-            f"{name}critical_force_N": critical.force,
-            f"{name}stable_to_mm": critical.stable_to,
-            f"{name}critical_depth_error_estimate": critical.estimates.depth,
-            f"{name}critical_force_error_estimate": critical.estimates.force,
-        }
-        said.append(critical.message)
-    formulas: dict[str, Callable[[Design], float]] = {
-        "euler": buckling.euler,
-        "engesser": buckling.engesser,
-        "haringx": buckling.haringx,
-    }
-    for name, load in formulas.items():
-        found |= {f"{name}_N": load(beam), f"{name}_depth_mm": buckling.depth(beam, load(beam))}
-    return found | {"message": "; ".join(dict.fromkeys(text for text in said if text))}
+    free, guided = (
+        stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
+    )
+    loads = [formula(beam) for formula in (buckling.euler, buckling.engesser, buckling.haringx)]
+    # both searches may end for the same reason, which is then named once
+    messages = dict.fromkeys(text for text in (free.message, guided.message) if text)
+    return SlendernessRow(
+        ratio,
+        beam.L,
+        magnet,
+        "ok",
+        _critical_point(free),
+        _critical_point(guided),
+        *(ColumnLoad(load, buckling.depth(beam, load)) for load in loads),
+        message="; ".join(messages),
+    )
 
 
-def write(folder: Path, design: Design, rows: Sequence[Row], origin: str, command: str) -> None:
-    """stability.csv, stability.png and STABILITY.md."""
+def _critical_point(critical: Critical) -> CriticalPoint:
+    return CriticalPoint(
+        critical.depth,
+        critical.force,
+        critical.stable_to,
+        critical.estimates.depth,
+        critical.estimates.force,
+    )
+
+
+def write(folder: Path, design: Design, rows: Sequence[SlendernessRow], origin: str, command: str) -> None:
+    """Write stability.csv, stability.png and STABILITY.md into an existing folder."""
     from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
-    write_table(folder / "stability.csv", rows)
+    write_table(folder / "stability.csv", [row.row() for row in rows])
     picture(folder / "stability.png", design, rows)
     lines = ["# Sideways stability of a press over slenderness", "", *ABOUT.splitlines(), ""]
     lines += ["![Critical depth and force over L/D](stability.png)", "", *_table(rows), "", *_sentences(rows), ""]
     write_text(folder / "STABILITY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
 
-def _table(rows: Sequence[Row]) -> list[str]:
+def _table(rows: Sequence[SlendernessRow]) -> list[str]:
     names = (
         *("critical_depth_mm", "critical_force_N", "guided_critical_depth_mm", "guided_critical_force_N"),
         *("euler_N", "engesser_N", "haringx_N", "haringx_depth_mm", "stable_to_mm"),
     )
     lines = [f"| L/D | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
-    for row in rows:
-        cells = [_cell(row, name) for name in names]
-        lines.append(f"| {row['L_over_D']:g} | {' | '.join(cells)} |")
+    for each in rows:
+        row = each.row()
+        lines.append(f"| {each.L_over_D:g} | {' | '.join(_cell(row, name) for name in names)} |")
     return lines
 
 
-def _cell(row: Row, name: str) -> str:
-    """A number with its estimated error, if it has one."""
-    if row.get(name) is None:
+def _cell(row: FlatRow, name: str) -> str:
+    """Format a value, with its estimated error where there is one."""
+    if row[name] is None:
         return ""
     error = row.get(f"{name.rpartition('_')[0]}_error_estimate")
     return f"{row[name]:.4g}" + ("" if error is None else f" ± {abs(row[name]) * error:.2g}")
 
 
-def _sentences(rows: Sequence[Row]) -> list[str]:
-    """Where a formula can be trusted, and what was not found."""
-    good = [row for row in rows if row.get("critical_force_N") is not None]
-    said = []
+def _sentences(rows: Sequence[SlendernessRow]) -> list[str]:
+    """Return where each formula is close to the finite elements, and where no instability was found."""
+    sentences = []
     for name in ("euler", "engesser", "haringx"):
-        for what, key in (("load", f"{name}_N"), ("depth", f"{name}_depth_mm")):
-            found = "critical_force_N" if what == "load" else "critical_depth_mm"
-            close = [row["L_over_D"] for row in good if abs(row[key] / row[found] - 1) <= NEAR]
+        loads = [(row.L_over_D, row.formulas[name].force_N, row.free.critical_force_N) for row in rows]
+        depths = [(row.L_over_D, row.formulas[name].depth_mm, row.free.critical_depth_mm) for row in rows]
+        for quantity, values in (("load", loads), ("depth", depths)):
+            close = [ratio for ratio, formula, fem in values if _close(formula, fem)]
             where = "L/D = " + ", ".join(f"{ratio:g}" for ratio in close) if close else "none of these L/D"
-            said.append(f"- {name.capitalize()}'s {what} of a free tip is within {NEAR:.0%} at {where}.")
-    stable = [row["L_over_D"] for row in rows if row.get("status") == "ok" and row["critical_depth_mm"] is None]
+            sentences.append(f"- {name.capitalize()}'s {quantity} of a free tip is within {NEAR:.0%} at {where}.")
+    stable = [row.L_over_D for row in rows if row.status == "ok" and row.free.critical_depth_mm is None]
     if stable:
         where = ", ".join(f"{ratio:g}" for ratio in stable)
-        said.append(f"- No instability of a free tip down to `stable_to_mm` at L/D = {where}.")
-    return said + [f"- L/D = {row['L_over_D']:g}: {row['message']}." for row in rows if row["message"]]
+        sentences.append(f"- No instability of a free tip down to `stable_to_mm` at L/D = {where}.")
+    return sentences + [f"- L/D = {row.L_over_D:g}: {row.message}." for row in rows if row.message]
 
 
-def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
-    """Critical depth over the length, and critical force over E D^2, against L/D."""
+def _close(formula: float | None, fem: float | None) -> bool:
+    return formula is not None and fem is not None and abs(formula / fem - 1) <= NEAR
+
+
+def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
+    """Plot critical depth over L, and critical force over E D^2, against L/D."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -140,8 +195,9 @@ def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
     from studies.output.atomic_files import atomic
     from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, STYLE
 
-    good = [row for row in rows if row["status"] == "ok"]
-    x = [row["L_over_D"] for row in good]
+    solved = [row for row in rows if row.status == "ok"]
+    x = [row.L_over_D for row in solved]
+    values = [row.row() for row in solved]
     scale = design.E * design.D**2
     looks: dict[str, Any] = {
         "critical": ("FEM, free tip", {"color": FEM, "marker": "o"}),
@@ -155,8 +211,9 @@ def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, sharex=True)
         for name, (label, look) in looks.items():
-            depth = [_over(row[f"{name}_depth_mm"], row["L_mm"]) for row in good]
-            force = [_over(row[f"{name}_force_N" if "critical" in name else f"{name}_N"], scale) for row in good]
+            column = f"{name}_force_N" if "critical" in name else f"{name}_N"
+            depth = [_over(value[f"{name}_depth_mm"], value["L_mm"]) for value in values]
+            force = [_over(value[column], scale) for value in values]
             if any(math.isfinite(value) for value in (*depth, *force)):
                 left.plot(x, depth, **look)
                 right.plot(x, force, label=label, **look)
@@ -173,4 +230,5 @@ def picture(path: Path, design: Design, rows: Sequence[Row]) -> None:
 
 
 def _over(value: float | None, scale: float) -> float:
+    """Divide a value by its scale; NaN without a value."""
     return math.nan if value is None else value / scale
