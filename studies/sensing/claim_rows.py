@@ -47,7 +47,7 @@ class FormRow:
     differences: tuple[Difference, ...] = field(metadata={"columns": _difference_columns})
 
     def row(self) -> FlatRow:
-        """The flat row of JSON."""
+        """Return the flat row for JSON."""
         return records.flat(self)
 
 
@@ -62,7 +62,7 @@ class HeightRow:
     figures: AlikeFigures = field(metadata={"prefix": ""})
 
     def row(self) -> FlatRow:
-        """The flat row of claim.csv and JSON."""
+        """Return the flat row for claim.csv and JSON."""
         return records.flat(self)
 
 
@@ -88,7 +88,7 @@ class LimitRow:
     above: HeightRow | None = field(metadata={"columns": functools.partial(_height_columns, "above")})
 
     def row(self) -> FlatRow:
-        """The flat row of JSON; the rows below and above are objects in it."""
+        """Return the row for JSON, which contains the rows below and above as objects."""
         return records.flat(self)
 
 
@@ -98,9 +98,9 @@ class Claim:
 
     Attributes
     ----------
-    forms : the design's own layout, form by form.
-    limits : up to which c each form is unique.
-    heights : all c.
+    forms : one row for each form of the readings, for the design's own layout.
+    limits : range of c in which each form is unique.
+    heights : one row for each c.
     """
 
     forms: list[FormRow]
@@ -108,7 +108,7 @@ class Claim:
     heights: list[HeightRow]
 
     def row(self) -> FlatRow:
-        """The flat rows of JSON."""
+        """Return the rows for JSON."""
         return {
             "forms": [row.row() for row in self.forms],
             "limits": [row.row() for row in self.limits],

@@ -1,8 +1,9 @@
-"""How far the force by a level of the formulas is from that of level finite, at the poses that were decoded.
+"""Compare the force by a level of the formulas with that by level finite, at the decoded poses.
 
-The levels below finite are made for small loads, and the paper's for a bar without contact or magnet: on the paper's
-sensor its press force is a third of that of finite elements. So both forces are compared at the same shift of the
-magnet, where level finite was set beside finite elements (`analytic.beam.outside`). Forces in N, lengths in mm.
+The levels below finite assume small loads, and level paper a bar without contact or magnet: on the paper's sensor its
+press force is a third of that by finite elements. Both forces are therefore compared at the same shift of the magnet,
+within the range in which level finite was compared with finite elements (`analytic.beam.outside`). Forces in N,
+lengths in mm.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
 
 
 BEST = "finite"
-"""The level that the others are compared with."""
+"""The level with which the others are compared."""
 APART = 0.1
-"""Difference of the forces, over that of level finite, from which it is said."""
+"""Difference of the forces, over that of level finite, above which a warning is given."""
 REMEDY = "add --level finite, or give states solved by finite elements with --responses"
 
 
@@ -39,7 +40,7 @@ class Gap:
     own, best : sizes of the forces, shape (n,), N; NaN for no force, and for a pose outside level finite's range.
     apart : size of their difference, shape (n,), N.
     finite : force of level finite, (F_x, F_y, F_n), shape (n, 3), N.
-    slack : difference that the decoder's polynomials for level finite may make, N.
+    slack : error of the polynomials by which the decoder represents level finite, N.
     """
 
     own: Array
@@ -50,21 +51,21 @@ class Gap:
 
     @property
     def wide(self) -> NDArray[np.bool_]:
-        """Where the forces differ by more than `APART`."""
+        """Rows in which the forces differ by more than `APART`, shape (n,)."""
         return np.asarray(self.apart > np.maximum(APART * self.best, self.slack))
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """Where there is a force, and level finite cannot say how good it is."""
+        """Rows with a force outside the range of level finite, so that its error is unknown, shape (n,)."""
         return np.asarray((self.own > 0) & np.isnan(self.best))
 
 
 def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
-    """Force by level finite at shifts (n, 3), mm; NaN outside the range in which it was set beside finite elements.
+    """Return the force by level finite at shifts (n, 3), mm; NaN outside the range of `analytic.beam.outside`.
 
     Parameters
     ----------
-    law : the mechanics of level finite; None where it cannot carry the design.
+    law : the mechanics of level finite; None if this level refuses the design.
 
     Returns
     -------
@@ -81,14 +82,14 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
 
 
 def gap(design: Design, law: Mechanics | None, shift: Array, force: Array) -> Gap:
-    """Forces (n, 3), N, of a level at shifts (n, 3), mm, beside those of level finite; `law` as in `finite_force`."""
+    """Compare forces (n, 3), N, of a level at shifts (n, 3), mm, with level finite; `law` as in `finite_force`."""
     best = finite_force(design, law, shift)
     own, size, apart = (np.sqrt((values**2).sum(axis=1)) for values in (force, best, force - best))
     return Gap(own, size, apart, best, max(law.errors[1:3]) if law else 0.0)
 
 
 def warnings(level: str, found: Gap) -> list[str]:
-    """What is to be said of a level's forces: where they are far from level finite's, and where that is not known."""
+    """Return warnings: forces that differ much from level finite, and forces whose error is unknown."""
     said, count = [], len(found.own)
     wide, unknown = np.flatnonzero(found.wide), np.flatnonzero(found.unknown)
     if len(wide):

@@ -25,10 +25,10 @@ class PoseRow:
 
     Attributes
     ----------
-    fields_mT : what each element reads.
-    known : whether the mechanics know the pose; it and the next two are 0 or 1.
-    det_sign : of det J.
-    multiplicity : number of poses with these readings, None where they were not looked for.
+    fields_mT : reading B.n of each element.
+    known, saturated, blocked : 0 or 1; `known` is 1 if the pose lies within the range of the mechanics.
+    det_sign : sign of det J.
+    multiplicity : number of poses with these readings; None if they were not searched.
     """
 
     x_mm: float
@@ -48,12 +48,12 @@ class PoseRow:
     noise_N: float
 
     def row(self) -> FlatRow:
-        """The flat row of layout.csv."""
+        """Return the flat row for layout.csv."""
         return records.flat(self)
 
 
 def table(coder: Decoder, poses: Survey) -> Iterator[PoseRow]:
-    """A row for each pose of the map."""
+    """Return the row of each pose of the map."""
     from analytic.parts import columns
 
     names = columns(coder.forward.elements)

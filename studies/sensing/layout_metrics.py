@@ -1,6 +1,6 @@
-"""What the map of a layout says of it: shares of the workspace, condition number, noise, and the verdict.
+"""Figures of a layout from its map: shares of the workspace, condition number, noise, and a summary sentence.
 
-ABOUT, which the report prints, says how.
+`ABOUT` is the explanation that LAYOUT.md prints.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ deviation along the worst direction.
 """
 
 COUNTS = (25, 25, 13)
-"""Poses of the map along x, y and z."""
+"""Numbers of poses of the map along x, y and z."""
 
 
 def mechanics_of(design: Design, level: str | None, responses: Path | None) -> Mechanics:
-    """As `studies.sensing.decode_readings.mechanics_of`; a design without a magnet is refused first."""
+    """Return the mechanics by `decode_readings.mechanics_of`, after refusing a design without a magnet."""
     if not design.shape.has_magnet:
         raise BadInput(
             "this design has no magnet (magnet_diameter is 0), so there is nothing to read: give it a magnet"
@@ -48,12 +48,14 @@ def prepare(
     basis: Basis,
     cells: tuple[int, int, int] | None = None,
 ) -> tuple[Decoder, str]:
-    """The decoder of a design whose elements have some noise, and where that comes from.
+    """Return the decoder of a design, and the source of its elements' noise.
+
+    If no element has a noise or a step, elements with an output in V get those of `analytic.parts.CONVERTER`.
 
     Raises
     ------
     BadInput
-        What `analytic.decode.decoder` refuses, or a chip's |B|, which is the same along all its axes.
+        `analytic.decode.decoder` refuses the design, or mode magnitude is combined with a 3-axis chip.
     """
     from analytic import decode, parts
 
@@ -73,12 +75,13 @@ def prepare(
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Figures of a map: condition number and noise are infinite on a fold, and None where no pose is left to judge.
+    """Figures of a map: condition number and noise are infinite on a fold, and None if no pose is usable.
 
     Attributes
     ----------
-    folded : whether det J changes its sign.
-    most_alike : largest number of poses with the same readings, and how far apart such poses are at most, mm.
+    folded : True if det J changes its sign.
+    most_alike : largest number of poses with the same readings.
+    alike_apart_mm : largest distance between such poses.
     worst_at_mm : shift of the pose with the largest noise.
     """
 
@@ -102,7 +105,7 @@ class Figures:
 
 @dataclass(frozen=True, slots=True)
 class LayoutRow:
-    """Everything that there is to say of a layout in numbers."""
+    """All figures of a layout, with its elements and the settings of the evaluation."""
 
     status: str
     message: str
@@ -125,17 +128,17 @@ class LayoutRow:
     warnings: list[str]
 
     def row(self) -> FlatRow:
-        """The flat row of JSON and of the terminal."""
+        """Return the flat row for JSON and for the terminal."""
         return records.flat(self)
 
 
 def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> LayoutRow:
-    """The row of a layout that has been surveyed.
+    """Return the row of a layout from its survey.
 
     Parameters
     ----------
-    noise : where the elements' noise comes from.
-    mechanics : the name of what gives tilt and force.
+    noise : source of the elements' noise.
+    mechanics : name of the source of tilt and force: a level, or states.
     """
     design, elements = coder.forward.design, coder.forward.elements
     three = design.hall_layout == "three"
@@ -164,7 +167,7 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Lay
 
 
 def figures(poses: Survey) -> Figures:
-    """Shares, determinant, condition number and noise of the poses of a survey."""
+    """Return shares, sign of det J, condition number and noise of the poses of a survey."""
     many, usable = poses.multiplicity > 1, poses.usable
     known = poses.weight > 0
     condition, micrometres, newtons = (
@@ -191,7 +194,7 @@ def figures(poses: Survey) -> Figures:
 
 
 def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float | None]:
-    """Of the usable poses; on a fold the worst is infinite."""
+    """Return median and worst value of the usable poses; on a fold the worst is infinite."""
     import numpy as np
 
     usable = values[poses.usable]
@@ -201,7 +204,7 @@ def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float
 
 
 def _worst_place(poses: Survey) -> list[float] | None:
-    """Shift of the usable pose with the largest noise, mm."""
+    """Return the shift of the usable pose with the largest noise, mm; None without a usable pose."""
     import numpy as np
 
     at = np.flatnonzero(poses.usable)
@@ -210,7 +213,7 @@ def _worst_place(poses: Survey) -> list[float] | None:
 
 
 def _hits(coder: Decoder, poses: Survey) -> list[str]:
-    """Which bodies meet, in sentences."""
+    """Return a sentence for each collision, with its share of the workspace."""
     sentences = []
     for what, flags in (("the magnet", poses.magnet_hits), ("the beam's wall (estimate)", poses.wall_hits)):
         for element, hit in zip(coder.forward.elements, flags, strict=True):
@@ -225,7 +228,7 @@ def _hits(coder: Decoder, poses: Survey) -> list[str]:
 
 
 def sentence(figures: Figures) -> str:
-    """The verdict."""
+    """Return the summary sentence of a layout."""
     clear = figures.unique_percent + figures.ambiguous_percent
     if not clear > 0:
         return "no pose in the workspace is usable: each is blocked by an element or saturated"
@@ -249,7 +252,7 @@ def sentence(figures: Figures) -> str:
 
 
 def _percent(value: float) -> str:
-    """A share with as many digits as it needs, never rounded to 0 or 100.
+    """Format a share with enough digits that it is never rounded to 0 or 100.
 
     >>> _percent(0.004), _percent(12.3456), _percent(99.98), _percent(100.0)
     ('below 0.01 %', '12.3 %', '99.98 %', '100 %')

@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 
 PLANE = (61, 31)
-"""Poses along x and z of the plane y = 0."""
+"""Numbers of poses along x and z in the plane y = 0."""
 STATES = {"tilt not known": "#ffffff", "saturated": "#cfcfcf", "blocked": "#8a8a8a"}
 BOTH = "#F0E442"
 MOST = 4
-"""Poses that read alike are shown up to this number."""
+"""Largest number of poses with the same readings that the colour scale distinguishes."""
 DECADES = 1e3
-"""Of a scale, at most."""
+"""Largest ratio of the ends of a colour scale: values near a fold grow without bound."""
 
 
 def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
-    """Condition number, sign of det J, multiplicity and noise over x and z: in the plane y = 0, and worst over y."""
+    """Plot condition number, sign of det J, multiplicity and noise over x and z: at y = 0, and the worst over y."""
     import matplotlib as mpl
     import numpy as np
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -68,7 +68,7 @@ def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
 
 
 def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Of each row of maps: its label, and how it is coloured, alike in all surveys."""
+    """Return label and colours of each row of maps; all surveys share one scale."""
     import numpy as np
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
@@ -102,7 +102,7 @@ def _values(poses: Survey, name: str) -> Array:
 
 
 def _draw(axis: Any, poses: Survey, name: str, look: dict[str, Any]) -> Any:
-    """One map, and grey where no pose of that x and z is left."""
+    """Draw one map; a point without a usable pose is grey."""
     import numpy as np
     from matplotlib.colors import ListedColormap
 
@@ -126,7 +126,7 @@ def _draw(axis: Any, poses: Survey, name: str, look: dict[str, Any]) -> Any:
 
 
 def claim(path: Path, rows: Sequence[HeightRow], c: float) -> None:
-    """Share of the workspace whose readings another pose gives too, over c, for each magnet and form of readings."""
+    """Plot the ambiguous share of the workspace over c, for each magnet and form of the readings."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

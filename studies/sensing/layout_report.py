@@ -1,4 +1,4 @@
-"""What `magtip layout` gives to read: tables, LAYOUT.md, and the short forms of a terminal."""
+"""The report of `magtip layout`: tables, LAYOUT.md, and short tables for the terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from studies.sensing.layout_search import SearchRow
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LAYOUT.md")
-"""What is written into a folder; of a search and of the claim only where they are asked for."""
+"""Files that `write` writes into a folder; those of search and claim only if these were requested."""
 
 
 def write(
@@ -32,7 +32,7 @@ def write(
     command: str,
     room: float,
 ) -> None:
-    """layout.csv, layout.png, LAYOUT.md and, of the claim, claim.csv and claim.png, into an existing folder."""
+    """Write layout.csv, layout.png, LAYOUT.md and the files of search and claim into an existing folder."""
     from studies.output.csv_tables import write_table
 
     # before a file of the repository changes
@@ -50,7 +50,7 @@ def write(
 def text(
     layout: LayoutRow, search: Sequence[SearchRow] | None, claim: Claim | None, command: str, origin: str
 ) -> str:
-    """LAYOUT.md."""
+    """Return the text of LAYOUT.md."""
     lines = ["# The layout of the Hall elements", ""]
     verdict = layout.message
     lines += [f"{verdict[0].upper()}{verdict[1:]}.", "", *_figures(layout), ""]
@@ -97,7 +97,7 @@ def _pair(median: float | None, worst: float | None, unit: str = "") -> str:
 
 
 def _text(value: float | None, unit: str = "") -> str:
-    """Three digits; a dash for what is not there.
+    """Format a value with three digits; a dash for None.
 
     >>> _text(12.345, " N"), _text(None), _text(float("inf"))
     ('12.3 N', '-', 'infinite')
@@ -125,7 +125,7 @@ def _search(rows: Sequence[SearchRow]) -> list[str]:
 
 
 def _claim(claim: Claim) -> list[str]:
-    """The claim, its answer for the given layout, where it fails, and how it was measured."""
+    """Return the section on the claim: the answer for the design's layout, where it fails, and the method."""
     lines = ["## Are the readings unique to each position of the magnet?", ""]
     heads = ["readings", "workspace, mm", "unique", "poses with equal readings", "worst condition"]
     heads += [f"least difference, {each.apart:.2g} mm apart" for each in claim.forms[0].differences]
@@ -165,7 +165,7 @@ def _limits(rows: Sequence[LimitRow]) -> list[str]:
 
 
 def _failure(row: HeightRow | None) -> str:
-    """What reads alike, and in which box of shifts."""
+    """Return the ambiguous share and the range of shifts in which it lies."""
     if row is None:
         return ""
     figures = row.figures
@@ -183,7 +183,7 @@ def _span(ends: Sequence[float]) -> str:
 
 
 def shown(layout: LayoutRow) -> FlatRow:
-    """What a terminal shows of a layout."""
+    """Return the row of a layout for the terminal."""
     hidden = ["status", "elements", "hits", "warnings", "poses"]
     hidden += ["known_percent"] if layout.known_percent == 100 else []
     hidden += ["most_alike", "alike_apart_mm"] if layout.figures.most_alike == 1 else []
@@ -194,7 +194,7 @@ def shown(layout: LayoutRow) -> FlatRow:
 
 
 def shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
-    """What a terminal shows of a search; the other shares are in the files and in JSON."""
+    """Return the rows of a search for the terminal; files and JSON have all shares."""
     return [
         {
             "rank": row.rank or "given",
@@ -210,7 +210,7 @@ def shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:
 
 
 def shown_claim(claim: Claim) -> list[FlatRow]:
-    """What a terminal shows of the claim: the given layout form by form, and the range of c."""
+    """Return the rows of the claim for the terminal: the design's layout form by form, and the range of c."""
     rows = []
     for form in claim.forms:
         limit = next(row for row in claim.limits if row.readings == form.readings)

@@ -1,6 +1,6 @@
-"""A search for layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
+"""Search for better layouts: f, l0 and c of three elements, or l0 and chip_x of a 3-axis chip.
 
-ABOUT, which the report prints, says how.
+`ABOUT` is the explanation that LAYOUT.md prints.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ to H + D above it. Layouts with an element inside the beam are left out.
 """
 
 MOST_FOUND, USUAL = 16, 10
-"""Layouts that a search gives, at most and by default."""
+"""Largest and default number of layouts that a search returns."""
 
 Place = tuple[float, ...]
 Score = tuple[float, float]
 
 POSES = (9, 9, 6)
-"""Of the coarse grid."""
+"""Numbers of poses along x, y and z by which the search rates a layout; the final rows use the full map."""
 GRID = {1: 21, 2: 21, 3: 10}
-"""Values of each parameter in the first grid, by the number of parameters."""
+"""Values of each parameter in the first grid, by number of parameters: at most 1000 layouts in all."""
 STARTS, HALVINGS, FINALISTS = 12, 4, MOST_FOUND
 APART_STARTS, APART_FOUND = 1.5, 0.75
-"""Starts, and the layouts of the table, differ by so many steps of the first grid in some parameter."""
+"""Least difference between two starts, and between two layouts of the table, in steps of the first grid."""
 HOPELESS: Score = (2.0, math.inf)
-"""Of a layout that cannot be."""
+"""Score of a layout that cannot be evaluated; every other layout has a better one."""
 
 
 def _place_columns(place_mm: Mapping[str, float]) -> FlatRow:
@@ -63,9 +63,9 @@ class SearchRow:
 
     Attributes
     ----------
-    rank : from 1, the best first; 0 for the given layout.
-    place_mm : values of what is searched over.
-    settings : options that make this layout of the given design.
+    rank : 1 for the best; 0 for the design's own layout.
+    place_mm : values of the parameters.
+    settings : options of the command line that give the design this layout.
     """
 
     rank: int
@@ -81,12 +81,12 @@ class SearchRow:
     settings: str
 
     def row(self) -> FlatRow:
-        """The flat row of search.csv and JSON."""
+        """Return the flat row for search.csv and JSON."""
         return records.flat(self)
 
 
 def ranges(design: Design) -> dict[str, tuple[float, float]]:
-    """Default ranges of the search, mm."""
+    """Return the default ranges of the search, mm."""
     D, H = design.D, design.H
     l0 = {"l0": (H + D / 16, H + D)}
     if design.hall_layout != "three":
@@ -95,7 +95,7 @@ def ranges(design: Design) -> dict[str, tuple[float, float]]:
 
 
 def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """The ranges of the search with those given as NAME=LOW,HIGH, or NAME=VALUE for a parameter that is fixed.
+    """Return the ranges of the search; NAME=LOW,HIGH changes a range, and NAME=VALUE fixes a parameter.
 
     >>> parse_ranges(Design(), ["f=5", "c=0,2"])
     {'f': (5.0, 5.0), 'l0': (5.5, 13.0), 'c': (0.0, 2.0)}
@@ -124,12 +124,12 @@ def run(
     count: int,
     progress: Progress,
 ) -> list[SearchRow]:
-    """The given layout (rank 0), then the best ones found, as many as there are that differ, at most `count`.
+    """Return the design's own layout (rank 0) and up to `count` distinct layouts, the best first.
 
     Raises
     ------
     BadInput
-        None in these ranges can be read.
+        No layout in these ranges can be evaluated.
     """
     names = list(bounds)
 
@@ -172,7 +172,7 @@ def _search(
     bounds: Sequence[tuple[float, float]],
     progress: Progress,
 ) -> dict[Place, Score]:
-    """Scores of all places looked at."""
+    """Return the scores of all evaluated places."""
     many = GRID[len(bounds)]
     axes = [
         [low] if high == low else [_rounded(low + (high - low) * k / (many - 1)) for k in range(many)]
@@ -203,7 +203,7 @@ def _compass(
     bounds: Sequence[tuple[float, float]],
     scores: dict[Place, Score],
 ) -> None:
-    """Move to the better neighbour until there is none, with ever smaller steps."""
+    """Move to a better neighbour while there is one, then halve the steps (compass search)."""
     for halving in range(1, HALVINGS + 1):
         while True:
             near = []
@@ -221,12 +221,12 @@ def _compass(
 
 
 def _rounded(value: float) -> float:
-    """To three digits, so that what is measured is what is printed."""
+    """Round to three digits, so that the printed values are the evaluated ones."""
     return float(f"{value:.3g}")
 
 
 def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> list[Place]:
-    """The first of them, leaving out those that are near an earlier one in every parameter."""
+    """Return the first `most` places that differ from every earlier one by `apart` in some parameter."""
     kept: list[Place] = []
     for place in places:
         if len(kept) == most:
@@ -254,7 +254,7 @@ def _score(design_at: Callable[[Place], Design], place: Place, law: Mechanics, b
 
 
 def settings(design: Design, names: Sequence[str]) -> str:
-    """Options that make another design of the same file or preset this one.
+    """Return the options that change another design of the same file or preset into this one.
 
     >>> settings(Design(f=6.5), ("f", "l0"))
     '--set f=6.5 --set l0=7.2'
@@ -283,6 +283,6 @@ def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis:
 
 
 def _order(row: SearchRow) -> Score:
-    """Sorts rows, the best first."""
+    """Return the key that sorts rows, the best first."""
     worst = row.noise_worst_um
     return round(1 - row.unique_percent / 100, 3), math.inf if worst is None else worst

@@ -1,4 +1,4 @@
-"""What `magtip layout` asks of a layout of Hall elements: its map, a search for others, and the claim."""
+"""The study of `magtip layout`: the map of a layout, a search for better ones, and the paper's claim."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_CLEARANCE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What is asked for: a map of the design, a search over ranges NAME=LOW,HIGH, and the answer to the claim."""
+    """Requested parts of the study: the map always, a search over ranges NAME=LOW,HIGH, and the claim."""
 
     design: Design
     basis: Basis
@@ -36,14 +36,14 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What there is to say of a layout; the search and the claim are None where they are not asked for."""
+    """Result of the study; search and claim are None if they were not requested."""
 
     layout: LayoutRow
     search: list[SearchRow] | None
     claim: Claim | None
 
     def row(self) -> FlatRow:
-        """The flat row of JSON, with the rows of search and claim in it."""
+        """Return the row for JSON, which contains the rows of search and claim."""
         row = self.layout.row()
         if self.search is not None:
             row["search"] = [each.row() for each in self.search]
@@ -51,12 +51,12 @@ class Answer:
 
 
 def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answer:
-    """The map, with the search and the claim where they are asked for; files if there is a folder.
+    """Evaluate the layout, and search and answer the claim if requested; write files if there is a folder.
 
     Raises
     ------
     BadInput
-        No magnet, a layout or a range that cannot be, or what `decoding.mechanics_of` refuses.
+        The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
     """
     from analytic import magnet, survey
     from studies.sensing import layout_metrics, layout_report, layout_search, layout_uniqueness

@@ -1,6 +1,6 @@
-"""Whether readings are unique to each place of the magnet: the paper's claim, answered with numbers.
+"""The paper's claim that readings are unique to each position of the magnet, tested numerically.
 
-ABOUT, which the report prints, says how.
+`ABOUT` is the explanation that LAYOUT.md prints.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ FORMS: dict[str, tuple[Mode, str, bool]] = {
     "B.n, no tilt": ("component", "paper", True),
     "B.n, tilt": ("component", "finite", False),
 }
-"""Mode, level of the mechanics, and whether the tilt is ignored."""
+"""For each form of the readings: mode, level of the mechanics, and whether the decoder ignores the tilt."""
 HEIGHTS = (1.0, 1.5, 2.0)
-"""Of the magnet, over the design's."""
+"""Heights of the magnet over that of the design."""
 STEP, BISECTIONS = 1 / 16, 3
-"""Of c, over D; the limit of c is found to an eighth of it."""
+"""Step of c over D, and number of bisections: the limit of c is found to an eighth of the step."""
 POSES = (13, 13, 7)
 APART = (1 / 800, 1 / 80, 1 / 8)
-"""Over D."""
+"""Distances between poses, over D, at which readings are compared."""
 WIDE = 1e6
-"""Rails that no field reaches, in units of an output."""
+"""Rails of the elements' outputs that no field reaches, so that no pose is saturated."""
 
 
 def run(design: Design, progress: Progress) -> Claim:
-    """Ask the claim of the design's own layout, and of other heights of the magnet and of S2 and S3.
+    """Test the claim for the design's own layout, and for other heights of the magnet and of S2 and S3.
 
     Raises
     ------
@@ -82,13 +82,13 @@ def run(design: Design, progress: Progress) -> Claim:
 
 
 def check(design: Design) -> None:
-    """Refuse a design that the claim is not about."""
+    """Refuse a design to which the claim does not apply."""
     if design.hall_layout != "three":
         raise BadInput("the claim is about three elements: give hall_layout=three, or leave --claim out")
 
 
 def answer(claim: Claim) -> list[str]:
-    """The claim, judged for the given layout and over c, in sentences."""
+    """Return the answer to the claim in sentences: for the design's layout, and over c."""
     lines = _answer_for_the_layout(claim.forms)
     own = claim.limits[0].magnet_height_mm
     for limit in (row for row in claim.limits if row.magnet_height_mm == own):
@@ -115,7 +115,7 @@ def answer(claim: Claim) -> list[str]:
 
 
 def _answer_for_the_layout(forms: Sequence[FormRow]) -> list[str]:
-    """Which forms of the readings fail, and how far apart those of the others are."""
+    """Return which forms of the readings fail, and the least difference of readings of the others."""
     failing = [row for row in forms if row.figures.alike_percent]
     lines = []
     if not failing:
@@ -137,12 +137,12 @@ def _answer_for_the_layout(forms: Sequence[FormRow]) -> list[str]:
 
 
 def law_of(design: Design, form: str) -> Mechanics:
-    """The mechanics of a form of the readings; the elements' places are nothing to it."""
+    """Return the mechanics of a form of the readings; they do not depend on the layout."""
     return layout_metrics.mechanics_of(design, FORMS[form][1], None)
 
 
 def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
-    """The decoder of a form of the readings, without rails."""
+    """Return the decoder of a form of the readings, without rails."""
     from analytic import decode, parts
 
     mode, _, ignored = FORMS[form]
@@ -152,7 +152,7 @@ def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
 
 
 def _magnets(design: Design) -> Iterator[Design]:
-    """The design, and those with taller magnets that S1 reads the same of at rest, as far as they fit."""
+    """Yield the design and its variants with taller magnets; l0 keeps the reading of S1 at rest."""
     import numpy as np
     from scipy.optimize import brentq
 
@@ -175,7 +175,7 @@ def _magnets(design: Design) -> Iterator[Design]:
 
 
 def _own(design: Design, form: str) -> FormRow:
-    """Figures of the given layout, with the least differences of readings."""
+    """Return the figures of the design's own layout, with the least differences of readings."""
     from analytic import survey
     from analytic.inverse import uniqueness_margin
 
@@ -191,7 +191,7 @@ def _own(design: Design, form: str) -> FormRow:
 
 
 def _figures(poses: Survey) -> AlikeFigures:
-    """What reads alike, and where that is."""
+    """Return the ambiguous share and the range of shifts in which it lies."""
     import numpy as np
 
     many = (poses.multiplicity > 1) & (poses.weight > 0)
@@ -212,7 +212,7 @@ def _figures(poses: Survey) -> AlikeFigures:
 
 
 def _scan(design: Design, form: str, law: Mechanics) -> list[HeightRow]:
-    """A row for each c, from 0 to the height of the magnet's centre at rest."""
+    """Return the row of each c, from 0 to the height of the magnet's centre at rest."""
     step = STEP * design.D
     rows = (_at(design, form, law, k * step) for k in range(round(design.l0 / step)))
     return [row for row in rows if row is not None]
@@ -230,7 +230,7 @@ def _at(design: Design, form: str, law: Mechanics, c: float) -> HeightRow | None
 
 
 def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[HeightRow]) -> LimitRow:
-    """The range of c of a form's scan."""
+    """Return the range of c in which the readings of a form are unique."""
     about = design.magnet_height, design.l0, form
     own = min(range(len(rows)), key=lambda k: abs(rows[k].c_mm - design.c), default=None)
     if own is None or rows[own].figures.alike_percent:
@@ -246,7 +246,7 @@ def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[HeightRow])
 
 
 def _bisected(design: Design, form: str, law: Mechanics, good: HeightRow, bad: HeightRow) -> tuple[float, HeightRow]:
-    """The last c with unique readings between one with and one without, and the row next to it without."""
+    """Bisect between a c with unique readings and one without; return the last c with, and the row without."""
     for _ in range(BISECTIONS):
         middle = _at(design, form, law, (good.c_mm + bad.c_mm) / 2)
         if middle is None:

@@ -3,7 +3,7 @@
 Three mechanics meet here: finite elements with the rigid magnet ("fem"), finite elements of a beam that is all
 silicone ("fem_homogeneous"; there the beam assumption can be judged apart from the magnet), and the formulas
 ("analytic"). All poses of the magnet go through the same field code, so that differences between readings come from
-the mechanics alone. "untilted" is the FEM's pose with its tilt taken away: what the paper blames for its errors.
+the mechanics alone. "untilted" is the FEM's pose without its tilt, to which the paper attributes its errors.
 
 Errors are model against FEM with the rigid magnet, in %; those of a reading in % of its full scale (FS): the largest
 change from rest that the FEM sees of it in both tables, for S2 and S3 together, since a shear along y swaps them. A
@@ -29,12 +29,12 @@ from studies.simulation import comparison_findings
 from studies.simulation.comparison_rows import NAN, Answers, PressRow, ShearRow, with_reading_errors
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
-"""What is written into a folder."""
+"""Files that `write` writes into a folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one load: its solution, or None and why."""
+    """Outcome of one load: its solution, or None with a status and a message."""
 
     solution: Solution | None
     status: str
@@ -46,14 +46,14 @@ class Outcome:
 
     @property
     def error_estimate(self) -> float:
-        """Relative error of the force, NaN where it was not estimated."""
+        """Estimated relative error of the force; NaN without an estimate."""
         estimate = self.solution.estimates.force if self.solution else None
         return NAN if estimate is None else estimate
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Tables, findings, and the finite elements' states with the magnet, one for each row."""
+    """Tables, their summary, and the outcomes of the finite elements with the magnet, one for each row."""
 
     press: list[PressRow]
     shear: list[ShearRow]
@@ -102,7 +102,7 @@ def compare(
     shears: Sequence[float] | None = None,
     shear_depth: float | None = None,
 ) -> Comparison:
-    """The comparison of `run`, nothing written."""
+    """Return the comparison of `run` without writing files."""
     deepest = min(3 * design.D / 8, 0.6 * (design.L - design.magnet_height))
     press = [Load(depth=d) for d in ([deepest * k / 12 for k in range(1, 13)] if depths is None else depths)]
     under = deepest / 3 if shear_depth is None else shear_depth
@@ -125,7 +125,7 @@ def write(folder: Path, design: Design, comparison: Comparison) -> None:
 
 
 def part(progress: Progress | None, low: float, high: float, name: str = "") -> Progress | None:
-    """The progress of a part of the work that takes it from `low` to `high`."""
+    """Return the progress of a step that takes the whole from `low` to `high`."""
     if progress is None:
         return None
     return lambda fraction, text: progress(low + (high - low) * fraction, f"{name}: {text}" if name else text)
@@ -137,7 +137,7 @@ def part(progress: Progress | None, low: float, high: float, name: str = "") -> 
 def follow(
     design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, progress: Progress | None = None
 ) -> list[Outcome]:
-    """What becomes of each load of a path; a load that is refused does not stop the others."""
+    """Return the outcome of each load of a path; a refused load does not stop the others."""
     refused = [_refusal(design, load, magnet) for load in loads]
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
     try:
@@ -183,7 +183,7 @@ def _both(
 def press_rows(
     design: Design, loads: Sequence[Load], rigid: Sequence[Outcome], bare: Sequence[Outcome]
 ) -> list[PressRow]:
-    """One row for each depth; errors of readings are not filled in yet."""
+    """Return one row for each depth, without the errors of the readings."""
     rows = []
     for load, fem, homogeneous in zip(loads, rigid, bare, strict=True):
         formula, remark = formulas(design, load)
@@ -230,7 +230,7 @@ def shear_rows(
 
 
 def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
-    """The paper's answer, or None and the reason why there is none."""
+    """Return the response by the paper's formulas, or None and the reason."""
     try:
         return beam.solve(design, load), ""
     except BadInput as error:
@@ -238,7 +238,7 @@ def formulas(design: Design, load: Load) -> tuple[Response | None, str]:
 
 
 def _verdict(fem: Outcome, homogeneous: Outcome, remark: str) -> tuple[str, str]:
-    """Status and message: the first of the two solves that failed speaks for the row."""
+    """Return status and message of a row: those of the first solve that failed, or "ok"."""
     worst = homogeneous if fem.status == "ok" else fem
     texts = dict.fromkeys(text for text in (fem.message, homogeneous.message, remark) if text)
     return worst.status, "; ".join(texts)

@@ -1,7 +1,7 @@
-"""The rows of a comparison: a press and a sheared press by three mechanics, with what the Hall elements read.
+"""The rows of a comparison: a press and a sheared press by three mechanics, with the readings of the Hall elements.
 
 Names of values: "fem" is the finite elements with the rigid magnet, "fem_homogeneous" those of a beam that is all
-silicone, "analytic" the formulas, and "untilted" the first's pose with its tilt taken away.
+silicone, "analytic" the formulas, and "untilted" the pose of "fem" without its tilt.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a Hall element reads: the field, mT, and its output, V, or mT of a chip."""
+    """Reading of a Hall element: the field, mT, and its output, V, or mT for a chip."""
 
     field_mT: float
     output: float
@@ -43,13 +43,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class ElementReadings:
-    """What one Hall element reads by each model, and the errors against "fem" in % of full scale.
+    """Readings of one Hall element by each model, and their errors against "fem" in % of full scale.
 
     Attributes
     ----------
-    element : its name in columns.
-    unit : the ending of its output's column, V or output_mT.
-    untilted : None where nothing tilts.
+    element : name of the element in columns.
+    unit : suffix of the output's column, V or output_mT.
+    untilted : None in a press, which has no tilt.
     """
 
     element: str
@@ -62,7 +62,7 @@ class ElementReadings:
 
 
 def _quantity_columns(column: str, error: str, quantity: Quantity) -> FlatRow:
-    """Columns of a quantity, and of its errors where those have a name."""
+    """Return the columns of a quantity, and of its errors if they have a name."""
     row: FlatRow = {
         f"fem_{column}": quantity.fem,
         f"fem_homogeneous_{column}": quantity.fem_homogeneous,
@@ -75,7 +75,7 @@ def _quantity_columns(column: str, error: str, quantity: Quantity) -> FlatRow:
 
 
 def _reading_columns(readings: Sequence[ElementReadings]) -> FlatRow:
-    """All fields, then all outputs, then all errors."""
+    """Return the columns of readings: all fields, then all outputs, then all errors."""
     fields, outputs, errors = FlatRow(), FlatRow(), FlatRow()
     for r in readings:
         models = {"fem": r.fem, "untilted": r.untilted, "analytic": r.analytic}
@@ -89,7 +89,7 @@ def _reading_columns(readings: Sequence[ElementReadings]) -> FlatRow:
 
 
 def _compared(column: str, error: str = "") -> dict[str, Callable[[Quantity], FlatRow]]:
-    """Metadata of a field that holds a quantity: how its columns are named."""
+    """Return the metadata of a field that holds a quantity: the names of its columns."""
     return {"columns": functools.partial(_quantity_columns, column, error)}
 
 
@@ -136,14 +136,14 @@ class ShearRow:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """The poses of the magnet by the three mechanics, None where one has none."""
+    """Poses of the magnet by the three mechanics; None if one has no solution."""
 
     fem: Response | None
     fem_homogeneous: Response | None
     analytic: Response | None
 
     def quantity(self, value: Callable[[Response], float], *, judged: bool = True) -> Quantity:
-        """A quantity of the poses; without errors where it is not judged."""
+        """Return a quantity of the poses by each mechanics; without errors if `judged` is False."""
         fem, bare, formula = (
             NAN if pose is None else value(pose) + 0.0 for pose in (self.fem, self.fem_homogeneous, self.analytic)
         )
@@ -151,7 +151,7 @@ class Answers:
         return Quantity(fem, bare, formula, *errors)
 
     def readings(self, design: Design, count: int, *, untilted: bool = False) -> tuple[ElementReadings, ...]:
-        """What the first elements read; errors are filled in by `with_reading_errors`."""
+        """Return the readings of the first `count` elements; `with_reading_errors` adds the errors."""
         names, unit = columns(design)
         fem, formula = element_readings(design, self.fem), element_readings(design, self.analytic)
         upright = None if self.fem is None else dataclasses.replace(self.fem, tilt=0.0)
@@ -163,7 +163,7 @@ class Answers:
 
 
 def percent(model: float, truth: float) -> float:
-    """Relative error in %; NaN where the truth is 0 or unknown.
+    """Return the relative error in %; NaN if the reference is 0 or unknown.
 
     >>> percent(1.5, 1.0), percent(1.0, 0.0)
     (50.0, nan)
@@ -172,7 +172,7 @@ def percent(model: float, truth: float) -> float:
 
 
 def element_readings(design: Design, response: Response | None) -> tuple[Reading, Reading, Reading]:
-    """What the three elements read for a pose; NaN where there is none, or no magnet, or no field."""
+    """Return the readings of the three elements at a pose; NaN without a pose, a magnet or a finite field."""
     unknown = Reading(NAN, NAN)
     if response is None or not design.shape.has_magnet:
         return unknown, unknown, unknown
@@ -188,17 +188,17 @@ def element_readings(design: Design, response: Response | None) -> tuple[Reading
 
 
 def at_rest(design: Design) -> tuple[Reading, Reading, Reading]:
-    """What the elements read with no load."""
+    """Return the readings without a load."""
     return element_readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))
 
 
 def with_reading_errors(
     design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow]
 ) -> tuple[list[PressRow], list[ShearRow]]:
-    """The rows with the errors of readings in % of full scale.
+    """Return the rows with the errors of the readings in % of full scale.
 
-    Full scale is the largest change from rest that "fem" sees in all rows, for the second and the third element
-    together, since a shear along y swaps them.
+    Full scale is the largest change from rest of the "fem" readings in all rows. The second and the third element
+    share one full scale, since a shear along y swaps them.
     """
     readings = [row.readings for row in press] + [row.readings for row in shear]
     scale = _full_scales(design, readings)

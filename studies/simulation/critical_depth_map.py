@@ -108,17 +108,22 @@ def _solve(beam: Design, magnet: Magnet, accuracy: str, ratio: float) -> Slender
     free, guided = (
         stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
     )
-    loads = [formula(beam) for formula in (buckling.euler, buckling.engesser, buckling.haringx)]
+    euler, engesser, haringx = (
+        ColumnLoad(load, buckling.depth(beam, load))
+        for load in (buckling.euler(beam), buckling.engesser(beam), buckling.haringx(beam))
+    )
     # both searches may end for the same reason, which is then named once
     messages = dict.fromkeys(text for text in (free.message, guided.message) if text)
     return SlendernessRow(
-        ratio,
-        beam.L,
-        magnet,
-        "ok",
-        _critical_point(free),
-        _critical_point(guided),
-        *(ColumnLoad(load, buckling.depth(beam, load)) for load in loads),
+        L_over_D=ratio,
+        L_mm=beam.L,
+        magnet=magnet,
+        status="ok",
+        free=_critical_point(free),
+        guided=_critical_point(guided),
+        euler=euler,
+        engesser=engesser,
+        haringx=haringx,
         message="; ".join(messages),
     )
 

@@ -43,7 +43,7 @@ MISFIT = 0.02
 more, and the mesh errs by less."""
 
 ALIKE = 2.0
-"""Difference in AICc that does not tell two laws apart (Burnham and Anderson 2002, section 2.6)."""
+"""Difference in AICc below which two laws count as equally good (Burnham and Anderson 2002, section 2.6)."""
 
 SMALL_STRAIN = 0.25
 """Strain up to which a test shows the stiffness at small strain: 99 % of the silicone in the paper's sensor stays
@@ -55,12 +55,12 @@ AT_BOUND = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A law of which some numbers are fitted and the others keep their defaults.
+    """A law some of whose numbers are fitted, while the others keep their defaults.
 
     Attributes
     ----------
-    free : names of the numbers that are fitted, beside E.
-    starts : where the search begins, values of `free`.
+    free : names of the fitted numbers, besides E.
+    starts : values of `free` at which the search starts.
     """
 
     law: str
@@ -69,7 +69,7 @@ class Form:
 
     @property
     def constants(self) -> int:
-        """How many constants are fitted, E among them."""
+        """Number of fitted constants, E included."""
         return len(self.free) + 1
 
 
@@ -101,12 +101,12 @@ class Fit:
     Attributes
     ----------
     numbers : of `geometry.design.LAWS`.
-    constants : how many were fitted, E among them.
-    exact : whether the test has no more points than that, so that the misfit says nothing.
+    constants : number of fitted constants, E included.
+    exact : True if the test has no more points than that, so that the residual has no meaning.
     rms : root mean square of the residual, MPa; `share` is that over the largest stress.
     small : what the law's stress up to `SMALL_STRAIN` has over the test's, relative (`excess`).
     aicc : Akaike's corrected criterion, None where it is not defined.
-    criterion : what all laws of the test are ranked by.
+    criterion : quantity by which all laws of the test are ranked.
     stable : least and largest stretch of each mode between which the law is stable, 1 among them.
     bounded : names of the numbers that ended at a bound of the search.
     """
@@ -183,12 +183,12 @@ def fit(data: Specimen, nu: float = 0.4998) -> list[Fit]:
 
 
 def _same(larger: Fit, smaller: Fit) -> bool:
-    """Whether a form with a number at a bound, such as a share of 0, is but a smaller one with constants too many."""
+    """Return whether a form with a number at a bound, such as a share of 0, equals a form with fewer constants."""
     return bool(larger.bounded) and smaller.rms <= larger.rms * (1 + 1e-6)
 
 
 def _width(stable: Ranges) -> float:
-    """Logarithmic width of the ranges of all modes together, without its rounding."""
+    """Return the logarithmic width of the ranges of all modes together, rounded off."""
     return round(sum(math.log(high / low) for low, high in stable.values()), 9)
 
 
@@ -205,12 +205,12 @@ def _order(found: Fit, least: float | None) -> tuple[float, ...]:
 
 
 def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criterion: Criterion) -> Fit:
-    """One form's least squares from several starts.
+    """Fit one form by least squares from several starts.
 
     Parameters
     ----------
     mu : the neo-Hookean shear modulus, the scale of the search.
-    most : how many constants the test determines.
+    most : number of constants that the test determines.
     """
     from scipy.optimize import least_squares
 
@@ -262,12 +262,12 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
 
 
 def _told(value: float) -> float:
-    """0 in place of rounding."""
+    """Return 0 for a value that is rounding."""
     return value if abs(value) > EXACT else 0.0
 
 
 def excess(left: Array, stress: Array) -> float:
-    """How much larger a law's stress is than the test's, of all points together: its part along the test's, less 1.
+    """Return the relative excess of a law's stress over the test's: the projection on the test's stress, less 1.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ def excess(left: Array, stress: Array) -> float:
 
 
 def _whole(form: Form, free: list[float]) -> tuple[float, ...]:
-    """All numbers of a form's law: those that are fitted, and the defaults of the others."""
+    """Return all numbers of a form's law: the fitted ones, and the defaults of the others."""
     given = dict(zip(form.free, free, strict=True))
     return tuple(given.get(name, getattr(STANDARD, name)) for name in LAWS[form.law])
 
@@ -292,7 +292,7 @@ def _at_bound(value: float, low: float, high: float) -> bool:
 
 
 def _tidy(form: Form, numbers: list[float]) -> list[float]:
-    """Ogden's terms with the larger exponent first, and none that `Design` would refuse."""
+    """Order Ogden's terms by exponent, the larger first, and keep exponents off 0, which `Design` refuses."""
     if form.law != "ogden":
         return numbers
     alphas = [math.copysign(max(abs(alpha), LEAST_ALPHA), alpha) for alpha in numbers[:2]]
@@ -302,7 +302,7 @@ def _tidy(form: Form, numbers: list[float]) -> list[float]:
 
 
 def aicc(n: int, k: int, rms: float) -> float | None:
-    """Akaike's corrected criterion of n points and k parameters; None where it is not defined.
+    """Return Akaike's corrected criterion of n points and k parameters; None for n <= k + 1.
 
     >>> aicc(10, 2, 1.0)
     5.714285714285714

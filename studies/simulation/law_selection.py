@@ -1,9 +1,9 @@
-"""Which law of a uniaxial test is chosen, what speaks against the others, and what a user should know of each.
+"""Choose a law for a uniaxial test, give the reasons against the others, and warn of the limits of each.
 
-A law that misses the test gives wrong forces in silence; one that loses its stability ends a solve, which says so. So
-the law is chosen among those that are stable where the test has been (`studies.simulation.law_stability`): first come
-those that do not miss what another of them hits, then those that are stable where solves go, then the rank of
-`studies.simulation.law_regression`. The user may choose another.
+A law that misses the test gives wrong forces without a warning, while a law that becomes unstable ends a solve with a
+message. The choice is therefore among the laws that are stable within the range of the test
+(`studies.simulation.law_stability`). Laws that fit the test come first, then those that are stable at the stretches
+that solves reach, then the rank of `studies.simulation.law_regression`. The user may choose another law.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Judged:
     ----------
     misses : whether it leaves more of the test than another law that may be chosen, by `MISFIT` or `SMALL_MISFIT`.
     spread : how far, relative to this law's stress at `PRESSED`, those of other laws that hit the test are off it.
-    against : why it is not chosen; empty for the one that is.
+    against : reasons against the choice; empty for the chosen law.
     farther : the best other law that hits the test and is stable wherever this one is and farther; None without.
     """
 
@@ -65,7 +65,7 @@ class Judged:
 
 
 def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> list[Judged]:
-    """The laws of a test in their order, with at most one chosen.
+    """Return the laws of a test in their order, with at most one chosen.
 
     Parameters
     ----------
@@ -118,17 +118,17 @@ def choose(fits: Sequence[Fit], data: Specimen, asked: str | None = None) -> lis
 
 
 def _farther(other: Fit, fit: Fit) -> bool:
-    """Whether one law is stable wherever another one is, and beyond."""
+    """Return whether one law is stable wherever another one is, and beyond."""
     return within(fit.stable, other.stable) and not within(other.stable, fit.stable)
 
 
 def _pressed(fit: Fit) -> float:
-    """A law's stress at `PRESSED`, to a factor that all laws have in common."""
+    """Return a law's stress at `PRESSED`, up to a factor common to all laws."""
     return fit.E * float(nominal_stress(fit.law, tuple(fit.numbers.values()), np.array(PRESSED)))
 
 
 def warnings(judged: Judged, data: Specimen) -> list[str]:
-    """What a user should know before a law is used."""
+    """Return warnings about the use of a law."""
     fit, remarks = judged.fit, []
     if not judged.possible or not SILICONE_E[0] <= fit.E <= SILICONE_E[1]:
         remarks.append(_impossible(judged, data))
@@ -174,7 +174,7 @@ def warnings(judged: Judged, data: Specimen) -> list[str]:
 
 
 def _what_is_farther(fit: Fit, other: Fit) -> str:
-    """Which law is stable beyond where this one is, and what it costs."""
+    """Return a sentence on the law that is stable in a wider range, and on its misfit."""
     whole = within(dict.fromkeys(MODES, RANGE), other.stable)
     where = f"in all stretches from {RANGE[0]:g} to {RANGE[1]:g}" if whole else _ends(other.stable)
     return (
@@ -184,7 +184,7 @@ def _what_is_farther(fit: Fit, other: Fit) -> str:
 
 
 def _impossible(judged: Judged, data: Specimen) -> str:
-    """What is wrong with E, and which unit would mend it."""
+    """Return a sentence on an impossible E, and on the unit that would explain it."""
     fit, unit = judged.fit, data.column.rpartition("_")[2]
     if judged.possible:
         text = (
@@ -203,12 +203,12 @@ def _impossible(judged: Judged, data: Specimen) -> str:
 
 
 def _ends(stable: Ranges) -> str:
-    """Where a law is stable in each mode."""
+    """Format the stable range of each mode."""
     return ", ".join(f"{mode} {low:.3g} to {high:.3g}" for mode, (low, high) in stable.items())
 
 
 def reasons(judged: Judged) -> str:
-    """Why a law is not chosen; empty for the one that is."""
+    """Return the reasons against a law; empty for the chosen one."""
     fit = judged.fit
     texts: dict[Reason, str] = {
         "E_not_possible": "its E is outside the range of a design",

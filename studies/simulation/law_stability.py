@@ -1,12 +1,12 @@
-"""Where a silicone's law is stable in homogeneous stretches, and where it has to be.
+"""Ranges of homogeneous stretches in which a silicone's law is stable, and in which it must be stable.
 
 The body is incompressible and free of stress in its last direction. A law is called stable at such a stretch if it is
 so in Drucker's sense (`fem.results.material_stability`), and dP : dF > 0 along the mode itself, so that the nominal
 stress still rises.
 
-It has to be stable where the test has been: in each mode, as long as no principal stretch leaves the range that the
-specimen's had (`tested`). And it should be where solves go (`SOLVE`). Uniaxial compression is equibiaxial tension,
-and the other way round.
+A law must be stable within the range of the test: in each mode, at all stretches whose principal stretches the
+specimen had (`ranges_of_test`). It should also be stable at the stretches that solves reach (`SOLVE`). Uniaxial
+compression is equibiaxial tension, and vice versa.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ a press of the paper's sensor to D/4 they reach 2.7 by 0.33, and to 3/8 D 4.3 by
 SOLVE: Ranges = {"uniaxial": (0.39, 1.26), "equibiaxial": (0.89, 1.6), "planar": (0.41, 2.3)}
 """Stretches of all but a thousandth of the silicone, next to each mode, in a press of the paper's sensor to 3/8 D (3
 mm, neo-Hookean, accuracy standard); in a press to D/4 (2 mm) 0.52 to 1.18, 0.92 to 1.38 and 0.59 to 1.64.
-`tests/test_lawstability.py` measures them at the points of integration."""
+`tests/test_law_stability.py` measures them at the points of integration."""
 
 STEPS = 400
-"""Stretches at which stability is looked for between 1 and an end."""
+"""Number of stretches between 1 and each end of the range at which stability is checked."""
 
 
 def ranges_of_test(stretch: Array) -> Ranges:
-    """Stretches of each mode whose principal stretches the specimen of a test had.
+    """Return the stretches of each mode whose principal stretches the specimen of a test had.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def ranges_of_test(stretch: Array) -> Ranges:
 
 
 def ranges(name: str, numbers: tuple[float, ...], also: Ranges | None = None) -> Ranges:
-    """Stretches round 1 between which the law is stable in each of `MODES`; looked for in `RANGE` and `also`.
+    """Return the stretches around 1 between which the law is stable in each of `MODES`, within `RANGE` and `also`.
 
     >>> ranges("neo-hookean", ())["planar"]
     (0.3, 4.0)
@@ -79,7 +79,7 @@ def ranges(name: str, numbers: tuple[float, ...], also: Ranges | None = None) ->
 
 
 def within(wanted: Ranges, stable: Ranges) -> bool:
-    """Whether the stretches that are wanted lie within those in which a law is stable, to rounding.
+    """Return whether the wanted stretches lie within the stable ones, up to rounding.
 
     >>> within({"planar": (0.5, 2.0)}, {"planar": (0.3, 1.9)})
     False
@@ -91,9 +91,9 @@ def within(wanted: Ranges, stable: Ranges) -> bool:
 
 
 def stable(name: str, numbers: tuple[float, ...], stretch: Array, strains: Array) -> NDArray[np.bool_]:
-    """Whether the law is stable at stretches, shape (n,), of a mode with strains, shape (3,), over log(stretch)."""
+    """Return whether the law is stable at stretches, shape (n,), of a mode; strains (3,) are over log(stretch)."""
     tau, D = material_stability.stress_and_stiffness(law(name, numbers), np.log(stretch)[:, None] * strains)
-    # the pressure that frees the last direction of stress
+    # the pressure that makes the stress in the last direction zero
     tau = tau - tau[:, 2:]
     along = (D @ strains) @ strains - tau @ strains**2
     return np.asarray((material_stability.least_stiffness(D) > 0) & (along > 0))

@@ -1,4 +1,4 @@
-"""From a uniaxial test to a design file."""
+"""Fit the silicone's laws to a uniaxial test and write a design file."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from studies.simulation.law_selection import Judged, choose, warnings
 from studies.simulation.tensile_test import Specimen, read
 
 FILES = ("fit.csv", "fit.png", "design.toml")
-"""What is written into a folder."""
+"""Files that `run` writes into a folder."""
 
 MARK = "# fitted to "
-"""How a design file begins that is written here."""
+"""First characters of a design file that this module writes."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitRow:
-    """One law of a test, with what was measured."""
+    """One law fitted to a test, with the properties of the test."""
 
     judged: Judged
     data: Specimen
 
     @property
     def warnings(self) -> list[str]:
-        """What a user should know before the law is used."""
+        """Warnings about the use of the law."""
         return warnings(self.judged, self.data)
 
     def row(self) -> FlatRow:
-        """The flat row of JSON; `texts` has the same columns for tables."""
+        """Return the flat row for JSON; `texts` has the same columns for tables."""
         judged, fit, data = self.judged, self.judged.fit, self.data
         return {
             "rank": judged.rank,
@@ -67,7 +67,7 @@ class FitRow:
         }
 
     def texts(self) -> FlatRow:
-        """The row for a table and for fit.csv: numbers, ranges and lists as texts."""
+        """Return the row for a table and for fit.csv: numbers, ranges and lists as texts."""
         fit = self.judged.fit
         texts: FlatRow = {"numbers": ", ".join(f"{name}={value:.6g}" for name, value in fit.numbers.items())}
         texts |= {f"stable_{mode}": f"{low:.3g} to {high:.3g}" for mode, (low, high) in fit.stable.items()}
@@ -83,12 +83,12 @@ def run(
     progress: Progress | None = None,
     command: str = "magtip fit",
 ) -> list[FitRow]:
-    """Fit the test in a file; writes fit.csv, fit.png and design.toml into an existing folder.
+    """Fit the test in a file, and write fit.csv, fit.png and design.toml into an existing folder.
 
     Parameters
     ----------
     asked : the law that the user chooses.
-    command : that this is run by, for design.toml.
+    command : command line that design.toml names as its origin.
 
     Returns
     -------
@@ -119,18 +119,18 @@ def run(
 
 
 def _refuse_foreign(file: Path) -> None:
-    """A design that was not written here is somebody's own: it must not be replaced."""
+    """Refuse to replace a design file that this module has not written, since it may be the user's own."""
     if file.exists() and not file.read_bytes().startswith(MARK.encode()):
         raise BadInput(f"{str(file)!r} was not written by magtip fit and would be overwritten: choose another folder")
 
 
 def _model(fit: Fit, stretch: Array, nu: float) -> Array:
-    """Nominal stress of a fitted law at stretches, MPa."""
+    """Return the nominal stress of a fitted law at stretches, MPa."""
     return fit.E / (2 * (1 + nu)) * nominal_stress(fit.law, tuple(fit.numbers.values()), stretch)
 
 
 def design_text(path: str, fit: Fit, nu: float, command: str) -> str:
-    """The fit as a design file, which such a command makes."""
+    """Return the text of the design file of a fit; it names the command."""
     values: dict[str, Any] = {"E": fit.E, "nu": nu, "law": fit.law, **fit.numbers}
     lines = [
         f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
@@ -140,5 +140,5 @@ def design_text(path: str, fit: Fit, nu: float, command: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """The text as a comment can hold it."""
+    """Return the text without characters that a comment cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)

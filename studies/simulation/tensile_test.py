@@ -1,4 +1,4 @@
-"""Uniaxial tests in a CSV file: stretch and nominal stress, checked at the door."""
+"""Read and check uniaxial tests in CSV files: stretch and nominal stress."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ below, a compression with a positive stress does not."""
 class Specimen:
     """Points of a uniaxial test, in the file's order: stretch, shape (n,), and nominal stress, shape (n,), MPa.
 
-    `column` is the file's name of the stress.
+    `column` is the name of the stress in the file.
     """
 
     stretch: Array
@@ -39,22 +39,22 @@ class Specimen:
 
     @property
     def telling(self) -> NDArray[np.bool_]:
-        """Points off stretch 1, where laws differ, shape (n,)."""
+        """Points with a stretch other than 1: at 1 every law has the stress 0, shape (n,)."""
         return np.asarray(self.stretch != 1)
 
     @property
     def least_strain(self) -> float:
-        """Least size of a strain that is not 0."""
+        """Smallest absolute value of a strain other than 0."""
         return float(np.abs(self.stretch[self.telling] - 1).min())
 
     def near(self, strain: float) -> NDArray[np.bool_]:
-        """Points with strains up to this size, or where there are none those with the least, shape (n,)."""
+        """Return the points with strains up to this size; if there are none, those with the smallest, shape (n,)."""
         limit = max(strain, self.least_strain)
         return np.asarray(self.telling & (np.abs(self.stretch - 1) <= limit * (1 + 1e-9)))
 
 
 def read(path: str) -> Specimen:
-    """The test in a CSV file: a header with one column of `STRETCH` and one of `STRESS`; # begins a comment.
+    """Read the test in a CSV file: a header with one column of `STRETCH` and one of `STRESS`; # begins a comment.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _check_curve(
 
 
 def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
-    """Place of the one column with a wanted name."""
+    """Return the index of the only column with a wanted name."""
     found = [k for k, name in enumerate(header) if name in wanted]
     if len(found) > 1:
         names = " and ".join(header[k] for k in found)
