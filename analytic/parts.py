@@ -91,7 +91,7 @@ CHIPS = {
 """Three-axis parts by the name in `Design.hall_layout`, in their wide range, without averaging; sources above."""
 
 CONVERTER, CONVERTER_NOISE, CONVERTER_STEP = "NI 9205, +-10 V", 2.44e-4, 20 / 2**16
-"""Converter that the paper names: name, noise and step, V. The elements' own noise adds to this noise."""
+"""Converter that the paper names: name, noise and step, V. The noise does not include that of the elements."""
 
 AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """Directions n of S1, S2 and S3, or of the three axes of a chip; `analytic.hall.elements` explains their signs."""

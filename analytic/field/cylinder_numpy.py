@@ -44,7 +44,7 @@ ORDER = 27
 BLOCK = 2048
 """Number of points that are computed at a time, so that their arrays stay in the processor's cache."""
 STEP = 1e-30
-"""Size of the complex step: it involves no subtraction, so it can be far below rounding."""
+"""Size of the complex step: it needs no subtraction and can therefore be far below the rounding error."""
 NEAR_HULL = 0.01
 """Distance from the hull, in radii, within which that distance is computed in doubled precision."""
 SPLIT = 134217729.0

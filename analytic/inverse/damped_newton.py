@@ -19,11 +19,11 @@ from geometry.arrays import Array
 GOAL = 1e-9
 """Estimated error of a pose at which the iteration ends, mm: far below the decoder's `SAME`, far above rounding."""
 STEPS = 40
-"""Largest number of steps from a start; what has not converged then counts as no pose."""
+"""Largest number of steps from a start; a start that has not converged by then gives no pose."""
 STUCK = 1e-6
 """Length of a damped step at which the iteration stops without a pose, mm: it has met a minimum of |f| above 0."""
 LONGEST = 0.5
-"""Largest length of a step, mm: a step from near a fold could leave the region where the slopes are of any use."""
+"""Largest length of a step, mm: close to a fold, undamped steps are far too long."""
 
 
 def refine(

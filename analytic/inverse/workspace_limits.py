@@ -72,7 +72,7 @@ def exceeded_limit(coder: Decoder, pose: Array) -> Limit | None:
     if not np.isfinite(pose).all():
         return None
     low, high = response_surface.workspace(coder.forward.design)
-    # a limit of the mechanics is to blame only if the workspace of the design alone would hold the pose
+    # report a limit of the mechanics only if the pose lies within the workspace of the design without mechanics
     if pose[2] < coder.low[2] and coder.low[2] > low[2] and not pose[2] < low[2]:
         return "depth"
     aside = np.abs(pose[:2]).max()
