@@ -1,9 +1,9 @@
-"""The paper's formulas beside the finite elements, in a press and in a sheared press: tables, plots and findings.
+"""Compare the paper's formulas with finite elements in a press and in a sheared press: tables, plots and findings.
 
-Three mechanics meet here: finite elements with the rigid magnet ("fem"), finite elements of a beam that is all
-silicone ("fem_homogeneous"; there the beam assumption can be judged apart from the magnet), and the formulas
-("analytic"). All poses of the magnet go through the same field code, so that differences between readings come from
-the mechanics alone. "untilted" is the FEM's pose without its tilt, to which the paper attributes its errors.
+Three mechanics are compared: finite elements with the rigid magnet ("fem"), finite elements of a beam that is all
+silicone ("fem_homogeneous", which isolates the beam assumption from the magnet), and the formulas ("analytic"). One
+field model gives the readings of all poses, so that differences between readings come from the mechanics alone.
+"untilted" is the FEM's pose without its tilt, to which the paper attributes its errors.
 
 Errors are model against FEM with the rigid magnet, in %; those of a reading in % of its full scale (FS): the largest
 change from rest that the FEM sees of it in both tables, for S2 and S3 together, since a shear along y swaps them. A
@@ -77,7 +77,7 @@ def run(
     Parameters
     ----------
     depths : of the press, mm; by default 12 steps up to 3 D/8, or to 0.6 of the silicone on the axis if that is less.
-    shears : sideways motion of the plate, stuck to the tip, mm; by default 0 to 3 D/8 in 6 steps.
+    shears : shears of the plate, which sticks to the tip, mm; by default 0 to 3 D/8 in 6 steps.
     shear_depth : depth of the press under the shear, mm; by default a third of the deepest default of the press.
 
     Returns

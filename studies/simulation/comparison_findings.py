@@ -1,4 +1,4 @@
-"""What the tables of a comparison say: figures, and sentences made from them."""
+"""Findings of a comparison: figures from its tables, and sentences made from the figures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Error = tuple[float, float]
 
 
 def findings(design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow]) -> Figures:
-    """Figures from the rows of `compare.compare`, NaN or empty where rows give none, and the sentences they make.
+    """Return the figures of the rows of `compare.compare`, NaN or empty without rows, and the sentences from them.
 
     Spans are pairs (first, last) of neighbouring depths of the table, mm. A "worst" figure is the one of largest
     magnitude, beside the depth or shear where it occurs.
@@ -55,7 +55,7 @@ def findings(design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow
 
 
 def spans(errors: Sequence[Error], bound: float) -> list[Span]:
-    """Where an error stays within a bound, in %: runs of neighbouring places.
+    """Return the runs of neighbouring places at which an error stays within a bound, in %.
 
     >>> spans([(1.0, -9.0), (2.0, 4.0), (3.0, 1.0)], 5)
     [(2.0, 3.0)]
@@ -71,14 +71,14 @@ def spans(errors: Sequence[Error], bound: float) -> list[Span]:
 
 
 def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
-    """The error of largest magnitude and where it is, under a name."""
+    """Return the error of largest magnitude and its place, under a name."""
     finite = [(place, error) for place, error in errors if math.isfinite(error)]
     place, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
     return {f"worst_{name}": error, f"worst_{name}_at_mm": place}
 
 
 def _output_against_force(design: Design, press: Sequence[PressRow], output: str) -> dict[str, float]:
-    """The paper's own test: the output of S1 at equal force, errors in % of its largest change in the FEM."""
+    """Repeat the paper's test: errors of the output of S1 at equal force, in % of its largest change in the FEM."""
     points = [
         (row.force_N.fem, row.readings[0].fem.output, row.force_N.analytic, row.readings[0].analytic.output)
         for row in press
@@ -102,7 +102,7 @@ def _output_against_force(design: Design, press: Sequence[PressRow], output: str
 
 
 def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
-    """Force (5) with (7) at the deepest depth it reaches, as printed and as a tangent; area over Hertz's there."""
+    """Return force (5) with (7) at the deepest valid depth, as secant and as tangent law, and area over Hertz's."""
     deepest = max((depth for depth in depths if 0 < depth <= design.R), default=NAN)
     if not deepest > 0:
         return {"secant_depth_mm": NAN, "secant_force_N": NAN, "tangent_force_N": NAN, "area_over_hertz": NAN}
@@ -138,7 +138,7 @@ def _shear_figures(design: Design, shear: Sequence[ShearRow], elements: Sequence
 
 
 def _per_mm(label: str, row: ShearRow) -> dict[str, float]:
-    """Stiffness, tilt and shift of a sheared state over its shear."""
+    """Return stiffness, tilt and shift of a sheared state per mm of shear."""
     way, force, tilt, shift = row.shear_mm, row.force_x_N, row.tilt_rad, row.shift_x_mm
     return {
         f"{label}_shear_mm": way,
@@ -156,7 +156,7 @@ def _per_mm(label: str, row: ShearRow) -> dict[str, float]:
 
 
 def press_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """What the press shows."""
+    """Return the findings of the press."""
     lines = []
     for name, text in (("homogeneous", "of a beam that is all silicone"), ("rigid", "with the rigid magnet inside")):
         five, ten = (figures[f"{name}_within_{bound}_percent_mm"] for bound in (5, 10))
@@ -207,7 +207,7 @@ def press_sentences(figures: Mapping[str, Any]) -> list[str]:
 
 
 def shear_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """What the sheared press shows."""
+    """Return the findings of the sheared press."""
     if not math.isfinite(figures.get("fem_first_stiffness_N_per_mm", NAN)):
         return ["Shear: the finite elements reached no state to compare."]
     stiff, bare = (figures[f"{model}_first_stiffness_N_per_mm"] for model in ("fem", "fem_homogeneous"))
@@ -241,7 +241,7 @@ def shear_sentences(figures: Mapping[str, Any]) -> list[str]:
 
 
 def trust_sentences(figures: Mapping[str, Any]) -> list[str]:
-    """How far the finite elements themselves can be trusted."""
+    """Return sentences on the uncertainty of the finite elements themselves."""
     lines = []
     if math.isfinite(figures["press_error_estimate_percent"]):
         lines.append(

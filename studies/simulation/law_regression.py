@@ -1,21 +1,24 @@
-"""Least squares of every law to a uniaxial test, and their ranking.
+"""Fit every law to a uniaxial test by least squares, and rank the fits.
 
-The specimen is incompressible with free sides, which gives the nominal stress in closed form. All points weigh the
-same in nominal stress. Each law is fitted in its forms (`FORMS`: Yeoh with two terms or three, Ogden with one or two)
-that have no more constants, E among them, than the test has points at different stretches. The largest stands for its
-law; but if a share of 0 makes it the smaller one, that does. Laws are ranked by Akaike's corrected criterion for n
-points and k parameters, the noise's size among them,
+The specimen is incompressible with free sides, which gives the nominal stress in closed form. All points have the
+same weight in nominal stress. Each law has several forms (`FORMS`: Yeoh with two terms or three, Ogden with one or
+two). A form is fitted if it has no more constants, E included, than the test has points at different stretches. The
+largest form represents its law, unless a share of 0 reduces it to the smaller one. Laws are ranked by Akaike's
+corrected criterion for n points and k parameters, one of which is the standard deviation of the noise,
 
     AICc = n ln(SSE / n) + 2 k + 2 k (k + 1) / (n - k - 1),
 
-which takes errors as independent: a slow drift of the machine makes the larger laws look better than they are.
-Residuals and their differences of less than 1e-9 of the largest stress are rounding, and count as none. Of fits
-that tie, first comes the one that is stable in the wider ranges, then the one that `geometry.design.LAWS` names
-first. Points at stretch 1, where no law has a stress, do not count. Of laws within 2 of the least AICc, which are as
-good, those with fewer constants come first. Where the criterion is not defined for all forms (n <= k + 1), as for the
-two or three values of a data sheet, none is ranked by it: first come forms that leave 2 % of the largest stress or
-less, the fewest constants first, then the others, by what they leave; the best form stands for the law. Numbers at a
-bound of the search are no optimum: their law ranks last.
+which assumes independent errors: a slow drift of the machine makes the larger laws look better than they are.
+
+- Residuals, and differences of residuals, below 1e-9 of the largest stress are rounding and count as 0.
+- Points at stretch 1, where every law has the stress 0, do not count.
+- Laws within 2 of the least AICc are equally good; those with fewer constants come first.
+- Of tied fits, the one that is stable in wider ranges comes first, then the one that `geometry.design.LAWS` lists
+  first.
+- If the criterion is undefined for a form (n <= k + 1), as for the two or three values of a data sheet, it ranks no
+  law. Forms with a residual of at most 2 % of the largest stress then come first, the fewest constants first; the
+  others follow by their residual. The best form represents its law.
+- A law with a number at a bound of the search is not at an optimum and ranks last.
 """
 
 from __future__ import annotations
@@ -240,7 +243,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
     )
     x = np.where(bounded, moved, x)
     values, left = _whole(form, x[1:].tolist()), residual(x)
-    rms = _told(float(np.sqrt(np.mean(left**2))))
+    rms = _without_rounding(float(np.sqrt(np.mean(left**2))))
     near = data.near(SMALL_STRAIN)
     numbers = dict(zip(LAWS[form.law], values, strict=True))
     return Fit(
@@ -251,7 +254,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
         exact=form.constants >= most,
         rms=largest * rms,
         share=rms,
-        small=_told(excess(largest * left[near], data.stress[near])),
+        small=_without_rounding(excess(largest * left[near], data.stress[near])),
         aicc=aicc(
             int(data.telling.sum()), form.constants + 1, max(float(np.sqrt(np.mean(left[data.telling] ** 2))), EXACT)
         ),
@@ -261,7 +264,7 @@ def _fitted(form: Form, data: Specimen, mu: float, nu: float, most: int, criteri
     )
 
 
-def _told(value: float) -> float:
+def _without_rounding(value: float) -> float:
     """Return 0 for a value that is rounding."""
     return value if abs(value) > EXACT else 0.0
 
