@@ -15,7 +15,7 @@ from studies.output import result_store
 from studies.output.atomic_files import json_line
 from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents
 from studies.validation.error_study import QUANTITIES, Task
-from studies.validation.error_study_records import ErrorState, Judged, PathSolve, SolvedState, restored
+from studies.validation.error_study_records import ErrorState, Judged, SolvedState, restored
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +34,6 @@ def state(true, estimate, **changes):
     place = {"design": 0, "odd": False, "magnet": "rigid", "level": "quick", "scene": "press", "path": "press"}
     place |= {"model": "axisymmetric", "repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok", "message": ""}
     return ErrorState(**place | {"judged": judged} | changes)
-
-
-def solve(force_z=0.0, shift_z=0.0):
-    """An answer of the half model to a press."""
-    return PathSolve(0.0, force_z, 0.0, shift_z, 0.0, 100, 5, 0.1)
 
 
 def error(state, name):
@@ -179,31 +174,6 @@ def test_the_reference_is_held_against_a_finer_one():
     checked_state = state(0.0, 0.0, level="reference")
     assert error_statistics.summary([checked_state]) == []
     assert error_statistics.references([checked_state])[0].force_percent == 0
-
-
-def test_shares_and_verdicts():
-    safe = [state(0.010, 0.015) for _ in range(19)]
-    assert error_statistics.verdicts([*safe, state(0.02, 0.015)]) == []
-    unsafe = error_statistics.verdicts([*safe, state(0.02, 0.015), state(0.02, 0.015)])
-    assert len(unsafe) == len(QUANTITIES)
-    assert "90% of the true errors" in unsafe[0]
-    blunt = error_statistics.verdicts([state(0.001, 0.0031) for _ in range(20)])
-    assert all("0% of the estimates" in said for said in blunt)
-    assert "goal 3 %" in error_statistics.verdicts([state(0.031, 0.04)])[0]
-
-
-def test_mesh_noise_is_the_spread_over_meshes():
-    half = [state(0.01, 0.02, model="half", scene="pressed", solve=solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
-    (force, shift) = error_statistics.noise(half)
-    assert force.mean_percent == pytest.approx(1.0)
-    assert shift.mean_percent == 0.0
-
-
-def test_depths_of_a_press_are_no_noise():
-    """Nor is the tilt that tetrahedra have where there should be none."""
-    half = [state(0.01, 0.02, model="half", depth_mm=d, solve=solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
-    noise = error_statistics.noise(half)
-    assert [(one.quantity, one.states, one.max_percent) for one in noise] == [("force", 2, 0.0), ("shift", 2, 0.0)]
 
 
 def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tmp_path, capsys):

@@ -1,0 +1,45 @@
+"""Statistics of the study of error estimates: shares, missed goals and mesh noise."""
+
+import pytest
+
+from studies.validation import error_statistics
+from studies.validation.error_study import QUANTITIES
+from studies.validation.error_study_records import ErrorState, Judged, PathSolve
+
+
+def state(true, estimate, **changes):
+    """A state whose quantities all have the same true error and estimate."""
+    judged = tuple(Judged(name, true, estimate) for name in QUANTITIES)
+    place = {"design": 0, "odd": False, "magnet": "rigid", "level": "quick", "scene": "press", "path": "press"}
+    place |= {"model": "axisymmetric", "repeat": 0, "depth_mm": 1.0, "shear_mm": 0.0, "status": "ok", "message": ""}
+    return ErrorState(**place | {"judged": judged} | changes)
+
+
+def solve(force_z=0.0, shift_z=0.0):
+    """An answer of the half model to a press."""
+    return PathSolve(0.0, force_z, 0.0, shift_z, 0.0, 100, 5, 0.1)
+
+
+def test_shares_and_verdicts():
+    safe = [state(0.010, 0.015) for _ in range(19)]
+    assert error_statistics.verdicts([*safe, state(0.02, 0.015)]) == []
+    unsafe = error_statistics.verdicts([*safe, state(0.02, 0.015), state(0.02, 0.015)])
+    assert len(unsafe) == len(QUANTITIES)
+    assert "90% of the true errors" in unsafe[0]
+    blunt = error_statistics.verdicts([state(0.001, 0.0031) for _ in range(20)])
+    assert all("0% of the estimates" in said for said in blunt)
+    assert "goal 3 %" in error_statistics.verdicts([state(0.031, 0.04)])[0]
+
+
+def test_mesh_noise_is_the_spread_over_meshes():
+    half = [state(0.01, 0.02, model="half", scene="pressed", solve=solve(f, -1.0)) for f in (0.99, 1.0, 1.01)]
+    (force, shift) = error_statistics.noise(half)
+    assert force.mean_percent == pytest.approx(1.0)
+    assert shift.mean_percent == 0.0
+
+
+def test_depths_of_a_press_are_no_noise():
+    """Nor is the tilt that tetrahedra have where there should be none."""
+    half = [state(0.01, 0.02, model="half", depth_mm=d, solve=solve(d, -d)) for d in (1.0, 2.0) for _ in "ab"]
+    noise = error_statistics.noise(half)
+    assert [(one.quantity, one.states, one.max_percent) for one in noise] == [("force", 2, 0.0), ("shift", 2, 0.0)]
