@@ -61,10 +61,10 @@ HEADS = {
     "runs": "runs",
     "import_s": "imports s",
     "cpu_s": "CPU s",
-    "mesh_s": "of it mesher s",
-    "wall_s": "clock s",
+    "mesh_s": "mesher CPU s",
+    "wall_s": "wall s",
     "peak_MB": "peak MB",
-    "faster": "magtip is faster by",
+    "faster": "magtip faster by a factor of",
     "goal": "goal",
     "met": "met",
     "status": "status",
@@ -75,7 +75,7 @@ BRIEF = ("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "messa
 
 
 def machine() -> dict[str, str]:
-    """What was measured where: processor, system, load, versions."""
+    """Return the machine of the measurements: processor, system, load, versions."""
     found = {"machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.release()}"}
     if hasattr(os, "getloadavg"):
         found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
@@ -132,7 +132,7 @@ def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
 def report(
     rows: Sequence[BenchRow], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str
 ) -> str:
-    """BENCH.md: goals first, then a table for each case, then how it was measured and where."""
+    """Return the text of BENCH.md: goals met, a table for each case, how and where it was measured."""
     judged = [row for row in rows if row.goal]
     met = sum(row.met is True for row in judged)
     lines = ["# Speed", "", f"{met} of {len(judged)} goals are met.", ""]

@@ -1,6 +1,6 @@
 """What `magtip cad` makes, measured: volumes, triangles against their tolerance, checks at extremes, and time.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the measurements.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from studies.output import atomic_files, console, provenance, records
 from studies.output.records import FlatRow
 
 ABOUT = """\
-`python -m studies.benchmarks.cad_benchmark results/cad` writes CAD.md, cad.csv and the paper's sensor as pictures.
+`python -m studies.benchmarks.cad_benchmark results/cad` writes CAD.md, cad.csv and the pictures of the paper's
+sensor.
 
-A part's volume is set against its closed form (beam, magnet, silicone) or the solid's own (base, mould). The STEP
-file is read back. The deviation of triangles is the largest distance of points of the beam's facets from its exact
-surface, seven points to a facet. The whole command is timed in a process of its own, from its start to its end, and
-the fastest of some runs counts, as others may be at work on the machine; a variant is the whole batch's time over the
-number of its designs, start and imports of the processes left out by taking the difference of a long and a short
-batch.
+The volumes of beam, magnet and silicone are compared with their closed forms. The volumes of the STEP files, which
+are read back, and of the triangles are compared with those of the solids. The deviation of the triangles is the
+largest distance between the beam's facets and its exact surface, at seven points of each facet. The whole command
+runs in a separate process and is timed from start to end; the fastest run counts, because other processes may run
+on the same machine. The time of one more variant is the difference between a long and a short batch, over the
+difference in their numbers of designs, which leaves out the start and the imports.
 """
 
 BARE = {"magnet_diameter": 0.0, "magnet_height": 0.0, "magnet_edge_radius": 0.0}
@@ -52,7 +53,7 @@ EXTREMES: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {
     "elements above the base (c = 6)": ({"c": 6.0, "f": 9.0, "l0": 7.0}, {}),
     "3-axis chip": ({"hall_layout": "tmag5273a1"}, {}),
 }
-"""Fields of the design, and choices about the mould."""
+"""Fields of the design, and options of the mould."""
 
 TOLERANCES = (0.1, 0.02, 0.004, 0.001)
 
@@ -60,7 +61,7 @@ LONG, SHORT = 12, 4
 """Variants of the two batches that are timed."""
 
 RUNS = 3
-"""Of the whole command."""
+"""Runs of the whole command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ class TriangleErrors:
 
 @dataclass(frozen=True, slots=True)
 class ExtremeResult:
-    """Everything for one design at the edge of what is allowed.
+    """All parts of one design at a limit of the input ranges.
 
     Attributes
     ----------
@@ -161,7 +162,7 @@ def tolerances() -> list[TriangleErrors]:
 
 
 def deviation(mesh: Any) -> float:
-    """Largest distance of points of the beam's facets from its wall and dome, mm."""
+    """Return the largest distance of points of the beam's facets from its wall and dome, mm."""
     import numpy as np
 
     share = np.array([(1, 1, 1), (3, 3, 0), (3, 0, 3), (0, 3, 3), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / 6
@@ -173,7 +174,7 @@ def deviation(mesh: Any) -> float:
 
 
 def extremes(folder: Path) -> list[ExtremeResult]:
-    """Everything for designs at the edge of what is allowed."""
+    """Make all parts of designs at the limits of the input ranges."""
     from geometry.mold import Mold
     from studies.fabrication import sensor_parts, sensor_solids
     from studies.fabrication.fabrication_rows import FabricationRow
@@ -229,18 +230,18 @@ def times(folder: Path) -> list[CommandTime]:
             list(design_variants.batch(paper(), axes, folder / f"{workers}-{count}", _silent, workers=workers))
             spent.append((time.perf_counter() - start, time.process_time() - used))
         wall, cpu = ((spent[1][k] - spent[0][k]) / (LONG - SHORT) for k in (0, 1))
-        name = f"one variant more in a batch, {workers} {'process' if workers == 1 else 'processes'}"
+        name = f"one more variant in a batch, {workers} {'process' if workers == 1 else 'processes'}"
         commands.append(CommandTime(name, wall, cpu if workers == 1 else None))
     return commands
 
 
 def document(measured: Measurements, about: dict[str, str]) -> str:
-    """CAD.md."""
-    lines = ["# CAD and moulds, measured", "", *ABOUT.splitlines(), ""]
+    """Return the text of CAD.md."""
+    lines = ["# Measurements of CAD and moulds", "", *ABOUT.splitlines(), ""]
     tables: dict[str, Sequence[PartVolume | TriangleErrors | ExtremeResult | CommandTime]] = {
         "Parts of the paper's sensor: volume and its relative errors": measured.volumes,
-        "Triangles of the beam against the tolerance asked for": measured.tolerances,
-        "Designs and moulds at the edge of what is allowed": measured.extremes,
+        "Triangles of the beam against the requested tolerance": measured.tolerances,
+        "Designs and moulds at the limits of the input ranges": measured.extremes,
         "Time, s": measured.times,
     }
     for title, table in tables.items():

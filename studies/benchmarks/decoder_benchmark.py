@@ -5,7 +5,7 @@ states.jsonl is in the folder, states of `magtip solve --json`, their tilt and l
 is the paper's table as `magtip table paper --step 0.01 --out FULL.npy` writes it; without it its figures are
 extrapolated.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the measurements.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ from studies.output import atomic_files, console
 from studies.sensing import decode_readings
 
 ABOUT = """\
-Poses are drawn uniformly from the workspace, +-3/8 D sideways and 3/8 D down, with the elements' rails taken away,
-so that what is ambiguous is so by the layout. tau is the tilt per mm of the magnet's shift. A pose is lost if none of
-the poses found is within 1e-5 mm of it. The other sign of det is the share of poses at which the determinant of the
-slopes has another sign than at rest, which is what a look at the determinant alone would call ambiguous. The
-exhaustive search starts Newton's steps at 13 x 13 x 7 places for each reading. Speeds are CPU time on one thread, the
-median of runs; a stream's is by the clock. The paper's table is read by its nearest entry in the readings, from
-memory by a search tree, the full one from its file by bounds of its blocks (`analytic.lookup.nearest`).
+Poses are drawn uniformly from the workspace: 3/8 D to each side and 3/8 D down. The elements have no limits of
+their output here, so that any ambiguity comes from the layout. tau is the tilt per mm of the magnet's shift. A pose
+is lost if no decoded pose lies within 1e-5 mm of it. "Other sign of det" is the share of poses at which the
+determinant of the Jacobian has another sign than at rest; a test of the determinant alone would call these poses
+ambiguous. The exhaustive search starts Newton's method from 13 x 13 x 7 poses for each set of readings.
+
+Speeds are CPU time on one thread, the median of several runs; that of a stream is wall time. A reading of the
+paper's table returns the entry with the nearest readings: in memory by a search tree, from the file of the full
+table by bounds of its blocks (`analytic.lookup.nearest`).
 """
 
 
@@ -232,7 +234,7 @@ def main(out: str, full: str | None = None) -> None:
         states, law = folder / "states.jsonl", None
         if states.exists():
             law = decode_readings.of_file(states, paper())
-            tilts["finite elements (states.jsonl), as far as they go"] = ignored(decode.decoder(paper(), law))
+            tilts["finite elements (states.jsonl), within their range"] = ignored(decode.decoder(paper(), law))
         console.say("tilt done")
         measurements = Measurements(trips, second_poses, tables, whole, tilts, law, speed())
         atomic_files.write_text(folder / "DECODE.md", decoder_report.report(measurements, about, ABOUT))

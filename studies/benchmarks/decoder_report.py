@@ -107,12 +107,12 @@ class Measurements:
 
 
 def report(measured: Measurements, about: Mapping[str, str], text: str) -> str:
-    """Goals first, then a table of each measurement, then how it was measured."""
+    """Return the text of DECODE.md: goals, a table of each measurement, and how it was measured."""
     command = "python -m studies.benchmarks.decoder_benchmark results/decode" + (
         " FULL.npy" if measured.whole is not None else ""
     )
     lines = ["# The decoder", "", f"`{command}`", "", *_goals(measured)]
-    lines += ["", "## Round trips and how many poses read alike", ""]
+    lines += ["", "## Round trips, and shares of ambiguous readings", ""]
     heads = ["layout", "tau, rad/mm", "unique", "worst error of these, mm", "ambiguous"]
     heads += ["other sign of det", "lost", "condition, median", "worst"]
     lines += _table(
@@ -134,7 +134,7 @@ def report(measured: Measurements, about: Mapping[str, str], text: str) -> str:
     )
     lines += ["", "## Second poses beside an exhaustive search", ""]
     heads = ["layout", "tau, rad/mm", "readings", "ambiguous by the search", "of these by the decoder"]
-    heads += ["poses by the search", "missed by the decoder", "found by the decoder alone"]
+    heads += ["poses by the search", "missed by the decoder", "poses of the decoder alone"]
     cells = [
         [s.layout, f"{s.tau:g}", *map(str, (s.readings, s.ambiguous, s.said, s.poses, s.missed, s.only))]
         for s in measured.searches
@@ -160,7 +160,11 @@ def _goals(measured: Measurements) -> list[str]:
             one[speed.program] = min(one.get(speed.program, 1e99), speed.stream_Hz)
     rows = [
         [f"unique poses come back to {TRIP_MM:g} mm", f"{worst:.1e} mm", _met(worst <= TRIP_MM)],
-        [f"{SHARE:.0%} of the ambiguous readings are said to be", f"{said:.1%} of {several}", _met(said >= SHARE)],
+        [
+            f"{SHARE:.0%} of the ambiguous readings are reported as ambiguous",
+            f"{said:.1%} of {several}",
+            _met(said >= SHARE),
+        ],
     ]
     for program in many:
         rows.append(
@@ -169,11 +173,11 @@ def _goals(measured: Measurements) -> list[str]:
         rows.append(
             [f"a stream at {STREAM_HZ:g} Hz, {program}", f"{one[program]:.0f}", _met(one[program] >= STREAM_HZ)]
         )
-    return _table(["goal", "found", "met"], rows)
+    return _table(["goal", "measured", "met"], rows)
 
 
 def _lookup(measured: Measurements) -> list[str]:
-    lines = ["## The paper's table, read by its nearest entry, without tilt", ""]
+    lines = ["## The paper's table without tilt, read by its nearest entry", ""]
     lines += _table(
         ["step, mm", "entries", "MB", "built in, s", "query, us", "median error, mm", "worst, mm"],
         [
@@ -224,7 +228,7 @@ def _full(whole: WholeTable) -> list[str]:
 
 
 def _tilts(measured: Measurements) -> list[str]:
-    lines = ["## What ignoring the tilt costs", ""]
+    lines = ["## Errors if the tilt is ignored", ""]
     heads = ["mechanics", "no pose", "shift: median error, mm", "worst, mm"]
     heads += ["lateral force: median error, N", "of at most, N", "normal force: median error, N", "of at most, N"]
     cells = []

@@ -3,7 +3,7 @@
 `python -m studies.benchmarks.field_benchmark results/field` writes field.csv and FIELD.md. It needs magpylib, mpmath
 and numba.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the measurements.
 """
 
 from __future__ import annotations
@@ -32,12 +32,14 @@ from studies.benchmarks.field_report import FirstCall, ProgramTimes, RegionError
 from studies.output import atomic_files, console, provenance
 
 ABOUT = """\
-Errors are |B - B_true| / |B_true|, of the Jacobian |J - J_true| / |J_true|, the worst of the points of a region and
-of magnets with height/radius from 1e-6 to 1e3; the true values have 60 digits and take the points as they are in
-double precision. Time for a million points around the paper's magnet (a normal distribution of 6 mm) is CPU time on
-one thread, the median of runs in turn with magpylib. The cost of one point is that of a call with one point less
-that of the same call with none, which is Python's own: converting, checking, allocating. First calls are those of a
-new process, by the clock.
+The error of the field is |B - B_true| / |B_true|, that of the Jacobian |J - J_true| / |J_true|. The tables show the
+largest error over the points of a region and over magnets with height/radius from 1e-6 to 1e3. The true values have
+60 digits, for exactly the double-precision coordinates of the points.
+
+The time for a million points around the paper's magnet (normally distributed, standard deviation 6 mm) is CPU time
+on one thread, the median of runs by turns with magpylib. The cost of one point is the time of a call with one point
+less that of a call without points; the latter is the overhead of Python for conversion, checks and allocation.
+First calls are wall time in a new process.
 """
 
 

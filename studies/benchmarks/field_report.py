@@ -60,13 +60,18 @@ def report(
     about: dict[str, str],
     text: str,
 ) -> str:
-    """Goals first, then errors and times, then how they were measured."""
+    """Return the text of FIELD.md: goals, errors and times, and how they were measured."""
     own = max(max(error.numpy, error.compiled) for error in errors)
     fast, slow = times[0], times[-1]
     ratio, beyond = slow.many_us / fast.many_us, fast.one_us - fast.none_us
-    lines = ["# The exact field", "", "`python -m studies.benchmarks.field_benchmark results/field`", ""]
+    lines = [
+        "# Accuracy and speed of the exact field",
+        "",
+        "`python -m studies.benchmarks.field_benchmark results/field`",
+        "",
+    ]
     lines += _table(
-        ["goal", "found", "met"],
+        ["goal", "measured", "met"],
         [
             [f"error at most {PROMISE:g} of B", f"{own:.1e}", _met(own <= PROMISE)],
             [f"a million points {FASTER:g} times as fast as magpylib", f"{ratio:.1f} times", _met(ratio >= FASTER)],
@@ -77,7 +82,13 @@ def report(
     heads = ["region", "NumPy", "compiled", "NumPy Jacobian", "compiled Jacobian", "magpylib"]
     lines += _table(heads, _worst_by_region(errors))
     lines += ["", "Every region of every magnet is in field.csv.", "", "## Time", ""]
-    heads = ["program", "us a point of a million", "call with one point, us", "call with none, us", "one point, us"]
+    heads = [
+        "program",
+        "us per point of a million",
+        "call with one point, us",
+        "call without points, us",
+        "difference, us",
+    ]
     cells = [[t.program, *map(_us, (t.many_us, t.one_us, t.none_us, t.one_us - t.none_us))] for t in times]
     lines += _table(heads, cells)
     lines += ["", "## First calls", ""]

@@ -1,6 +1,6 @@
 """Speed: what the finite elements cost at a given error, beside FElupe and CalculiX, and how the cost grows.
 
-ABOUT, which the report prints, says how.
+ABOUT, which the report prints, describes the measurements.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ from studies.benchmarks.benchmark_tables import BenchRow
 from studies.benchmarks.peer_calculix import Press
 
 ABOUT = """\
-Every solve is a process of its own on one thread. Figures are medians of several runs: CPU seconds after imports, and
-peak memory of the process and those it starts; `import_s` stands apart. Each program may choose its mesh: of a
-ladder of meshes the cheapest counts whose force is within the tolerance of a fine axisymmetric reference at every
-load and in all runs. The error is the worst of them; for a shear the reference is the harmonic model on a fine mesh,
-and the tilt counts as well.
+Every solve runs in a separate process on one thread. Figures are medians of several runs: CPU seconds without
+imports, and peak memory of the process and its children. The imports are timed separately (`import_s`). Each
+program has a series of meshes. Of these, the cheapest counts whose force is within the tolerance at every load and
+in every run, compared with a fine axisymmetric reference. The error is the largest over all loads. For a shear, the
+reference is the harmonic model on a fine mesh, and the tilt must be within the tolerance as well.
 
-magtip meshes for itself, and that time is its own; the peers get a finished mesh from the same mesher. A mesh of
-tetrahedra costs as much as the solve, so that beside CalculiX the mesher's time (`mesh_s`) counts on neither side.
-`faster` is the peer's CPU seconds over magtip's. Solves that take more than 20 s are measured once. The speed of a
-machine changes within minutes: solves below a second that are compared take turns, and what counts is the median over
-the turns, of the ratio for FElupe and of the difference for a small shear.
+The time of magtip includes its mesher; the other programs get a finished mesh from the same mesher. Meshing with
+tetrahedra costs as much as the solve, so that the comparison with CalculiX leaves out the mesher's time (`mesh_s`).
+`faster` is the CPU time of the other program over that of magtip. Solves longer than 20 s are measured once. The
+speed of a machine changes within minutes. Therefore two programs that are compared run by turns if a solve takes
+less than a second. The median over the turns counts: of the ratio for FElupe, and of the difference for a small
+shear.
 """
 
 LEAST, MORE_S, MODES_S, TIMES = 4.0, 0.2, 0.5, 10.0
@@ -59,7 +60,7 @@ ones are run once."""
 
 @dataclass(slots=True)
 class _Bench:
-    """What a run of the bench was asked for and has found so far: also what magtip solved last in each case."""
+    """State of a run of the benchmark: its options, its rows so far, and the chosen accuracy of each case."""
 
     quick: bool
     peers: Path
@@ -304,7 +305,7 @@ def _first_call(bench: _Bench, least: float = 5.0) -> None:
             answer = peers.magtip({"task": "first", "command": command}, env=env)
             waits.append(answer.get("wall_s", math.nan))
             bench.rows.append(row(case, "magtip", name, answer | {"runs": 1}))
-    goal = f"first waits at most {least:g} s more"
+    goal = f"first call at most {least:g} s longer"
     bench.rows[-2] = replace(bench.rows[-2], goal=goal, met=waits[0] - waits[1] <= least)
 
 

@@ -22,11 +22,11 @@ from studies.output import atomic_files, console, records
 from studies.output.provenance import ROOT
 
 ABOUT = """\
-Every run is a new process on one thread, with files in the system's cache and compiled modules kept, as in an
-installed package. Figures are medians of {runs} runs of the commands in turn, of {few} runs for cad, which makes all
-its parts. Imports are what `python -X importtime` says, all modules together, also those that are imported while the
-command works; it costs some of the time itself. CPU and clock are those of a whole process without it, from its start
-to its end, and solving is the part of it that the state's `seconds` count.
+Every run is a new process on one thread, with files in the system's cache and with compiled modules kept, as in an
+installed package. Figures are medians of {runs} runs of the commands by turns, or of {few} runs for cad, which makes
+all its parts. Imports are the times of all modules by `python -X importtime`, including modules that are imported
+while the command runs; this option itself costs some time. CPU and wall time are those of the whole process without
+this option, from start to end. The time of solving is part of them: `seconds` of the solved state.
 """
 
 IMPORTS_GOAL_S, HELP_GOAL_S = 0.4, 0.25
@@ -111,7 +111,7 @@ def whole(words: Sequence[str], child: Mapping[str, str]) -> Run:
 
 
 def measured(commands: Mapping[str, Sequence[str]], runs: int) -> tuple[list[Start], list[ModuleImport]]:
-    """Every command, and every module of a solve by its own time, the dearest first: medians of runs in turn."""
+    """Every command, and every module of a solve by its own time, the slowest first: medians of runs by turns."""
     logs: dict[str, list[dict[str, float]]] = defaultdict(list)
     times: dict[str, list[Run]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as folder:
@@ -150,7 +150,7 @@ def _medians(logs: Sequence[Mapping[str, float]]) -> list[ModuleImport]:
 
 
 def libraries(modules: Sequence[ModuleImport]) -> dict[str, float]:
-    """Milliseconds of each top-level package, the dearest first.
+    """Return the milliseconds of each top-level package, the slowest first.
 
     >>> libraries([ModuleImport("json", 1.0), ModuleImport("numpy.linalg", 2.0), ModuleImport("numpy", 1.5)])
     {'numpy': 3.5, 'json': 1.0}
@@ -162,7 +162,7 @@ def libraries(modules: Sequence[ModuleImport]) -> dict[str, float]:
 
 
 def report(starts: Sequence[Start], modules: Sequence[ModuleImport], about: Mapping[str, str]) -> str:
-    """STARTUP.md: goals, commands, the dearest modules of a solve, how it was measured and where."""
+    """Return the text of STARTUP.md: goals, commands, slowest modules of a solve, and how it was measured."""
     by_name = {start.command: start for start in starts}
     goals = (
         (f"imports of a solve at most {IMPORTS_GOAL_S:g} s", by_name[SOLVE].imports_s, IMPORTS_GOAL_S),
@@ -171,13 +171,13 @@ def report(starts: Sequence[Start], modules: Sequence[ModuleImport], about: Mapp
     lines = ["# Start-up", "", "`python -m studies.benchmarks.startup_benchmark results/startup`", ""]
     lines += _table(("goal", "measured", "met"), [(n, f"{v:.2f} s", _met(v <= most)) for n, v, most in goals])
     lines += ["## Commands", ""]
-    heads = ("command", "modules", "imports, s", "all of it: CPU, s", "by the clock, s", "of it solving, s")
+    heads = ("command", "modules", "imports, s", "whole command: CPU, s", "wall, s", "solving, s")
     rows = [
         (s.command, str(s.modules), *map(_seconds, (s.imports_s, s.cpu_s, s.clock_s, s.solving_s))) for s in starts
     ]
     lines += _table(heads, rows)
     lines += [
-        f"## The {DEAREST} dearest imports of a solve",
+        f"## The {DEAREST} slowest imports of a solve",
         "",
         "Each without the modules that it imports itself.",
         "",

@@ -120,7 +120,7 @@ def examine(case: Case) -> Result:
 
 
 def _measured(case: Case) -> Measurement:
-    """Return the measurement of a case: its own check if the path reaches the last load, else one of its last."""
+    """Return the measurement of a case: its own check if the path reaches its last load, else of the end."""
     states = robustness_checks.path(case)
     end = states[-1]
     reached = end.status == "ok" or (end.status == "unstable" and "ok" in case.ends)
