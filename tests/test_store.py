@@ -77,7 +77,7 @@ def test_what_cannot_be_stored_goes_to_the_journal_and_is_taken_in_later(file, m
         other.close()
         assert kept.states(PATH) == {}
     with store.opened(file) as kept:
-        assert (kept.states(PATH), kept.taken_in) == ({(0.125, 0.0): PRESSED}, 1)
+        assert (kept.states(PATH), kept.from_journal) == ({(0.125, 0.0): PRESSED}, 1)
         assert not kept.journal.exists()
 
 

@@ -1,4 +1,4 @@
-"""The verb that measures cost: bench."""
+"""The verb that measures computing time and memory: bench."""
 
 from __future__ import annotations
 
@@ -35,12 +35,14 @@ def bench(
     out
         Folder for bench.csv, BENCH.md and size.png.
     """
-    asked = command(bench, locals())
+    command_line = command(bench, locals())
     from studies.benchmarks import benchmark_tables
-    from studies.benchmarks import solver_benchmark as work
+    from studies.benchmarks import solver_benchmark as study
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(quick=quick, folder=folder, command=asked, peers_folder=peers, ccx=ccx, progress=progress)
+        rows = study.run(
+            quick=quick, folder=folder, command=command_line, peers_folder=peers, ccx=ccx, progress=progress
+        )
     console.report(
         [row.row() for row in rows], as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide
     )

@@ -1,7 +1,7 @@
-"""The verbs of the command `magtip`, and what becomes of whatever ends them.
+"""The verbs of the command `magtip`, and the exit statuses for everything that can end them.
 
 Exit status: 0 success, 2 bad input (one sentence on standard error), 3 a solve or a check failed, 130 interrupted,
-1 a bug. Slow imports are made in the functions that need them.
+1 a bug. Functions import slow modules themselves, so that `magtip --help` is fast.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
 
 NEGATIVE = re.compile(r"-[\d.]\S*,")
-"""How a list of numbers begins whose first is negative."""
+"""Beginning of a list of numbers whose first number is negative."""
 
 
 def _version() -> str:
@@ -33,7 +33,8 @@ app = App(
     name="magtip",
     help="Design soft magnetic three-axis force sensors by finite elements and formulas. Units: mm, N, MPa, T, V.",
     version=_version,
-    help_format="plaintext",  # its list of verbs has no markup: 0.04 s of a Markdown library are for help of a verb
+    # the list of verbs has no markup; only the help of a verb loads the Markdown library (0.04 s)
+    help_format="plaintext",
     default_parameter=Parameter(negative=""),
     suppress_keyboard_interrupt=False,
 )
@@ -48,13 +49,13 @@ VERBS = {
         "benchmark_commands": "bench",
     },
 }
-"""Groups in the order of `--help`: modules beside this one, and their functions that are verbs."""
+"""Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
 
 for title, modules in VERBS.items():
     group = Group.create_ordered(title)
     paths = [f"studies.cli.{module}:{verb}" for module, verbs in modules.items() for verb in verbs.split()]
     for place, path in enumerate(paths):
-        # a path in place of a function: a command line then imports the module of its own verb only
+        # a path instead of a function: a command line then imports only the module of its own verb
         app.command(path, group=group, sort_key=place, help_format="markdown")
 options = Group.create_ordered("Options")
 for name in ("--help", "--version"):
@@ -62,33 +63,33 @@ for name in ("--help", "--version"):
 
 
 def _joined(tokens: list[str]) -> list[str]:
-    """A value such as -1,0,0 joined to its option, because it would be taken for an option itself.
+    """Join a value such as -1,0,0 to its option, because it would otherwise be read as an option.
 
     >>> _joined(["readings", "paper", "--shift", "-1,0,0", "--json"])
     ['readings', 'paper', '--shift=-1,0,0', '--json']
     """
-    found: list[str] = []
+    joined: list[str] = []
     for token in tokens:
-        if found and found[-1].startswith("--") and "=" not in found[-1] and NEGATIVE.match(token):
-            found[-1] += f"={token}"
+        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and NEGATIVE.match(token):
+            joined[-1] += f"={token}"
         else:
-            found.append(token)
-    return found
+            joined.append(token)
+    return joined
 
 
 def _unknown(error: UnknownOptionError) -> str:
-    """What to do about an option that a verb does not have; the dashes, alike in all, say nothing of nearness."""
+    """Return the message for an option that a verb does not have; similarity is measured without the dashes."""
     import difflib
 
-    given = error.token.keyword or error.token.value
+    option = error.token.keyword or error.token.value
     known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
-    close = difflib.get_close_matches(given.strip("-"), [name.strip("-") for name in known], n=1)
+    close = difflib.get_close_matches(option.strip("-"), [name.strip("-") for name in known], n=1)
     remedy = f"did you mean --{close[0]}?" if close else f"choose one of {', '.join(known)}"
-    return f"there is no option {given}{f': {remedy}' if known else ''}"
+    return f"there is no option {option}{f': {remedy}' if known else ''}"
 
 
 def _unused(error: UnusedCliTokensError) -> str:
-    """What to do about values that are neither an option's nor the one that a verb takes."""
+    """Return the message for values that belong to no option and are not the verb's positional argument."""
     (verb,) = error.command_chain or ("magtip",)
     named = [each.name for each in app[verb].assemble_argument_collection() if each.index is not None]
     taken = f"one {' and one '.join(named)} and options" if named else "options only"
@@ -105,7 +106,7 @@ def run(tokens: list[str] | None = None) -> int:
     try:
         with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
             if not words or words[0].startswith("-"):
-                # the list of verbs would have but the name of each that is not imported
+                # import all verbs: the list shows only the name of a verb that is not imported
                 list(map(app.__getitem__, app))
             status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
@@ -131,7 +132,7 @@ def run(tokens: list[str] | None = None) -> int:
     except KeyboardInterrupt as stop:
         console.say(f"magtip: interrupted; {str(stop) or 'complete files are kept'}")
         if tokens is None and console.loaded():
-            # all files are closed by now: nothing is left for Python's own end but seconds of taking down
+            # all files are closed; Python's own exit would only wait seconds for imports that still run
             with contextlib.suppress(OSError):
                 sys.stdout.flush()
             os._exit(INTERRUPTED)

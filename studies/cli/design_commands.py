@@ -1,11 +1,11 @@
-"""The verbs of one design before it is loaded: design, cad, mesh, and the cache of meshes."""
+"""The verbs of an unloaded design: design, cad, mesh, and cache for the cached meshes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Literal
 
-from studies.cli.command_output import judged
+from studies.cli.command_output import report_failures
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
@@ -55,20 +55,20 @@ def cad(
     tolerance
         Largest distance of the STL's facets from the surface, mm; default: D/2000.
     """
-    asked = command(cad, locals())
+    command_line = command(cad, locals())
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
 
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [source])
     choices = sensor_solids.parse_fabrication_choices(process, mold or [], base or [], tolerance)
     axes = design_variants.axes_of(axis or [])
-    for name, reason in design_variants.idle(given, axes):
+    for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)
     with console.progress(as_json=as_json) as progress:
         if axes:
-            fabricated = list(design_variants.batch(given, axes, out, progress, choices, command=asked))
+            fabricated = list(design_variants.batch(design, axes, out, progress, choices, command=command_line))
         else:
-            fabricated = [sensor_parts.build(given, out, progress, choices, command=asked)]
+            fabricated = [sensor_parts.build(design, out, progress, choices, command=command_line)]
     sensor_parts.show(fabricated, as_json=as_json, wide=wide)
     if axes:
         for sentence in design_variants.sentences_of(fabricated):
@@ -76,7 +76,7 @@ def cad(
         return FAILED if any(each.status != "ok" for each in fabricated) else GOOD
     for warning in fabricated[0].warnings:
         console.warn(warning)
-    return judged([each.row() for each in fabricated])
+    return report_failures([each.row() for each in fabricated])
 
 
 def mesh(
@@ -102,12 +102,12 @@ def mesh(
     """
     from studies.simulation import design_summary
 
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     atomic_files.check_apart([out], [source])
     with console.progress(as_json=as_json) as progress:
-        record = design_summary.build_mesh(given, out, size, progress, half=half).row()
+        record = design_summary.build_mesh(design, out, size, progress, half=half).row()
     console.report([record], as_json=as_json, title="Mesh")
-    return judged([record])
+    return report_failures([record])
 
 
 def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
@@ -118,14 +118,14 @@ def cache(*, clear: bool = False, as_json: AsJson = False) -> int:
     clear
         Delete the cached meshes.
     """
-    from geometry.meshing import mesh_cache as kept
+    from geometry.meshing import mesh_cache
 
-    found = kept.clear() if clear else kept.contents()
+    contents = mesh_cache.clear() if clear else mesh_cache.contents()
     record = {
-        "folder": kept.OFF if found.folder is None else found.folder,
-        "files": found.files,
-        "size_MB": found.size / 1e6,
-        "limit_MB": found.limit / 1e6,
+        "folder": mesh_cache.OFF if contents.folder is None else contents.folder,
+        "files": contents.files,
+        "size_MB": contents.size / 1e6,
+        "limit_MB": contents.limit / 1e6,
     }
     console.report([record], as_json=as_json, title="Cache of meshes")
     return GOOD

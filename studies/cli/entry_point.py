@@ -1,4 +1,4 @@
-"""The entry of the command `magtip`: it imports little, so that Ctrl-C ends it in order from the first moment."""
+"""The entry point of the command `magtip`; it imports little, so that Ctrl-C works from the start."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from types import FrameType
 
 def main(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
-    with _ending_at_once():
+    with _interrupt_at_once():
         from studies import deferred_modules
         from studies.cli import commands
 
@@ -21,10 +21,10 @@ def main(tokens: list[str] | None = None) -> int:
 
 
 @contextlib.contextmanager
-def _ending_at_once() -> Iterator[None]:
-    """Ctrl-C ends the process; within a library that is being imported a KeyboardInterrupt may be lost or changed."""
-    alone = threading.current_thread() is threading.main_thread()
-    if not alone or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+def _interrupt_at_once() -> Iterator[None]:
+    """Let Ctrl-C end the process at once, because imports may lose or change a KeyboardInterrupt."""
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
     signal.signal(signal.SIGINT, _end)
@@ -35,7 +35,7 @@ def _ending_at_once() -> Iterator[None]:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End the process, which has written nothing yet."""
+    """End the process, which has not written anything yet, with a sentence."""
     with contextlib.suppress(OSError):
         os.write(2, b"magtip: interrupted before anything was begun\n")
     os._exit(128 + number)

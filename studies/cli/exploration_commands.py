@@ -1,4 +1,4 @@
-"""The verbs over many designs: sweep."""
+"""The verb for many designs: sweep."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from geometry.loads import Magnet
-from studies.cli.command_output import print_remarks, say_what_is_ignored
+from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.inputs.input_warnings import say_no_effect, say_what_is_idle
+from studies.inputs.input_warnings import say_no_effect, warn_of_values
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 
@@ -62,10 +62,10 @@ def sweep(
     from studies.exploration import sweep_axes
 
     case = sweep_axes.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
-    say_what_is_idle(case.design)
+    warn_of_values(case.design)
     atomic_files.check_apart([*atomic_files.inside(out, sweep_axes.FILES), store], [source, design])
     if case.magnet == "rigid":
-        say_what_is_ignored(case.design)
+        say_if_without_magnet(case.design)
     rows: list[SweepRow] = []
     try:
         with console.progress(as_json=as_json) as progress:
@@ -78,7 +78,7 @@ def sweep(
         if not as_json:
             sweep_axes.show(table, "Sweep", wide=wide)
             print_remarks([row.row() for row in rows if row.status == "ok"], sweep_axes.CASE, table)
-    for name, reason in sweep_axes.in_vain(table, case.axes, whole=as_json or wide or out is not None):
+    for name, reason in sweep_axes.idle_axes(table, case.axes, whole=as_json or wide or out is not None):
         say_no_effect(f"axis {name}", reason)
     failed = [row.row() for row in rows if row.status != "ok"]
     for reason in console.remarks(failed, sweep_axes.CASE, table):

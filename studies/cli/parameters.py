@@ -1,4 +1,4 @@
-"""Parameters that several verbs take."""
+"""Parameters of several verbs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Wide = Annotated[
 
 
 def design_of(source: str, sets: Sequence[str] | None, magnet: Magnet = "rigid") -> Design:
-    """The design of `inputs.read_design`; what of it has no effect, or is no silicone's, is said."""
-    found = user_input.read_design(source, sets or [], magnet=magnet)
-    input_warnings.say_what_is_idle(found)
-    return found
+    """Read a design and warn of fields without effect and of values that no silicone has."""
+    design = user_input.read_design(source, sets or [], magnet=magnet)
+    input_warnings.warn_of_values(design)
+    return design

@@ -1,4 +1,4 @@
-"""The verbs of the field and of the Hall elements: field, readings, decode, table, layout."""
+"""The verbs of the magnetic field and of the Hall elements: field, readings, decode, table, layout."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from geometry.design import BadInput
-from studies.cli.command_output import judged, print_record
+from studies.cli.command_output import print_record, report_failures
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
@@ -38,10 +38,10 @@ def field(
     """
     from studies.sensing import field_tables
 
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     atomic_files.check_apart([out], [source, points])
     with atomic_files.sole_writer(out):
-        field_tables.add_field(given, points, pose, level, out)
+        field_tables.add_field(design, points, pose, level, out)
     return GOOD
 
 
@@ -75,17 +75,17 @@ def readings(
     """
     from studies.sensing import field_readings
 
-    given = design_of(source, sets)
-    sensing = field_readings.sensing_of(given, level, mode, ambient, seed)
+    design = design_of(source, sets)
+    sensing = field_readings.sensing_of(design, level, mode, ambient, seed)
     if responses is None:
         shift, tilt = field_readings.pose_of(pose)
-        print_record(field_readings.read_pose(given, shift, tilt, sensing).row(), "Readings", (), as_json=as_json)
+        print_record(field_readings.read_pose(design, shift, tilt, sensing).row(), "Readings", (), as_json=as_json)
         return GOOD
     if pose != Pose():
         raise BadInput("--responses gives shift and tilt of every state: leave --shift and --tilt out")
     from studies.sensing import state_readings
 
-    states = state_readings.of_states(given, responses, sensing)
+    states = state_readings.of_states(design, responses, sensing)
     state_readings.show(states, as_json=as_json, wide=wide)
     return GOOD if any(state.status == "ok" for state in states) else FAILED
 
@@ -144,7 +144,7 @@ def decode(
         if record["status"] == "ambiguous":
             console.warn(record["message"])
             return GOOD
-        return judged([record])
+        return report_failures([record])
     assert file is not None
     with atomic_files.sole_writer(out):
         decoded = decode_tables.decode_file(coder, file, units, out, name, as_json=as_json)
@@ -202,9 +202,9 @@ def table(
     """
     from studies.sensing import decode_readings, lookup_table
 
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     target = lookup_table.target(out, [source, responses])
-    model, grid = lookup_table.plan(given, step, level, responses)
+    model, grid = lookup_table.plan(design, step, level, responses)
     with atomic_files.sole_writer(target), console.progress(as_json=as_json) as progress:
         name = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
         report = (
@@ -246,22 +246,22 @@ def layout(
     out
         Folder for layout.csv, layout.png and LAYOUT.md.
     """
-    asked = command(layout, locals())
+    command_line = command(layout, locals())
     from studies.sensing import layout_report as texts
     from studies.sensing import layout_search
-    from studies.sensing import layout_study as work
+    from studies.sensing import layout_study as study
 
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     if ranges and not search:
         raise BadInput("--range sets the range of a search: add --search")
     if count is not None and not search:
         say_no_effect("--count", "it works with --search only")
     atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        job = work.Job(
-            given, basis, search, tuple(ranges or ()), layout_search.USUAL if count is None else count, claim
+        job = study.Job(
+            design, basis, search, tuple(ranges or ()), layout_search.USUAL if count is None else count, claim
         )
-        answer = work.run(job, progress, folder, asked)
+        answer = study.run(job, progress, folder, command_line)
     if as_json:
         console.report([answer.row()], as_json=True)
         return GOOD

@@ -1,4 +1,4 @@
-"""The verbs that solve: solve, analytic, stability, modes, compare; fit, for the material; demo, for all of it."""
+"""The verbs of mechanics: solve, analytic, stability, modes, compare, fit for the material, and demo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
-from studies.cli.command_output import judged, print_record, print_remarks, say_what_is_ignored
+from studies.cli.command_output import print_record, print_remarks, report_failures, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
@@ -50,14 +50,14 @@ def solve(
     """
     from studies.simulation import load_cases
 
-    given = design_of(source, sets, method.magnet)
+    design = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
     loads = load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     title, keys = "Finite elements", load_cases.columns(loads)
     with console.progress(as_json=as_json) as progress:
-        reached = load_cases.solve(given, loads, method, out=out, picture=picture, progress=progress)
+        reached = load_cases.solve(design, loads, method, out=out, picture=picture, progress=progress)
         with contextlib.closing(reached):
             records = console.stream(
                 (state.row() for state in reached),
@@ -72,7 +72,7 @@ def solve(
     if len(loads) > 1 and not as_json:
         for remark in console.remarks(records, load_cases.MOVED):
             console.note(remark)
-    return judged(records)
+    return report_failures(records)
 
 
 def analytic(
@@ -95,10 +95,10 @@ def analytic(
     """
     from studies.simulation import load_cases
 
-    given = design_of(source, sets)
-    if level == "paper" and given.law != "neo-hookean":
+    design = design_of(source, sets)
+    if level == "paper" and design.law != "neo-hookean":
         say_no_effect("law", "level paper uses E only")
-    record = load_cases.analytic(given, depth, (shear, shear_y), level).row()
+    record = load_cases.analytic(design, depth, (shear, shear_y), level).row()
     print_record(record, "Formulas", load_cases.UNSHOWN, as_json=as_json)
     return GOOD
 
@@ -125,33 +125,35 @@ def stability(
     out
         Folder for table, plot and STABILITY.md of --slenderness.
     """
-    asked = command(stability, locals())
+    command_line = command(stability, locals())
     from studies.simulation import stability_report
 
-    given = design_of(source, sets, magnet)
+    design = design_of(source, sets, magnet)
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth and --slenderness exclude each other: give only one")
         if "L" in user_input.pairs("--set", sets or [], "D=10"):
             say_no_effect("L", "the lengths come from --slenderness")
-        return _stability_map(source, given, magnet, accuracy, slenderness, out, asked, as_json=as_json, wide=wide)
+        return _stability_map(
+            source, design, magnet, accuracy, slenderness, out, command_line, as_json=as_json, wide=wide
+        )
     if out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
     with console.progress(as_json=as_json) as progress:
-        report = stability_report.run(given, magnet, accuracy, depth, progress)
+        report = stability_report.run(design, magnet, accuracy, depth, progress)
     row = report.row()
     console.report([row if as_json else stability_report.shown(report)], as_json=as_json, title="Stability")
-    return judged([row])
+    return report_failures([row])
 
 
 def _stability_map(
     source: str,
-    given: Design,
+    design: Design,
     magnet: Magnet,
     accuracy: str,
     slenderness: str,
     out: Path | None,
-    asked: str,
+    command_line: str,
     *,
     as_json: bool,
     wide: bool,
@@ -162,19 +164,19 @@ def _stability_map(
             f"--slenderness must exceed 0.5, because L must exceed the tip radius D/2; got {min(ratios):g}"
         )
     longest = Design.__dataclass_fields__["L"].metadata["high"]
-    if not min(ratios) * given.D <= longest:
+    if not min(ratios) * design.D <= longest:
         raise BadInput(
-            f"--slenderness must be at most {longest / given.D:g} with D = {given.D:g} mm, because L is at most "
+            f"--slenderness must be at most {longest / design.D:g} with D = {design.D:g} mm, because L is at most "
             f"{longest:g} mm; got {min(ratios):g}"
         )
     from studies.output.provenance import versions
-    from studies.simulation import critical_depth_map as work
+    from studies.simulation import critical_depth_map as study
 
-    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [source])
+    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        solved = list(work.run(given, magnet, accuracy, ratios, progress))
+        solved = list(study.run(design, magnet, accuracy, ratios, progress))
         if folder is not None:
-            work.write(folder, given, solved, versions(), asked)
+            study.write(folder, design, solved, versions(), command_line)
     rows = [each.row() for each in solved]
     console.report(
         rows,
@@ -186,7 +188,7 @@ def _stability_map(
     if not as_json:
         for remark in console.remarks(rows, ("L_over_D",)):
             console.note(remark)
-    return judged(rows)
+    return report_failures(rows)
 
 
 def modes(
@@ -209,11 +211,11 @@ def modes(
     """
     from studies.simulation import modal_report
 
-    given = design_of(source, sets, magnet)
+    design = design_of(source, sets, magnet)
     with console.progress(as_json=as_json) as progress:
-        record = modal_report.run(given, magnet, count, depth, accuracy, progress).row()
+        record = modal_report.run(design, magnet, count, depth, accuracy, progress).row()
     console.report([record], as_json=as_json, title="Natural frequencies")
-    return judged([record])
+    return report_failures([record])
 
 
 def compare(
@@ -238,22 +240,22 @@ def compare(
     accuracy
         Accuracy of the finite elements.
     """
-    given = design_of(source, sets)
+    design = design_of(source, sets)
     from fem.accuracy import LEVELS
     from studies.exploration import sweep_axes
-    from studies.simulation import compare as work
+    from studies.simulation import compare as study
 
-    say_what_is_ignored(given)
-    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [source])
+    say_if_without_magnet(design)
+    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        summary = work.run(given, folder, accuracy=LEVELS[accuracy], progress=progress)
+        summary = study.run(design, folder, accuracy=LEVELS[accuracy], progress=progress)
     if as_json:
         console.report([summary], as_json=True)
     else:
         for name in ("press", "shear"):
             sweep_axes.show(summary[name], name.capitalize(), wide=wide)
             print_remarks(summary[name], sweep_axes.CASE)
-    return judged([*summary["press"], *summary["shear"]])
+    return report_failures([*summary["press"], *summary["shear"]])
 
 
 def fit(
@@ -280,13 +282,13 @@ def fit(
     nu
         Poisson's ratio for which E is given.
     """
-    asked = command(fit, locals())
-    from studies.simulation import material_fit as work
+    command_line = command(fit, locals())
+    from studies.simulation import material_fit as study
     from studies.simulation.law_selection import reasons
 
-    atomic_files.check_apart(atomic_files.inside(out, work.FILES), [data])
+    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [data])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = work.run(data, nu, folder, law, progress, asked)
+        rows = study.run(data, nu, folder, law, progress, command_line)
     if as_json:
         console.report([row.row() for row in rows], as_json=True)
     else:
@@ -306,13 +308,13 @@ def fit(
 
 
 def _print_laws(rows: list[FlatRow], *, wide: bool) -> None:
-    """Tables that a terminal of 80 columns holds, or a single one with all columns."""
-    how = (
+    """Print the laws as three tables that fit into 80 columns, or as a wide one."""
+    ranking = (
         "ranked by AICc"
         if rows[0]["ranked_by"] == "AICc"
         else "ranked by number of constants (too few points for AICc)"
     )
-    title = f"Laws, best first, {how}"
+    title = f"Laws, best first, {ranking}"
     if wide:
         console.report(rows, as_json=False, title=title, wide=True)
         return
@@ -330,15 +332,15 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     out
         Output folder.
     """
-    asked = command(demo, locals())
-    from studies import demo as work
+    command_line = command(demo, locals())
+    from studies import demo as study
 
     with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
-        found = work.run(folder, command=asked, progress=progress)
-    for sentence in found["summary"]["sentences"]:
+        outcome = study.run(folder, command=command_line, progress=progress)
+    for sentence in outcome["summary"]["sentences"]:
         console.note(f"- {sentence}")
     console.note(f"All results are in {out}; start with REPORT.md.")
-    if found["status"] != "ok":
-        console.say(f"magtip: part of the demo failed: {found['message']}")
+    if outcome["status"] != "ok":
+        console.say(f"magtip: part of the demo failed: {outcome['message']}")
         return FAILED
     return GOOD

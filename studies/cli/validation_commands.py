@@ -1,4 +1,4 @@
-"""The verbs that put the solver to the test: verify, friction, extremes, accuracy, crosscheck, ladder, range."""
+"""The verbs of validation: verify, friction, extremes, accuracy, crosscheck, ladder, range."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     out
         Folder for verify.csv and VERIFY.md.
     """
-    asked = command(verify, locals())
-    from studies.validation import verify as work
+    command_line = command(verify, locals())
+    from studies.validation import verify as study
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        comparisons = work.run(quick=quick, folder=folder, command=asked, progress=progress)
+        comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         [comparison.row() if as_json else comparison.printed() for comparison in comparisons],
         as_json=as_json,
         title="Verification",
-        brief=work.DETAILS,
+        brief=study.DETAILS,
         first=("target", "quantity", "computed", "published", "passed"),
         wide=wide,
     )
@@ -53,11 +53,11 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     out
         Folder for friction.csv, FRICTION.md and friction.png.
     """
-    asked = command(friction, locals())
-    from studies.validation import coulomb_study as work
+    command_line = command(friction, locals())
+    from studies.validation import coulomb_study as study
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        checks = work.run(quick=quick, folder=folder, command=asked, progress=progress)
+        checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         [check.row() for check in checks],
         as_json=as_json,
@@ -83,13 +83,13 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     out
         Folder for extremes.csv and EXTREMES.md.
     """
-    asked = command(extremes, locals())
-    from studies.validation import robustness as work
+    command_line = command(extremes, locals())
+    from studies.validation import robustness as study
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
-        for result in work.run(quick=quick, folder=folder, command=asked, progress=progress):
-            print(atomic_files.json_line(result.row()) if as_json else work.line(result), flush=True)
+        for result in study.run(quick=quick, folder=folder, command=command_line, progress=progress):
+            print(atomic_files.json_line(result.row()) if as_json else study.line(result), flush=True)
             results.append(result)
     failed, unjudged = (
         [result.scene for result in results if result.verdict == verdict] for verdict in ("fail", "not judged")
@@ -120,20 +120,20 @@ def accuracy(
     minutes
         Start no further solve after this time, min, and report the finished ones.
     """
-    asked = command(accuracy, locals())
+    command_line = command(accuracy, locals())
     if minutes is not None and not minutes >= 0:
         raise BadInput(f"--minutes must be 0 or more; got {minutes:g}")
     from studies.output.provenance import versions
     from studies.validation import error_statistics, error_study_report
-    from studies.validation import error_study as work
+    from studies.validation import error_study as study
 
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        states = work.run(
+        states = study.run(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
         )
         if folder is not None:
-            error_study_report.write(folder, states, origin, asked, quick=quick)
+            error_study_report.write(folder, states, origin, command_line, quick=quick)
     estimates = [shares.row() for shares in error_statistics.shares(states)]
     levels = [errors.row() for errors in error_statistics.summary(states)]
     for name, table in (("Estimates", estimates), ("Levels", levels)):
@@ -169,22 +169,22 @@ def crosscheck(
     out
         Folder for crosscheck.csv and CROSSCHECK.md.
     """
-    asked = command(crosscheck, locals())
+    command_line = command(crosscheck, locals())
     from studies.output.provenance import versions
     from studies.validation import error_study_cases
-    from studies.validation import model_crosscheck as work
+    from studies.validation import model_crosscheck as study
 
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
-        for result in work.run(accuracy, count, progress):
+        for result in study.run(accuracy, count, progress):
             results.append(result)
             if as_json:
                 print(atomic_files.json_line(result.row()), flush=True)
         if folder is not None:
-            work.write(folder, results, versions(), asked)
+            study.write(folder, results, versions(), command_line)
     rows = [result.row() for result in results]
     if not as_json:
         brief = [{k: v for k, v in row.items() if not k.endswith(("_agree", "_dofs"))} for row in rows]
@@ -216,22 +216,22 @@ def ladder(
     out
         Folder for ladder.csv, LADDER.md and ladder.png.
     """
-    asked = command(ladder, locals())
+    command_line = command(ladder, locals())
     from studies.output.provenance import versions
     from studies.validation import formula_level_report
-    from studies.validation import formula_levels as work
+    from studies.validation import formula_levels as study
 
-    most = len(work.designs())
+    most = len(study.designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = []
-        for comparison in work.run(accuracy, count, progress):
+        for comparison in study.run(accuracy, count, progress):
             comparisons.append(comparison)
             if as_json:
                 print(atomic_files.json_line(comparison.row()), flush=True)
         if folder is not None:
-            formula_level_report.write(folder, comparisons, versions(), asked)
+            formula_level_report.write(folder, comparisons, versions(), command_line)
     if not as_json:
         table = [errors.row() for errors in formula_level_report.summary(comparisons)]
         console.report(table, as_json=False, title="Errors of the formulas, root mean square", wide=wide)
@@ -248,23 +248,23 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     out
         Folder for range.csv, RANGE.md and rows.jsonl; a run that was stopped continues from there.
     """
-    asked = command(range_, locals())
+    command_line = command(range_, locals())
     from studies.output.provenance import versions
-    from studies.validation import design_range as work
+    from studies.validation import design_range as study
 
     if not 1 <= count <= 1024:
         raise BadInput(f"--count must lie between 1 and 1024; got {count}")
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
-        for result in work.run(count, folder, progress):
+        for result in study.run(count, folder, progress):
             results.append(result)
             if as_json:
                 print(atomic_files.json_line(result.row()), flush=True)
         if folder is not None:
-            work.write(folder, results, origin, asked)
+            study.write(folder, results, origin, command_line)
     if not as_json:
-        table = [spread.row() for spread in work.summary(results)]
+        table = [spread.row() for spread in study.summary(results)]
         console.report(table, as_json=False, title="Range of designs", wide=wide)
     failed = [f"design {result.design}" for result in results if result.status == "failed"]
     if failed:

@@ -1,1 +1,1 @@
-"""Many designs: sweeps over fields of the design and the load."""
+"""Studies of many designs: sweeps over fields of the design and the load."""

@@ -1,11 +1,12 @@
-"""States of a path of loads, each solved once for all studies: taken from the store, or solved and put into it.
+"""States of a loading path: read from the store of solved states, or solved and added to it.
 
-The finite elements work with lengths over D and stresses over E, so similar designs of one law are one path, see
-`fem.scene.Scene.dimensionless`. An answer holds the D and E of the design that was solved; `Answer.of` scales it.
-Only positions that the store lacks are solved, in the order of the path, from rest.
+The finite elements use lengths over D and stresses over E, so geometrically similar designs of one material law share
+a path (see `fem.scene.Scene.dimensionless`). An answer holds the D and E of the design that was solved, and
+`Answer.of` scales it to another one. Only positions that the store lacks are solved, in the order of the path, from
+the undeformed state.
 
-With Coulomb friction a state depends on the whole way to it: there the way is a part of the path's content. A path
-that is sheared has another mesh than a press, even for the press before the shear, so it is a path of its own.
+With Coulomb friction a state depends on all loads before it, so there the path's content includes these loads. The
+press before a shear is solved on the mesh of the shear, so it belongs to another path than a press alone.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ NAN = math.nan
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What is known of a state, in the units of the design that was solved.
+    """A state that was solved, or the reason why it could not be, for the design that was solved.
 
     Attributes
     ----------
-    D, E : of that design, mm and MPa.
-    response : None where the solve did not get there; `status` and `message` say why.
-    error_estimate : relative error of the force, NaN where it is not known.
-    seconds : that the solve took from the state before.
+    D, E : of the design that was solved, mm and MPa.
+    response : None if the solve did not reach the state; `status` and `message` give the reason.
+    error_estimate : estimated relative error of the force; NaN if there is no estimate.
+    seconds : time of the solve from the previous state, s.
     """
 
     D: float
@@ -49,7 +50,7 @@ class Answer:
     seconds: float
 
     def of(self, D: float, E: float) -> Answer:
-        """The same state of a similar design."""
+        """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2."""
         message = self.message
         if message and D != self.D:
             message = f"solved at D = {self.D:g} mm: {message}"
@@ -61,32 +62,34 @@ class Answer:
 
 
 def content(scene: Scene) -> dict[str, Any]:
-    """What a path's states depend on beside their positions, with the version of the model's physics."""
+    """Return everything on which a path's states depend except their positions, with the model's physics version."""
     values = scene.dimensionless()
-    way = values.pop("loads")
-    first = {name: value for name, value in way[0].items() if name not in ("depth", "shear")}
+    loads = values.pop("loads")
+    first = {name: value for name, value in loads[0].items() if name not in ("depth", "shear")}
     if scene.coulomb is not None:
-        first["way"] = [[load["depth"], load["shear"]] for load in way]
+        first["way"] = [[load["depth"], load["shear"]] for load in loads]
     return values | {"load": first, "sheared": scene.sideways, "physics": PHYSICS[scene.model]}
 
 
 def place(design: Design, load: Load) -> Position:
-    """Where a load takes plate or grip, over D."""
+    """Return the depth and the shear of a load over D."""
     return position(load.depth / design.D, load.shear / design.D)
 
 
 def answers(
     scene: Scene, store: Store | None, progress: Progress | None = None
 ) -> tuple[dict[Position, Answer], str]:
-    """The states at all loads of a scene by their positions; and why the store could not take new ones, or "".
+    """Return the answers at all loads of a scene by their positions, and why the store could not take new ones, or
+    "".
 
     Parameters
     ----------
-    store : None solves all of them, and keeps nothing.
+    store : source and destination of solved states; None solves all of them and stores nothing.
     """
-    kept = store.states(content(scene)) if store is not None else {}
+    known = store.states(content(scene)) if store is not None else {}
     wanted = {place(scene.design, load): load for load in scene.loads}
-    missing = [load for at, load in wanted.items() if at not in kept]
+    missing = [load for at, load in wanted.items() if at not in known]
+    # friction depends on the path: if any of its states is missing, all of it is solved again
     if missing and scene.coulomb is not None:
         missing = list(scene.loads)
     trouble = ""
@@ -94,12 +97,13 @@ def answers(
         solved = _solve(scene, missing, progress)
         if store is not None:
             trouble = store.add(content(scene), solved)
-        kept |= {state.position: state for state in solved}
-    return {at: _answer(kept[at]) for at in wanted}, trouble
+        known |= {state.position: state for state in solved}
+    return {at: _answer(known[at]) for at in wanted}, trouble
 
 
 def _solve(scene: Scene, loads: Sequence[Load], progress: Progress | None) -> list[State]:
-    design, made = scene.design, versions()
+    """Solve a path to these loads and return its states for the store."""
+    design, origin = scene.design, versions()
     outcomes = follow(design, loads, scene.accuracy, scene.magnet, progress)
     states = []
     for load, outcome in zip(loads, outcomes, strict=True):
@@ -113,24 +117,25 @@ def _solve(scene: Scene, loads: Sequence[Load], progress: Progress | None) -> li
         }
         reached: Outcome = "ok" if response is not None else "failed"
         seconds = outcome.solution.seconds if outcome.solution else 0.0
-        states.append(State(*place(design, load), reached, outcome.status, answer, seconds, made))
+        states.append(State(*place(design, load), reached, outcome.status, answer, seconds, origin))
     return states
 
 
 def _answer(state: State) -> Answer:
-    kept = state.answer
-    estimate = kept["error_estimate"]
+    """Return the answer of a stored state."""
+    values = state.answer
+    estimate = values["error_estimate"]
     return Answer(
-        D=kept["D_mm"],
-        E=kept["E_MPa"],
-        response=None if kept["response"] is None else Response(**_tuples(kept["response"])),
+        D=values["D_mm"],
+        E=values["E_MPa"],
+        response=None if values["response"] is None else Response(**_tuples(values["response"])),
         status=state.status,
-        message=kept["message"],
+        message=values["message"],
         error_estimate=NAN if estimate is None else estimate,
         seconds=state.seconds,
     )
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows lists only."""
+    """Convert lists to tuples: JSON has lists only."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

@@ -1,9 +1,9 @@
 """Solved states of all studies in one SQLite file, so that no case is solved twice.
 
-A *path* is what a family of states shares: everything that the finite elements depend on but the position of plate or
-grip, in dimensionless form (lengths over D, stresses over E), and the physics version of the model that solves it.
-Its key is a digest of that content as canonical JSON, in which numbers are written by `float.hex`. A *state* belongs
-to a path at a position (depth, shear), both over D, rounded to `DIGITS`, and holds what was answered there as JSON.
+A *path* stands for all states that differ only in the position of plate or grip. Its content is everything else on
+which the finite elements depend, in dimensionless form (lengths over D, stresses over E), and the physics version of
+the model. Its key is a digest of this content as canonical JSON, with numbers written by `float.hex`. A *state*
+belongs to a path, has a position (depth, shear), both over D and rounded to `DIGITS`, and holds its answer as JSON.
 
 Files
 -----
@@ -11,13 +11,13 @@ Files
 `state`  : path, depth, shear (primary key), outcome, status, answer (JSON), seconds, versions, added (UTC).
 `about`  : name, value; `format` is the version of this layout.
 
-An outcome is "ok" (an answer), "failed" (the solve ends there for reasons of its own: it will do so again), or
-"transient" (the process died or ran out of memory: worth another try, when asked for).
+An outcome is "ok" (solved), "failed" (the solve stops for a numerical or physical reason and would stop again) or
+"transient" (the process died or ran out of memory, and another attempt may succeed).
 
-The file is in write-ahead mode: any number of processes read while one writes, each transaction is on the disk when
-`add` returns (synchronous = FULL), and a process that is killed loses nothing that was added before. Transactions of
-several writers wait for each other up to `PATIENCE`. SQLite's locks do not work on many network file systems: keep
-the store on a local disk. Nothing in the file is executed or unpickled.
+The file is in write-ahead mode: any number of processes can read while one writes. Each transaction is on the disk
+when `add` returns (synchronous = FULL), so a killed process loses nothing that it has added. Transactions of several
+writers wait for each other up to `PATIENCE`. SQLite's locks fail on many network file systems, so keep the store on a
+local disk. Nothing in the file is executed or unpickled.
 """
 
 from __future__ import annotations
@@ -37,14 +37,15 @@ from typing import Any, Literal
 from geometry.design import BadInput
 
 FORMAT = 1
-"""Version of the tables below; a file of a newer one is refused."""
+"""Version of the tables below; a file with a newer version is refused."""
 DIGITS = 12
-"""Decimal digits of lengths over D that must agree for two positions to be one."""
+"""Decimal places of lengths over D: positions that agree to these are equal. Rounding errors are about 1e-16."""
 PATIENCE = 30.0
-"""How long a transaction waits for that of another process, s."""
+"""Time that a transaction waits for that of another process, s."""
 VARIABLE = "MAGTIP_STORE"
-"""Environment variable that names another store than the user's own."""
-NAME = b"SQLite format 3\x00"
+"""Environment variable with the path of a store that replaces the user's own."""
+FILE_HEADER = b"SQLite format 3\x00"
+"""First bytes of every SQLite file."""
 TABLES = """
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE path (
@@ -63,14 +64,15 @@ Position = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What is known of one position of a path.
+    """A stored state at one position of a path.
 
     Attributes
     ----------
-    depth, shear : of plate or grip over D.
-    answer : plain values, as JSON holds them.
-    seconds : what it cost since the state before.
-    versions : of Python, the packages and the source that gave it.
+    depth, shear : of plate or grip, over D.
+    outcome, status : kind of result, and status of the solve.
+    answer : values that JSON can hold.
+    seconds : time of the solve from the previous state, s.
+    versions : of Python, the packages and the source that solved it.
     """
 
     depth: float
@@ -83,11 +85,12 @@ class State:
 
     @property
     def position(self) -> Position:
+        """Depth and shear over D, rounded."""
         return position(self.depth, self.shear)
 
 
 def position(depth: float, shear: float) -> Position:
-    """A position as the store knows it.
+    """Return a position as the store compares it: rounded, without negative zeros.
 
     >>> position(0.1 + 0.2, 0.0)
     (0.3, 0.0)
@@ -96,7 +99,7 @@ def position(depth: float, shear: float) -> Position:
 
 
 def key(content: Content) -> str:
-    """The digest of a path's content: 32 hexadecimal digits, the same on every machine.
+    """Return the digest of a path's content: 32 hexadecimal digits, equal on all machines.
 
     >>> key({"nu": 0.5, "law": "yeoh"}) == key({"law": "yeoh", "nu": 0.5})
     True
@@ -107,7 +110,7 @@ def key(content: Content) -> str:
 
 
 def _exact(value: Any) -> Any:
-    """Numbers as texts that hold every bit; an integer is no other case than the same number as a float."""
+    """Convert numbers to texts that keep every bit; an integer and the equal float have the same text."""
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     if isinstance(value, int | float):
@@ -120,36 +123,36 @@ def _exact(value: Any) -> Any:
 
 
 class Store:
-    """An open store; see `opened`. `taken_in` is the number of states that came from its journal."""
+    """An open store (see `opened`); `from_journal` is the number of states that it has read from its journal."""
 
     def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
         self.file, self._connection = file, connection
-        self.taken_in = 0
+        self.from_journal = 0
 
     @property
     def journal(self) -> Path:
-        """Where states go that the store cannot take now: JSON lines, taken in when the store is opened again."""
+        """File of JSON lines for states that the store could not take; they are added when it is opened again."""
         return self.file.with_name(f"{self.file.name}.journal.jsonl")
 
     def states(self, content: Content) -> dict[Position, State]:
-        """All states of a path, by their positions."""
+        """Return all states of a path by their positions."""
         rows = self._connection.execute(
             "SELECT depth, shear, outcome, status, answer, seconds, versions FROM state"
             " JOIN path ON path.id = state.path WHERE path.key = ?",
             (key(content),),
         )
         states = (
-            State(d, s, outcome, status, json.loads(answer), seconds, made)
-            for d, s, outcome, status, answer, seconds, made in rows
+            State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
+            for depth, shear, outcome, status, answer, seconds, versions in rows
         )
         return {state.position: state for state in states}
 
     def add(self, content: Content, states: Iterable[State]) -> str:
-        """Keep states of a path, in place of those at the same positions; on the disk when this returns.
+        """Add states of a path, which replace those at the same positions; they are on the disk afterwards.
 
         Returns
         -------
-        Empty, or why the store could not take them: then they are in the journal.
+        An empty text, or the reason why the store could not take the states, which are then in the journal.
 
         Raises
         ------
@@ -167,15 +170,16 @@ class Store:
         return ""
 
     def counts(self) -> tuple[int, int]:
-        """Numbers of paths and of states."""
+        """Return the number of paths and the number of states."""
         (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
         (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
         return paths, states
 
     def _insert(self, content: Content, states: Iterable[State]) -> None:
+        """Insert states, and their path if it is new, in one transaction."""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         with self._connection as connection:
-            # the lock is asked for at once: one that is only found needed later cannot be waited for
+            # take the write lock first: SQLite does not wait when a transaction that has read begins to write
             connection.execute("BEGIN IMMEDIATE")
             connection.execute(
                 "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)",
@@ -190,20 +194,22 @@ class Store:
                 ],
             )
 
-    def _take_in(self) -> None:
-        """Move what an earlier process had to leave in the journal into the store."""
+    def _read_journal(self) -> None:
+        """Move the states that an earlier process has written to the journal into the store."""
         if not self.journal.exists():
             return
         for line in self.journal.read_text("utf-8").splitlines():
-            with contextlib.suppress(ValueError, TypeError, KeyError):  # a line that was cut short
+            with contextlib.suppress(
+                ValueError, TypeError, KeyError
+            ):  # a killed process may leave an incomplete line
                 record = json.loads(line)
                 self._insert(record["content"], [State(**record["state"])])
-                self.taken_in += 1
+                self.from_journal += 1
         self.journal.unlink()
 
 
 def default() -> Path:
-    """The user's store: what MAGTIP_STORE names, or a file in the folder that the system has for data of programs."""
+    """Return the user's store: the file that MAGTIP_STORE names, or one in the user's folder for application data."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
@@ -214,15 +220,15 @@ def default() -> Path:
 
 @contextlib.contextmanager
 def opened(file: Path) -> Iterator[Store]:
-    """Open a store, made if there is none.
+    """Open a store; a file that does not exist is made.
 
     Raises
     ------
     BadInput
-        The file is no store, damaged, of a newer version, or cannot be read or made.
+        The file is no store, is damaged, has a newer version, or cannot be read or made.
     """
     try:
-        if file.exists() and file.stat().st_size and file.open("rb").read(len(NAME)) != NAME:
+        if file.exists() and file.stat().st_size and file.open("rb").read(len(FILE_HEADER)) != FILE_HEADER:
             raise BadInput(f"{str(file)!r} is not a store of magtip: name another file by --store")
         file.parent.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
@@ -232,7 +238,7 @@ def opened(file: Path) -> Iterator[Store]:
         try:
             _prepare(file, connection)
             store = Store(file, connection)
-            store._take_in()
+            store._read_journal()
         except sqlite3.OperationalError as error:
             raise BadInput(
                 f"the store {str(file)!r} cannot be used ({error}): make it writable, wait until other processes "
@@ -246,7 +252,7 @@ def opened(file: Path) -> Iterator[Store]:
 
 
 def _prepare(file: Path, connection: sqlite3.Connection) -> None:
-    """Check a store's version and soundness, or make its tables."""
+    """Check a store's version and integrity, or make its tables if it is empty."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
@@ -266,6 +272,6 @@ def _prepare(file: Path, connection: sqlite3.Connection) -> None:
             f"the store {str(file)!r} has format {version}, and this version of magtip knows formats to {FORMAT}: "
             "update magtip, or name another file by --store"
         )
-    ((sound,),) = connection.execute("PRAGMA quick_check(1)").fetchall()
-    if sound != "ok":
-        raise sqlite3.DatabaseError(sound)
+    ((verdict,),) = connection.execute("PRAGMA quick_check(1)").fetchall()
+    if verdict != "ok":
+        raise sqlite3.DatabaseError(verdict)

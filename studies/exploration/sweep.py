@@ -1,10 +1,11 @@
-"""Both models over a grid of designs and depths, one row per case, with as few finite-element solves as possible.
+"""Sweeps: finite elements and formulas over a grid of designs and depths, with as few solves as possible.
 
-The finite elements work with lengths over D and stresses over E, so cases that differ only in E, f or scale are one
-problem: they share a solve, a path over all their depths over D, and the force is scaled by E D^2 and lengths by D.
+The finite elements use lengths over D and stresses over E. Cases that differ only in E, f or scale are therefore one
+problem and share a solve: one press to all their depths over D, whose forces scale with E D^2 and lengths with D.
 
-The Hall elements stay where the base design has them: when D or L moves the magnet's centre at rest from H to H', l0
-becomes l0 + H' - H. The magnet keeps its size, so a case that it does not fit into stays a row with status bad_input.
+The Hall elements keep the places that they have in the base design: if D or L moves the undeformed magnet's centre
+from H to H', l0 becomes l0 + H' - H. The magnet keeps its size; a case whose beam is too small for it gets a row with
+status bad_input.
 """
 
 from __future__ import annotations
@@ -34,17 +35,18 @@ from studies.simulation.comparison_rows import NAN
 
 MOST_CASES = 20_000
 SILENCE = 2.0
-"""Seconds after which it is said how many rows there are."""
+"""Time without progress after which the number of rows is shown, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Cases that are one path of presses.
+    """Cases that share one path of presses.
 
     Attributes
     ----------
-    number : of the solve, from 1.
-    scene : presses of the first of them to the depths of all, rising.
+    number : number of the solve, from 1.
+    members : the cases.
+    scene : presses of the first member's design to the depths of all members, in rising order.
     """
 
     number: int
@@ -63,28 +65,28 @@ def run(
     progress: Progress | None = None,
     kept: Store | None = None,
 ) -> Iterator[SweepRow]:
-    """All combinations of the axes, each as soon as it is solved; at the end sweep.csv and sweep.png are written.
+    """Yield a row for each combination of the axes as soon as it is solved; write sweep.csv and sweep.png at the end.
 
     Parameters
     ----------
-    axes : values of any of D, L, f, E and depth; the first axis is that of the plot.
-    folder : where to, an existing one; None writes nothing.
-    kept : the store of solved states, which is asked first and takes what is solved; None keeps nothing.
-    depth : of the press where it is not an axis, mm.
-    magnet : a design without one is solved as all silicone, whatever is asked for.
+    axes : values of any of D, L, f, E and depth; the first one that changes the force is the plot's horizontal axis.
+    folder : existing output folder; None writes nothing.
+    depth : depth of the press if depth is not an axis, mm.
+    magnet : model of the magnet; a design without a magnet is always solved as all silicone.
+    kept : store of solved states, which supplies known states and receives new ones; None solves all of them.
 
     Returns
     -------
-    A row for each case, the last axis varying fastest. A case that cannot be solved keeps its row, with NaN for
-    figures, a status and a message. `solve` numbers the solve that a row comes from (0: none), `seconds` is the time
-    that solve took to get to the row's state; a state that several rows share is counted in each.
+    A row for each case; the last axis varies fastest. A case that cannot be solved has a row with NaN for its
+    results, a status and a message. `solve` is the number of the solve that a row comes from (0: none). `seconds` is
+    the time of that solve from the previous state to the row's; rows that share a state have the same value.
 
     Raises
     ------
     BadInput
-        At once, if an axis is unknown or there are too many cases.
+        An axis is unknown or there are too many cases; raised before the first row.
     KeyboardInterrupt
-        With a text that says how many cases are kept, if it is interrupted.
+        The sweep was interrupted; the text states how many cases are in the store.
     """
     unknown = [name for name in axes if name != "depth" and name not in FIELDS]
     if unknown or not axes:
@@ -107,23 +109,24 @@ def _rows(
     progress: Progress | None,
     kept: Store | None,
 ) -> Iterator[SweepRow]:
+    """Yield the rows, report progress, and write the files."""
     rows: list[SweepRow] = []
-    said = time.monotonic()
+    last_report = time.monotonic()
 
-    def say(fraction: float, text: str) -> None:
-        nonlocal said
-        said = time.monotonic()
+    def report(fraction: float, text: str) -> None:
+        nonlocal last_report
+        last_report = time.monotonic()
         if progress is not None:
             progress(fraction, text)
 
-    for case, solved in zip(cases, _solve(cases, magnet, accuracy, say, kept), strict=True):
+    for case, solved in zip(cases, _solve(cases, magnet, accuracy, report, kept), strict=True):
         rows.append(sweep_row(base, case, solved))
         yield rows[-1]
-        # rows of one solve come without another word
-        if time.monotonic() - said > SILENCE:
-            say(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
+        # cases of one solve report no progress of their own, yet the formulas of many rows take time
+        if time.monotonic() - last_report > SILENCE:
+            report(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
     if folder is not None:
-        say(1.0, "sweep.csv and sweep.png")
+        report(1.0, "sweep.csv and sweep.png")
         from studies.exploration import sweep_plot
 
         write_table(folder / "sweep.csv", [row.row() for row in rows])
@@ -131,6 +134,7 @@ def _rows(
 
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:
+    """Yield the cases of the grid; an impossible one has no design but a message."""
     for point in itertools.product(*axes.values()):
         values = {name: getattr(base, name) for name in FIELDS} | {"depth": depth}
         values |= dict(zip(axes, point, strict=True))
@@ -143,13 +147,13 @@ def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magn
 
 
 def varied(base: Design, fields: Mapping[str, float]) -> Design:
-    """The base design with other D, L, f or E, its Hall elements left where they are.
+    """Return the base design with other D, L, f or E; its Hall elements keep their places.
 
     >>> from geometry.design import paper
     >>> varied(paper(), {"L": 11.0}).l0
     9.2
     """
-    # what is wrong with these fields comes before what follows from them
+    # check the fields themselves first: their errors are clearer than those of the l0 that follows from them
     dataclasses.replace(base, **fields)  # type: ignore[arg-type]
     height = fields.get("L", base.L) - fields.get("D", base.D) / 2
     changed: dict[str, Any] = {**fields, "l0": base.l0 + height - base.H}
@@ -161,15 +165,15 @@ def varied(base: Design, fields: Mapping[str, float]) -> Design:
 def _solve(
     cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy, progress: Progress | None, kept: Store | None
 ) -> Iterator[Solved]:
-    """The state of each case, in order: one path for each group of cases that are the same problem."""
+    """Yield the state of each case, in order; cases of one problem share a path, which their first case solves."""
     problems = _problems(cases, magnet, accuracy)
-    of = {id(case): problem for problem in problems for case in problem.members}
+    problem_of = {id(case): problem for problem in problems for case in problem.members}
     known: dict[int, dict[Position, Answer]] = {}
     for case in cases:
         if case.design is None:
             yield Solved(None, "bad_input", case.message, NAN, 0, 0.0)
             continue
-        problem = of[id(case)]
+        problem = problem_of[id(case)]
         number = problem.number
         if number not in known:
             low, high = (number - 1) / len(problems), number / len(problems)
@@ -178,7 +182,7 @@ def _solve(
                 known[number], trouble = answers(problem.scene, kept, share)
             except KeyboardInterrupt:
                 done = sum(len(problem.members) for problem in problems if problem.number in known)
-                raise KeyboardInterrupt(_left(done, len(cases), kept)) from None
+                raise KeyboardInterrupt(_interruption_text(done, len(cases), kept)) from None
             if trouble:
                 console.warn(f"{trouble}; the next sweep takes it in")
         answer = known[number][_position(case)].of(case.values["D"], case.values["E"])
@@ -186,6 +190,7 @@ def _solve(
 
 
 def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list[Problem]:
+    """Group the cases that share a path, which are those with the same content of a press alone."""
     groups: dict[str, list[Case]] = {}
     for case in cases:
         if case.design is not None:
@@ -198,7 +203,7 @@ def _problems(cases: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> list
 
 
 def _scene(members: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> Scene:
-    """Presses of the first of similar cases to the depths of all."""
+    """Return the presses of the first of similar cases to the depths of all of them."""
     first = members[0].design
     assert first is not None
     depths: dict[Position, float] = {}
@@ -208,11 +213,12 @@ def _scene(members: Sequence[Case], magnet: Magnet, accuracy: Accuracy) -> Scene
 
 
 def _position(case: Case) -> Position:
+    """Return the position of a case's press over D."""
     return store.position(case.depth / case.values["D"], 0.0)
 
 
-def _left(done: int, count: int, kept: Store | None) -> str:
-    """What an interruption leaves."""
+def _interruption_text(done: int, count: int, kept: Store | None) -> str:
+    """State in a sentence what an interrupted sweep has stored."""
     if not done or kept is None:
         return "no case is solved yet: the same command starts from the beginning"
     return f"{done} of {count} cases are kept in {kept.file}; the same command continues from there"

@@ -1,8 +1,9 @@
-"""The picture of a sweep: small multiples over at most two axes, and a colour for each value of one more.
+"""The plot of a sweep: panels in columns and rows for two axes, and colours for a third one.
 
-The horizontal axis is the first that changes the force; of the others, the one of most values gets colours, the next
-columns of panels, the last rows of panels. An axis that changes neither the force nor its error, as f does not, gets
-none. Where an axis has more values than a picture can show, some of them are drawn, and the picture says which part.
+The horizontal axis is the first axis that changes the force. Of the other axes, the one with the most values has a
+colour for each value, the next one a column of panels, and the last one a row of panels. An axis that changes neither
+the force nor its error, such as f, is not shown. If an axis has more values than the plot can show, some are drawn
+and a note gives their number.
 """
 
 from __future__ import annotations
@@ -18,50 +19,50 @@ from studies.exploration.sweep_rows import SweepRow
 from studies.output import table_plots
 from studies.output.table_plots import COLOURS
 
-Figure = Callable[[SweepRow], float]
-"""A figure of a row, NaN where there is none."""
+Quantity = Callable[[SweepRow], float]
+"""A function that returns a quantity of a row, NaN if the row has none."""
 
 
 def fem_force(row: SweepRow) -> float:
-    """Press force by the finite elements, N."""
+    """Return the press force by finite elements, N."""
     return row.fem.force_N
 
 
 def formula_force(row: SweepRow) -> float:
-    """Press force by the formulas, N."""
+    """Return the press force by the formulas, N."""
     return row.analytic.force_N
 
 
 def force_error(row: SweepRow) -> float:
-    """Error of the formulas' press force, %."""
+    """Return the error of the formulas' press force, %."""
     return row.force_error_percent
 
 
-FORCE: tuple[Figure, ...] = (fem_force, formula_force)
-ERROR: tuple[Figure, ...] = (force_error,)
+FORCE: tuple[Quantity, ...] = (fem_force, formula_force)
+ERROR: tuple[Quantity, ...] = (force_error,)
 
 MOST_LINES, MOST_PANELS = 6, 3
-"""Values of an axis that are drawn as colours, and as columns or rows of panels."""
+"""Greatest numbers of colours, and of columns or rows of panels, that stay legible."""
 
 MOST_MARKED = 25
-"""Points of a line that get a marker each."""
+"""Greatest number of points of a line with markers; on a denser line they would overlap."""
 
 MARKERS = "os^Dv<"
 GREY = "#555555"
 LINE_WIDTH = 78
-"""Characters of a line of notes across the picture."""
+"""Characters of a line of notes below the plot."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Which axis is shown how; empty texts for none.
+    """How the axes of a sweep are shown; an empty text means that there is no such axis.
 
     Attributes
     ----------
-    x : the horizontal axis.
-    colour, across, down : a line, a column and a row of panels for each value that is drawn.
-    fixed : axes that stay at one value.
-    idle : axes that change nothing.
+    x : horizontal axis.
+    colour, across, down : axes whose values are lines, columns of panels and rows of panels.
+    fixed : axes that are shown at one value only.
+    idle : axes that change neither the force nor its error.
     """
 
     x: str
@@ -73,33 +74,36 @@ class View:
 
 
 def view(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> View:
-    """How the axes of a sweep are shown."""
-    moving = [name for name in axes if has_effect(rows, axes, name, FORCE + ERROR)]
-    x = moving[0] if moving else next(iter(axes))
-    others = sorted((name for name in moving if name != x), key=lambda name: -len(set(axes[name])))
+    """Choose how the axes of a sweep are shown."""
+    effective = [name for name in axes if has_effect(rows, axes, name, FORCE + ERROR)]
+    x = effective[0] if effective else next(iter(axes))
+    others = sorted((name for name in effective if name != x), key=lambda name: -len(set(axes[name])))
     colour, across, down, *_ = [*others, "", "", ""]
     idle = tuple(name for name in axes if name not in (x, *others) and _is_idle(rows, axes, name))
     return View(x, colour, across, down, tuple(others[3:]), idle)
 
 
 def has_effect(
-    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Figure]
+    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Quantity]
 ) -> bool:
-    """Whether any of the figures changes along an axis, the others fixed; to seven digits, NaN left aside."""
+    """Return whether any of the quantities changes along an axis with the others fixed; NaN is ignored.
+
+    Values are compared to seven digits, so that rounding errors of scaled results do not count as a change.
+    """
     return any(len({text for _, text in values}) > 1 for values in _along(rows, axes, name, figures))
 
 
 def _is_idle(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str) -> bool:
-    """Whether answers at several values of an axis are all the same; where there is but one, nothing is known."""
+    """Return whether the results are equal at all values of an axis; False if only one value has a result."""
     places = _along(rows, axes, name, FORCE + ERROR)
     compared = any(len({value for value, _ in values}) > 1 for values in places)
     return compared and not has_effect(rows, axes, name, FORCE + ERROR)
 
 
 def _along(
-    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Figure]
+    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Quantity]
 ) -> Iterable[set[tuple[float, str]]]:
-    """Values of an axis with those of a figure there, for each figure and each place on the other axes."""
+    """Return the values along an axis with the quantity there, for each quantity and point of the other axes."""
     others = [other for other in axes if other != name]
     places: dict[tuple[Any, ...], set[tuple[float, str]]] = {}
     for row in rows:
@@ -112,7 +116,7 @@ def _along(
 
 
 def drawn(axes: Mapping[str, Sequence[float]], name: str, most: int) -> list[float]:
-    """The values of an axis that are drawn: all, or `most` of them from the least to the greatest.
+    """Return the values of an axis that are drawn: all, or `most` of them, evenly spread with both ends.
 
     >>> drawn({"D": [1, 2, 3, 4, 5]}, "D", 3)
     [1, 3, 5]
@@ -126,7 +130,7 @@ def drawn(axes: Mapping[str, Sequence[float]], name: str, most: int) -> list[flo
 
 
 def draw(path: str | Path, rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> None:
-    """Force of both models, and the formula's error below."""
+    """Draw the force by both models, and the error of the formulas below, into a file."""
     look = view(rows, axes)
     colours, columns = drawn(axes, look.colour, MOST_LINES), drawn(axes, look.across, MOST_PANELS)
     downs = drawn(axes, look.down, MOST_PANELS)
@@ -153,7 +157,10 @@ def draw(path: str | Path, rows: Sequence[SweepRow], axes: Mapping[str, Sequence
 
 
 def _line(rows: Sequence[SweepRow], look: View, place: Mapping[str, float]) -> list[SweepRow]:
-    """Rows of one line, in order of x; of several at one x, which differ in an idle axis, one that has an answer."""
+    """Return the rows of one line, in order of x.
+
+    Rows that differ only in an idle axis have the same x; the first one with a result is drawn.
+    """
     wanted = {axis: value for axis, value in place.items() if axis}
     at: dict[float, SweepRow] = {}
     for row in rows:
@@ -165,9 +172,9 @@ def _line(rows: Sequence[SweepRow], look: View, place: Mapping[str, float]) -> l
 
 
 def _curve(
-    panel: Any, line: Sequence[SweepRow], axis: str, figures: Sequence[Figure], colour: str, marker: str
+    panel: Any, line: Sequence[SweepRow], axis: str, figures: Sequence[Quantity], colour: str, marker: str
 ) -> None:
-    """FEM or the error as a full line with markers, the formulas as dashes."""
+    """Draw finite elements or the error as a full line with markers, the formulas as a dashed line."""
     for figure, dashes in zip(figures, ("-", "--"), strict=False):
         marked = marker if dashes == "-" and len(line) <= MOST_MARKED else ""
         face = "white" if figures is ERROR else colour
@@ -183,13 +190,13 @@ def _curve(
 
 def _finish(
     panels: Sequence[Any],
-    blocks: Sequence[tuple[Sequence[Figure], float]],
+    blocks: Sequence[tuple[Sequence[Quantity], float]],
     columns: Sequence[float],
     look: View,
     *,
     apart: bool,
 ) -> None:
-    """Labels, titles, and the same range of all errors."""
+    """Add labels and titles, and give all panels of errors the same range."""
     errors = [panel for k, panel in enumerate(panels) if blocks[k // len(columns)][0] is ERROR]
     for panel in errors:
         table_plots.bands(panel)
@@ -211,6 +218,7 @@ def _finish(
 
 
 def _handles(colours: Sequence[float], look: View) -> list[Any]:
+    """Return the entries of the legend."""
     from matplotlib.lines import Line2D
 
     handles = [
@@ -230,7 +238,7 @@ def _notes(
     *,
     tinted: bool,
 ) -> list[str]:
-    """What the picture leaves out, in sentences."""
+    """State in sentences what the plot does not show."""
     notes = [f"{_symbol(name)} changes neither the force nor its error." for name in look.idle]
     if look.colour and not tinted:
         notes.append(f"The error is the same for every {_symbol(look.colour)}.")

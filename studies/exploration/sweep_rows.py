@@ -1,4 +1,4 @@
-"""The cases of a sweep, and a row of each: finite elements and formulas side by side, with what S1 and S2 read."""
+"""Cases of a sweep, and their rows: results and readings of S1 and S2 by finite elements and by formulas."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studies.simulation.compare import formulas
 from studies.simulation.comparison_rows import NAN, Reading, at_rest, element_readings, percent
 
 FIELDS = ("D", "L", "f", "E")
-"""Fields of a design that can be axes, beside the depth."""
+"""Fields of a design that can be axes; the depth of the press is the fifth axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +23,8 @@ class Case:
 
     Attributes
     ----------
-    values : of every axis, and of D, L, f, E and the depth where they are no axis.
-    design : None if it is refused, and `message` says why.
+    values : D, L, f, E and depth, whether they are axes or not.
+    design : None if the design is impossible; `message` then gives the reason.
     """
 
     values: dict[str, float]
@@ -33,12 +33,13 @@ class Case:
 
     @property
     def depth(self) -> float:
+        """Depth of the press, mm."""
         return self.values["depth"]
 
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """An outcome in the units of the case; `number` is that of the solve, 0 for none."""
+    """Result of the finite elements for a case; `number` is that of the solve, 0 for none."""
 
     response: Response | None
     status: str
@@ -50,7 +51,7 @@ class Solved:
 
 @dataclass(frozen=True, slots=True)
 class PressAnswer:
-    """A press by one model; NaN where it has no answer."""
+    """Results of one model for a press; NaN if the model has no result."""
 
     force_N: float
     shift_z_mm: float
@@ -59,12 +60,13 @@ class PressAnswer:
 
 @dataclass(frozen=True, slots=True)
 class SweptReading:
-    """What one Hall element reads by both models, and the formulas' error in % of the change from rest.
+    """Reading of one Hall element by both models.
 
     Attributes
     ----------
-    element : its name in columns.
-    unit : the ending of its output's column, V or output_mT.
+    element : name of the element in columns.
+    unit : last part of the output column's name, V or output_mT.
+    error_percent_of_change : error of the formulas, in percent of the change of the field from rest.
     """
 
     element: str
@@ -75,6 +77,7 @@ class SweptReading:
 
 
 def _reading_columns(readings: Sequence[SweptReading]) -> FlatRow:
+    """Return the columns of the readings, element by element."""
     row: FlatRow = {}
     for r in readings:
         row |= {f"fem_{r.element}_mT": r.fem.field_mT, f"analytic_{r.element}_mT": r.analytic.field_mT}
@@ -89,13 +92,14 @@ class SweepRow:
 
     Attributes
     ----------
-    D_mm, L_mm, f_mm, E_MPa, depth_mm : of the case, whether it can be solved or not.
-    force_error_percent, shift_error_percent, contact_radius_error_percent : formulas against finite elements.
-    readings : of the first two elements.
-    l0_mm : of the case's design, NaN where that is refused.
-    error_estimate : relative error of the finite elements' force.
+    D_mm, L_mm, f_mm, E_MPa, depth_mm : values of the case.
+    fem, analytic : results of the finite elements and of the formulas.
+    force_error_percent, shift_error_percent, contact_radius_error_percent : errors of the formulas.
+    readings : readings of the first two elements.
+    l0_mm : of the case's design; NaN if the design is impossible.
+    error_estimate : estimated relative error of the finite elements' force.
     solve : number of the solve that the row comes from, 0 for none.
-    seconds : that this solve took to get to the row's state.
+    seconds : time of this solve from the previous state to the row's, s.
     """
 
     D_mm: float
@@ -117,17 +121,17 @@ class SweepRow:
     message: str
 
     def row(self) -> FlatRow:
-        """The flat row of tables, CSV files and JSON."""
+        """Return the flat row of tables, CSV files and JSON."""
         return records.flat(self)
 
     def on_axis(self, axis: str) -> float:
-        """The case's value of an axis."""
-        places = {"D": self.D_mm, "L": self.L_mm, "f": self.f_mm, "E": self.E_MPa, "depth": self.depth_mm}
-        return places[axis]
+        """Return the value of an axis in this case."""
+        values = {"D": self.D_mm, "L": self.L_mm, "f": self.f_mm, "E": self.E_MPa, "depth": self.depth_mm}
+        return values[axis]
 
 
 def sweep_row(base: Design, case: Case, solved: Solved) -> SweepRow:
-    """The row of a case of a base design that has been solved, or refused."""
+    """Return the row of a case: `solved` has the finite elements' results, the formulas are evaluated here."""
     design = case.design
     formula, remark = formulas(design, Load(depth=case.depth)) if design else (None, "")
     fem, analytic = _answer(solved.response), _answer(formula)
@@ -153,19 +157,26 @@ def sweep_row(base: Design, case: Case, solved: Solved) -> SweepRow:
 
 
 def _answer(pose: Response | None) -> PressAnswer:
+    """Return the main results of a response; NaN without one."""
     return PressAnswer(pose.force[2], pose.shift[2], pose.contact_radius) if pose else PressAnswer(NAN, NAN, NAN)
 
 
 def _readings(
     base: Design, design: Design | None, fem: Response | None, formula: Response | None
 ) -> tuple[SweptReading, ...]:
-    """What S1 and S2 read; NaN for a case whose design is refused."""
+    """Return the readings of S1 and S2; NaN if the design is impossible."""
     names, unit = columns(base)
     if design is None:
         unknown = Reading(NAN, NAN)
         return tuple(SweptReading(name, unit, unknown, unknown, NAN) for name in names[:2])
     rest, by_fem, by_formula = at_rest(design), element_readings(design, fem), element_readings(design, formula)
     return tuple(
-        SweptReading(name, unit, b, c, percent(c.field_mT - a.field_mT, b.field_mT - a.field_mT))
-        for name, a, b, c in list(zip(names, rest, by_fem, by_formula, strict=True))[:2]
+        SweptReading(
+            name,
+            unit,
+            solved,
+            computed,
+            percent(computed.field_mT - start.field_mT, solved.field_mT - start.field_mT),
+        )
+        for name, start, solved, computed in list(zip(names, rest, by_fem, by_formula, strict=True))[:2]
     )

@@ -1,1 +1,1 @@
-"""What users give: designs, axes and studies, CSV tables, JSON lines."""
+"""User input: designs, axes and studies, option groups, CSV tables, JSON lines."""

@@ -1,4 +1,4 @@
-"""Warnings of input that has no effect, or that is no silicone's."""
+"""Warnings of input that has no effect, or of values that no silicone has."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from geometry.design import Design, no_effect
 from studies.output import console
 
 
-def say_what_is_idle(design: Design) -> None:
-    """A warning for each field that is set in vain, and where E is no silicone's."""
-    for doubt in design.value_warnings():
-        console.warn(doubt)
+def warn_of_values(design: Design) -> None:
+    """Warn of each field that is set without effect, and of a value that no silicone has."""
+    for warning in design.value_warnings():
+        console.warn(warning)
 
 
 def say_no_effect(what: str, reason: str) -> None:
-    """A warning for an option or an axis that another one, or the design, makes useless."""
+    """Warn of an option or an axis that has no effect beside other options or with this design."""
     console.warn(no_effect([what], reason))

@@ -1,4 +1,4 @@
-"""Options that several verbs share, as values: motion of the plate, pose of the magnet, method, basis of a layout."""
+"""Groups of options that several verbs share: load, pose of the magnet, method, and basis of a layout."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Model = Literal["auto", "axisymmetric", "harmonic", "half", "full"]
 
 
 def _whole(type_: object, tokens: Sequence[Token]) -> int:
-    """An int without rounding: the command line's own reader makes 2 of 2.5."""
+    """Convert a text to an int without rounding; the default converter of cyclopts would turn 2.5 into 2."""
     if not re.fullmatch(r"[+-]?[0-9]+", tokens[0].value.strip()):
         raise BadInput(f"{tokens[0].keyword} must be a whole number; got {tokens[0].value}")
     return int(tokens[0].value)
@@ -41,7 +41,7 @@ ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What the plate or the grip does.
+    """Motion of the plate or of the grip, and the contact.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Motion:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where the magnet is.
+    """Pose of the magnet.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Pose:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """How finite elements solve it.
+    """Model, mesh and accuracy of the finite elements.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Method:
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """On what a layout of Hall elements is judged.
+    """Poses and readings on which a layout of Hall elements is evaluated.
 
     Attributes
     ----------

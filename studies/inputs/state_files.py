@@ -1,4 +1,4 @@
-"""States of the sensor in a file, which `--responses` takes: a line each, of `solve --json` or `analytic --json`."""
+"""Files of solved states for `--responses`: one line of `solve --json` or `analytic --json` for each state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class State:
 
     Attributes
     ----------
-    load, response : None where the state is not ok and has none.
+    line : number of the line, from 1.
+    load, response : None if the solve failed and the line has no pose.
     """
 
     line: int
@@ -31,17 +32,17 @@ class State:
 
 
 def read(path: Path, design: Design) -> list[State]:
-    """The states in a file, which were found for this design with a rigid magnet.
+    """Read the states in a file, which must have been solved for this design with a rigid magnet.
 
-    A file that does not say for which sensor it was made is taken, with a warning.
+    If a line does not name its sensor, this cannot be checked: the states are accepted with a warning.
 
     Raises
     ------
     BadInput
-        The file cannot be read, a line is no state, or one was made for another sensor.
+        The file cannot be read, a line is no state, or a state was solved for another sensor.
     """
-    needed = design_digest.of_mechanics(design)
-    found, told = [], True
+    expected = design_digest.of_mechanics(design)
+    states, all_named = [], True
     for line, record in table_input.json_objects(path):
         where = f"{path}, line {line}"
         try:
@@ -54,24 +55,26 @@ def read(path: Path, design: Design) -> list[State]:
                 "shear_mm, force_N, "
                 "shift_mm and tilt_rad"
             ) from None
-        told = design_digest.check(record, needed, where) and told
-        found.append(state)
-    if not told:
+        all_named = design_digest.check(record, expected, where) and all_named
+        states.append(state)
+    if not all_named:
         console.warn(
             f"{path} does not say for which sensor its states were solved, so a mismatch with this "
             "design cannot be detected"
         )
-    return found
+    return states
 
 
 def _state(line: int, record: dict[str, Any]) -> State:
+    """Return the state of a line; one that failed may lack a pose."""
     status, message = str(record["status"]), str(record.get("message") or "")
     if status != "ok" and record.get("shift_mm") is None:
         return State(line, status, message, None, None)
-    return State(line, status, message, *_sample(record))
+    return State(line, status, message, *_load_and_response(record))
 
 
-def _sample(record: dict[str, Any]) -> tuple[Load, Response]:
+def _load_and_response(record: dict[str, Any]) -> tuple[Load, Response]:
+    """Return load and response of a record; keys that the formulas do not print count as 0."""
     x, y, z = (float(v) for v in record["shift_mm"])
     f_x, f_y, f_n = (float(v) for v in record["force_N"])
     load = Load(

@@ -1,4 +1,4 @@
-"""The one reader of CSV tables and of JSON lines; what cannot be read ends in a sentence with file and line."""
+"""Readers of CSV tables and of JSON lines; the error of an unreadable file names file and line."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from typing import Any, NoReturn
 from geometry.design import BadInput
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
-"""What spreadsheets and loggers put between columns in place of commas."""
+"""Separators that spreadsheets and data loggers write between columns in place of commas."""
 
 Rows = list[tuple[int, list[str]]]
-"""Number of each row's last line, from 1, and its cells as they stand."""
+"""Number of each row's last line, from 1, and its cells as texts; a quoted cell may span several lines."""
 
 
 def text_of(path: Path, kind: str) -> str:
-    """The text of a UTF-8 file, without a byte order mark.
+    """Return the text of a UTF-8 file, without a byte order mark.
 
     Parameters
     ----------
-    kind : of the file, such as CSV.
+    kind : name of the file's format for messages, such as CSV.
 
     Raises
     ------
     BadInput
-        It cannot be read.
+        The file cannot be read.
     """
     try:
         return path.read_bytes().decode("utf-8-sig")
@@ -45,7 +45,7 @@ def text_of(path: Path, kind: str) -> str:
 
 
 def csv_rows(path: Path, *, comments: bool = False) -> Rows:
-    """The rows of a CSV table that hold something, the head first; it may be empty.
+    """Return the rows of a CSV table that are not empty, the header first; an empty file gives no rows.
 
     Parameters
     ----------
@@ -74,6 +74,7 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
 
 
 def _check_separator(path: Path, line: int, head: str) -> None:
+    """Raise BadInput if the header has more of another separator than commas."""
     for sign, name in SEPARATORS.items():
         if head.count(sign) > head.count(","):
             raise BadInput(
@@ -83,22 +84,22 @@ def _check_separator(path: Path, line: int, head: str) -> None:
 
 
 def check_length(path: Path, line: int, head: list[str], row: list[str]) -> None:
-    """A row must have a cell for each column.
+    """Check that a row has one cell for each column.
 
     Raises
     ------
     BadInput
-        It has not.
+        The row has more or fewer cells.
     """
     if len(row) != len(head):
-        # 1,5,2,75 under two columns
+        # decimal commas double the number of cells: 1,5,2,75 under two columns
         halved = len(row) == 2 * len(head) and all(cell.strip().lstrip("+-").isdecimal() for cell in row)
         remedy = "write a point, no comma, before decimals" if halved else "give one value per column"
         raise BadInput(f"{str(path)!r}, line {line}: {len(row)} values for {len(head)} columns: {remedy}")
 
 
 def number(cell: str) -> float | None:
-    """The number in a cell, NaN and infinity too; None if it holds none.
+    """Return the number in a cell, which may be NaN or infinite; None if the cell holds no number.
 
     >>> number(" 1.5"), number("1,5")
     (1.5, None)
@@ -110,7 +111,7 @@ def number(cell: str) -> float | None:
 
 
 def comma_remedy(cell: str) -> str:
-    """What to do about a cell that is no number because of a decimal comma; nothing about others.
+    """Return the remedy for a cell that is no number because of a decimal comma; for other cells an empty text.
 
     >>> comma_remedy("1,5")
     ': write a point, no comma, before decimals'
@@ -120,7 +121,7 @@ def comma_remedy(cell: str) -> str:
 
 
 def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Number of each line that holds something, and the object in it.
+    """Yield the number of each line that is not empty, and the JSON object in it.
 
     Raises
     ------
@@ -131,18 +132,18 @@ def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
         if not text.strip():
             continue
         try:
-            found = json.loads(text, parse_constant=_not_finite, parse_float=_finite)
+            record = json.loads(text, parse_constant=_not_finite, parse_float=_finite)
         except _NotFinite as error:
             raise BadInput(f"{path}, line {line}: numbers must be finite; got {error}: leave this line out") from None
         except (ValueError, RecursionError):
             raise BadInput(f"{path}, line {line} is not JSON: give one JSON object per line") from None
-        if not isinstance(found, dict):
+        if not isinstance(record, dict):
             raise BadInput(f"{path}, line {line} must hold a JSON object, {{...}}; got {text.strip():.40}")
-        yield line, found
+        yield line, record
 
 
 class _NotFinite(Exception):
-    """A number of JSON that is not finite, as it stands."""
+    """A JSON number that is not finite; its text is the message."""
 
 
 def _not_finite(name: str) -> NoReturn:
@@ -150,6 +151,7 @@ def _not_finite(name: str) -> NoReturn:
 
 
 def _finite(text: str) -> float:
+    """Convert a number of JSON; 1e999 is valid JSON but overflows to infinity."""
     value = float(text)
     if not math.isfinite(value):
         _not_finite(text)

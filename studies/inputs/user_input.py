@@ -1,6 +1,6 @@
-"""What the user gives, as values: the one reader of designs, of a sweep's axes and of studies.
+"""Readers of designs, of a sweep's axes and of studies, from files and from options.
 
-Everything that cannot be used ends here in a `BadInput` of one sentence.
+Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from geometry.design import PRESETS, BadInput, Design, nearest
 from geometry.loads import Magnet
 
 AXES = ("D", "L", "f", "E", "depth")
-"""What a sweep can vary: fields of `Design`, and the depth of the press, mm."""
+"""Names that can be axes of a sweep: fields of `Design`, and the depth of the press, mm."""
 
 AN_AXIS = "an axis is a list of numbers for D, L, f (mm), E (MPa) or, in a sweep, depth (mm)"
-"""What an axis can be, for messages."""
+"""Description of an axis, for messages."""
 
 AccuracyName = Literal["quick", "standard", "fine"]
 
 Value = float | str
-"""Of a field of `Design`."""
+"""Value of a field of `Design`."""
 
 _FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
 _KINDS: dict[str, type] = {name: str if "choices" in spec.metadata else float for name, spec in _FIELDS.items()}
@@ -33,12 +33,12 @@ _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A sweep as a TOML file states it; None where the file leaves a choice to the caller.
+    """A sweep as a TOML file describes it; None where the file does not state a value.
 
     Attributes
     ----------
-    design : a preset's name, or the path of a design's TOML file as seen from here.
-    fields : fields of the design that differ from it.
+    design : name of a preset, or path of a design's TOML file, relative to the current folder.
+    fields : fields of the design that the study replaces.
     axes : values of each axis, one or more.
     depth : depth of the press where it is not an axis, mm.
     """
@@ -52,51 +52,51 @@ class Study:
 
 
 def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
-    """The design of a preset's name or a TOML file, with overrides KEY=VALUE.
+    """Read the design of a preset or of a TOML file, with overrides KEY=VALUE.
 
-    A file is a flat table of fields of `Design`; those left out take the values of the preset named by its key
-    `base`, the paper's by default. With magnet "ignored", a magnet that does not fit is left out of the design, so
-    that the beam can still be studied.
+    A file is a flat table of fields of `Design`. Other fields have the values of the preset that its key `base`
+    names; default: paper. With magnet "ignored", a magnet that does not fit into the beam is removed from the design,
+    so that the beam can still be studied.
 
     Raises
     ------
     BadInput
-        An unknown key, a value that is not a number or not possible, a file that cannot be read.
+        A key is unknown, a value is no number or impossible, or the file cannot be read.
 
     >>> read_design("paper", ["D=10", "L=12"]).H
     7.0
     """
     base, values = _preset_or_file(source)
-    return _made(base, {**values, **_overrides(sets)}, magnet)
+    return _design_from(base, {**values, **_overrides(sets)}, magnet)
 
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
-    """The design of a study, with overrides KEY=VALUE."""
+    """Return the design of a study, with overrides KEY=VALUE."""
     base, values = _preset_or_file(study.design)
-    return _made(base, {**values, **study.fields, **_overrides(sets)}, magnet)
+    return _design_from(base, {**values, **study.fields, **_overrides(sets)}, magnet)
 
 
 def parse_axes(axes: Sequence[str]) -> dict[str, list[float]]:
-    """The axes of a sweep from texts NAME=a,b,c.
+    """Return the axes of a sweep from texts NAME=a,b,c.
 
     >>> parse_axes(["D=6,8,10", "depth=0.5,1"])
     {'D': [6.0, 8.0, 10.0], 'depth': [0.5, 1.0]}
     """
-    found: dict[str, list[float]] = {}
+    parsed: dict[str, list[float]] = {}
     for text in axes:
         name, equals, values = text.partition("=")
         name = name.strip()
         if not equals:
             raise BadInput(f"an axis must read NAME=a,b,c, such as D=6,8,10; got {text!r}")
         _check_axis(name)
-        if name in found:
+        if name in parsed:
             raise BadInput(f"axis {name} is given twice: give all its values at once, {name}=a,b,c")
-        found[name] = parse_numbers(f"axis {name}", values)
-    return _checked_axes(found)
+        parsed[name] = parse_numbers(f"axis {name}", values)
+    return _checked_axes(parsed)
 
 
 def parse_numbers(name: str, text: str) -> list[float]:
-    """Numbers from a text a,b,c."""
+    """Return the numbers of a text a,b,c; `name` is for messages."""
     parts = [part.strip() for part in text.split(",")]
     if not text.strip():
         raise BadInput(f"{name} is empty: give numbers, such as 1,2,3")
@@ -104,15 +104,15 @@ def parse_numbers(name: str, text: str) -> list[float]:
 
 
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
-    """Fields of a dataclass from texts KEY=VALUE: numbers, and texts that are none, whose ranges the class names."""
+    """Return fields of a dataclass from texts KEY=VALUE, as numbers where possible; the class checks their ranges."""
     names = [spec.name for spec in dataclasses.fields(kind)]
-    given = pairs(option, texts, f"{names[-1]}=2")
-    _known(option, given, names)
-    return {key: _as_number(value) for key, value in given.items()}
+    choices = pairs(option, texts, f"{names[-1]}=2")
+    _check_keys(option, choices, names)
+    return {key: _as_number(value) for key, value in choices.items()}
 
 
 def _as_number(text: str) -> float | str:
-    """The number that a text is, a whole one as an int however it is written (1e9, 3.0); else the text."""
+    """Return the number in a text, a whole number as an int even if it is written 1e9 or 3.0; else the text."""
     try:
         value = float(text)
     except ValueError:
@@ -121,30 +121,30 @@ def _as_number(text: str) -> float | str:
 
 
 def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
-    """What an option that is given once for each key says, from texts KEY=VALUE."""
-    found: dict[str, str] = {}
+    """Return the values of a repeatable option by their keys, from texts KEY=VALUE; a key may occur only once."""
+    values: dict[str, str] = {}
     for text in texts:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key:
             raise BadInput(f"{option} takes KEY=VALUE, such as {example}; got {text!r}")
-        if key in found:
-            raise BadInput(f"{option} {key} is given twice, as {found[key]} and {value}: give it once")
-        found[key] = value
-    return found
+        if key in values:
+            raise BadInput(f"{option} {key} is given twice, as {values[key]} and {value}: give it once")
+        values[key] = value
+    return values
 
 
 def is_study(source: str) -> bool:
-    """Whether a sweep's positional argument names a study: a file with axes in it."""
+    """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
     return source not in PRESETS and "axes" in _table(source, "preset or file")
 
 
 def read_study(path: str) -> Study:
-    """The study in a TOML file, its design taken as seen from the file's folder.
+    """Read the study in a TOML file; the path of its design is relative to the file's folder.
 
     Raises
     ------
     BadInput
-        The file cannot be read, a key is unknown, or a value is not what it must be.
+        The file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
     """
     table = _table(path, "file")
     kinds: dict[str, Any] = {
@@ -154,46 +154,51 @@ def read_study(path: str) -> Study:
         "magnet": Literal["rigid", "ignored"] | None,
         "accuracy": AccuracyName | None,
     }
-    _known(path, table, kinds)
+    _check_keys(path, table, kinds)
     for name in table["axes"] if isinstance(table.get("axes"), dict) else ():
         _check_axis(name)
     if "axes" not in table:
         raise BadInput(f"{path}: a study needs a table [axes], with one or more of {', '.join(AXES)}")
-    found = _validated(path, table, kinds)
-    design: Any = found.get("design", "paper")
+    values = _validated(path, table, kinds)
+    design: Any = values.get("design", "paper")
     fields: dict[str, Value] = {}
     if isinstance(design, dict):
         design, fields = _design_table(f"{path}: design", design)
     elif design not in PRESETS:
         design = str(Path(path).parent / design)
-    depth = found.get("depth")
+    depth = values.get("depth")
     if depth is not None and not depth > 0:
         raise BadInput(f"{path}: depth must be more than 0 mm; got {depth:g} mm")
-    return Study(design, fields, _checked_axes(found["axes"]), depth, found.get("magnet"), found.get("accuracy"))
+    return Study(design, fields, _checked_axes(values["axes"]), depth, values.get("magnet"), values.get("accuracy"))
 
 
 def _preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
+    """Return the name of the base preset and the fields that the source replaces."""
     return (source, {}) if source in PRESETS else _design_table(source, _table(source, "preset or file"))
 
 
-def _made(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
-    given: dict[str, Any] = {**dataclasses.asdict(PRESETS[base]()), **values}
+def _design_from(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
+    """Return the design of a preset with other values; see `read_design` for magnet "ignored"."""
+    fields: dict[str, Any] = {**dataclasses.asdict(PRESETS[base]()), **values}
     try:
-        return Design(**given)
+        return Design(**fields)
     except BadInput:
-        ranges = [(given[name], _FIELDS[name].metadata) for name in _MAGNET]
+        # a magnet with impossible sizes stays an error; only one that does not fit into the beam is removed
+        ranges = [(fields[name], _FIELDS[name].metadata) for name in _MAGNET]
         if magnet == "rigid" or not all(m["low"] <= value <= m["high"] for value, m in ranges):
             raise
-        return Design(**{**given, **dict.fromkeys(_MAGNET, 0.0)})
+        return Design(**{**fields, **dict.fromkeys(_MAGNET, 0.0)})
 
 
 def _overrides(sets: Sequence[str]) -> dict[str, Value]:
-    given = pairs("--set", sets, "D=10")
-    _known("--set", given, _FIELDS)
-    return {key: value if _KINDS[key] is str else _number(key, value) for key, value in given.items()}
+    """Return the fields that --set replaces."""
+    texts = pairs("--set", sets, "D=10")
+    _check_keys("--set", texts, _FIELDS)
+    return {key: value if _KINDS[key] is str else _number(key, value) for key, value in texts.items()}
 
 
 def _number(name: str, text: str) -> float:
+    """Return the finite number in a text."""
     try:
         value = float(text)
     except ValueError:
@@ -204,9 +209,9 @@ def _number(name: str, text: str) -> float:
 
 
 def _design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
-    """Name of the base preset, and the fields that a table gives."""
+    """Return the name of the base preset, and the fields that a design's table states."""
     kinds: dict[str, Any] = {"base": str, **_KINDS}
-    _known(name, table, kinds)
+    _check_keys(name, table, kinds)
     values = _validated(name, table, kinds)
     base = values.pop("base", "paper")
     if base not in PRESETS:
@@ -214,7 +219,8 @@ def _design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Valu
     return base, values
 
 
-def _known(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
+def _check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
+    """Raise BadInput for the first key that is not valid; `name` is that of the file or option."""
     valid = list(valid)
     for key in keys:
         if key not in valid:
@@ -222,7 +228,7 @@ def _known(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
 
 
 def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
-    """The table's values, each strictly of its kind."""
+    """Return the values of a table after a strict check of their types; the first wrong value raises BadInput."""
     import pydantic
 
     config = pydantic.ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
@@ -246,14 +252,14 @@ def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) ->
 
 
 def _table(path: str, what: str) -> dict[str, Any]:
-    """The table in a TOML file."""
+    """Read the table in a TOML file; `what` names it in messages."""
     import difflib
     import tomllib
 
     remedy = f"; presets: {', '.join(PRESETS)}" if what != "file" else ""
     text = ""
     try:
-        # an editor may have put a byte order mark first, which TOML does not know
+        # editors may write a byte order mark, which TOML does not allow
         text = Path(path).read_bytes().decode("utf-8-sig")
         return tomllib.loads(text)
     except FileNotFoundError:
@@ -274,7 +280,7 @@ def _table(path: str, what: str) -> dict[str, Any]:
 
 
 def _check_axis(name: str) -> None:
-    """An axis must be one of `AXES`; for other fields of the design there is --set."""
+    """Raise BadInput unless the name is one of `AXES`; for other fields of the design the remedy is --set."""
     if name in AXES:
         return
     if name not in _FIELDS:
@@ -283,6 +289,7 @@ def _check_axis(name: str) -> None:
 
 
 def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+    """Return the axes after a check of their names and of the ranges of their values."""
     if not axes:
         raise BadInput(f"a sweep needs an axis, such as D=6,8,10: choose from {', '.join(AXES)}")
     for name, values in axes.items():
