@@ -141,7 +141,7 @@ class Load:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Unit vector along the line of the shear: x > 0, or (0, 1); (1, 0) without a shear.
+        """Unit vector along the line of the shear, with the sign that makes x > 0, or (0, 1); (1, 0) without a shear.
 
         Along the x or y axis the components are exactly 0 and 1, so that no rounding error turns a response out of
         its plane of symmetry.
@@ -210,8 +210,7 @@ class Response:
 
 
 def rotation_of(tilt: Angle, tilt_y: Angle) -> tuple[Angle, Angle]:
-    """Return the rotation vector (rx, ry), rad, of a magnet whose axis leans by `tilt` towards x and `tilt_y` towards
-    y.
+    """Return the rotation vector (rx, ry), rad, of a magnet whose axis leans towards x and y by the given tilts.
 
     A right-handed rotation about y carries z towards x; one about x carries z towards -y. Hence
     (rx, ry) = (-tilt_y, tilt), and rz is 0.

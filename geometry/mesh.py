@@ -203,7 +203,7 @@ def _raw(sizes: Sizes, half: bool, timeout: float) -> MeshTet1:
         inside = surface_triangulation.in_magnet(p[t].mean(axis=1), sizes, half)
         parts = {"silicone": np.flatnonzero(~inside), "magnet": np.flatnonzero(inside)}
     mesh = MeshTet1(np.ascontiguousarray(p.T), np.ascontiguousarray(t.T), _subdomains=parts)
-    return curved_mesh.labelled(mesh, 4 * epsilon, half)
+    return curved_mesh.name_boundaries(mesh, 4 * epsilon, half)
 
 
 def _tetwild(

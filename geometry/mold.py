@@ -63,7 +63,7 @@ class Mold:
     pin_edge : fillet radius at the end of the pin. It must not exceed the magnet's edge radius, or the magnet would
         not reach the bottom of the pocket.
     draft : taper of the pin, wider at the base plane, degrees. The cavity has no draft: a tapered beam would be
-        another sensor, and silicone thins when it is pulled and so leaves upright walls. The skirt has none either,
+        another sensor, and silicone thins when pulled and so comes off upright walls. The skirt has none either,
         because its fit relies on parallel walls.
     wall : thickness of B's wall, of A's skirt, and between neighbouring cavities.
     floor : thickness of B's foot, and least thickness between the silicone and the underside.
@@ -294,7 +294,7 @@ def _pin(design: Design, mold: Mold) -> tuple[float, float, float, float, float]
 
 
 def pours(design: Design, mold: Mold) -> tuple[float, float]:
-    """Return the volumes of liquid silicone in one cast after the first and in the second pour, mm³.
+    """Return the volumes of liquid silicone that stay in one cast at the first and at the second pour, mm³.
 
     The first pour fills the cavity of the closed mould. The second fills the pocket above and around the magnet up to
     the base plane. After shrinkage both together have the volume of the design's silicone. Vents and waste are not

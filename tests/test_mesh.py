@@ -226,10 +226,10 @@ def test_flat_and_inverted_cells_are_mended_by_their_free_vertices(push):
     p = mesh.p.copy()
     p[0, middle] += push
     assert curved_mesh.shapes(p[:, flip]).min() < curved_mesh.LEAST_SHAPE
-    mended = curved_mesh.mended(p, flip, apart)
+    mended = curved_mesh.repair_flat_cells(p, flip, apart)
     assert curved_mesh.shapes(mended[:, flip]).min() > 3 * curved_mesh.LEAST_SHAPE
     # whatever is well shaped stays to the last bit
-    assert curved_mesh.mended(mended, flip, apart) is mended
+    assert curved_mesh.repair_flat_cells(mended, flip, apart) is mended
 
 
 def test_mending_moves_nothing_on_the_surfaces(half):
@@ -243,7 +243,7 @@ def test_mending_moves_nothing_on_the_surfaces(half):
         near = np.setdiff1d(mesh.t[:, (mesh.t == vertex).any(axis=0)], vertex)
         p[:, vertex] = p[:, near[np.linalg.norm(mesh.p[:, near] - mesh.p[:, [vertex]], axis=0).argmin()]]
     assert curved_mesh.shapes(p[:, mesh.t]).min() < curved_mesh.LEAST_SHAPE
-    mended = curved_mesh.mended(p, mesh.t, on)
+    mended = curved_mesh.repair_flat_cells(p, mesh.t, on)
     assert curved_mesh.shapes(mended[:, mesh.t]).min() > curved_mesh.LEAST_SHAPE
     assert (mended[:, held] == mesh.p[:, held]).all()
     assert np.abs(mended[1, on["symmetry"]]).max() == 0

@@ -37,8 +37,8 @@ ROUNDS, VOLUME = 10, 1e-5
 """Most rounds of fitting facets and straightening cells; largest relative error of a volume at the end."""
 
 
-def labelled(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
-    """Return the straight mesh with its boundaries, found from the positions and normals of the facets.
+def name_boundaries(mesh: MeshTet1, tolerance: float, half: bool) -> MeshTet1:
+    """Return the straight mesh with named boundaries, determined from the positions and normals of the facets.
 
     tolerance : largest distance of a facet from the plane of base or symmetry. half : True for the part y >= 0.
     """
@@ -122,7 +122,7 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
     top = p[2].argmax()
     if math.hypot(p[0, top], p[1, top]) < max(0.01 * shape.R, 0.3 * sizes.tip):
         p[:, top] = 0, 0, shape.L  # a vertex exactly at the tip, which a plate touches first
-    p = mended(p, mesh.t, {name: mask[:n] for name, mask in on.items()})
+    p = repair_flat_cells(p, mesh.t, {name: mask[:n] for name, mask in on.items()})
     if shapes(p[:, mesh.t]).min() < LEAST_SHAPE:
         return None
     x = exact_surfaces.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
@@ -162,7 +162,7 @@ def volumes(mesh: MeshTet2) -> dict[str, float]:
     return {name: float(cells[index].sum()) for name, index in mesh.subdomains.items()}
 
 
-def mended(p: Array, t: Ints, on: Masks) -> Array:
+def repair_flat_cells(p: Array, t: Ints, on: Masks) -> Array:
     """Return vertices, shape (3, n), some of them moved to improve flat cells.
 
     fTetWild leaves flat cells at a magnet's edge, between three vertices of the edge and one next to it. Moving

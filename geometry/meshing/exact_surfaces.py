@@ -43,8 +43,7 @@ def skin(x: Array, shape: Shape) -> Near:
 
 def magnet(x: Array, shape: Shape) -> Near:
     """Return the position of points, shape (3, ...), relative to the magnet with its rounded edges."""
-    # distance from the rounded cylinder = distance from a sharp cylinder that is smaller by rho on all sides, less
-    # rho
+    # a point is closer by rho to the rounded cylinder than to a sharp cylinder that is smaller by rho on all sides
     rho = shape.magnet_edge_radius
     r, up = np.hypot(x[0], x[1]), x[2] - shape.H
     dr, dz = r - (shape.magnet_diameter / 2 - rho), np.abs(up) - (shape.magnet_height / 2 - rho)

@@ -236,7 +236,7 @@ def _with_boundaries(mesh: MeshTet1, source: _Cells, corner: Ints, shape: Shape)
     """Add the boundaries, found from the positions of the facets, and compare them with the named facets."""
     near = OFF * shape.D
     half = bool(mesh.p[1].min() > -near)
-    mesh = curved_mesh.labelled(mesh, near, half)
+    mesh = curved_mesh.name_boundaries(mesh, near, half)
     rest = mesh.boundaries["skin"]
 
     def on(about: curved_mesh.About, body: Shape) -> NDArray[np.bool_]:

@@ -35,7 +35,7 @@ LEAST = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Zoom:
-    """How a magnet is enlarged.
+    """The enlargement of a magnet for meshing.
 
     Attributes
     ----------
