@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from geometry.design import BadInput
 from studies.cli import entry_point
 
 
@@ -42,3 +43,26 @@ def strict():
         raise AssertionError(f"{constant} is not JSON")
 
     return lambda text: [json.loads(line, parse_constant=refuse) for line in text.splitlines()]
+
+
+@pytest.fixture
+def toml(tmp_path):
+    """Write a TOML file; returns its path."""
+
+    def write(text, name="sensor.toml"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def refused():
+    """Expect a BadInput of one line that holds all parts."""
+
+    def expect(*parts):
+        pattern = "".join(f"(?=.*{part})" for part in parts)
+        return pytest.raises(BadInput, match=rf"(?s)^{pattern}[^\n]*$")
+
+    return expect

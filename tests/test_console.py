@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.exploration import sweep_axes
+from studies.exploration import sweep_request
 from studies.output import console, text_tables
 from studies.simulation import load_cases
 
@@ -148,11 +148,11 @@ def test_a_sweep_shows_what_varies(capsys, monkeypatch):
     answers = {"fem_force_N": 1.0, "analytic_force_N": 2.0, "fem_shift_z_mm": 3.0, "force_error_percent": 4.0}
     for row in rows:
         row |= answers | {"fem_contact_radius_mm": 5.0, "status": "ok", "message": ""}
-    sweep_axes.show(rows, "Sweep", wide=False)
+    sweep_request.show(rows, "Sweep", wide=False)
     head = capsys.readouterr().out.split("─")[0]
     assert "(MPa)" in head
     assert "contact" not in head
-    sweep_axes.show(rows, "Sweep", wide=True)
+    sweep_request.show(rows, "Sweep", wide=True)
     assert "contact" in capsys.readouterr().out.split("─")[0]
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from studies.cli import commands, entry_point
-from studies.inputs import user_input
+from studies.inputs import study_input, user_input
 
 ROOT = Path(__file__).resolve().parent.parent
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
@@ -150,7 +150,7 @@ def test_file_is_a_design_or_a_study(block, tmp_path):
     files_of(block.path, tmp_path)
     (path,) = [str(file) for file in tmp_path.iterdir() if file.read_text("utf-8") == block.text]
     if "axes" in tomllib.loads(block.text):
-        assert user_input.read_study(path).axes
+        assert study_input.read_study(path).axes
     else:
         assert user_input.read_design(path)
 

@@ -11,7 +11,7 @@ from fem.accuracy import LEVELS, QUICK
 from geometry.design import paper
 from studies.cli import entry_point
 from studies.inputs.exit_status import FAILED
-from studies.output import result_store
+from studies.output import checkpoint
 from studies.output.atomic_files import json_line
 from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents
 from studies.validation.error_study import QUANTITIES, Task
@@ -81,9 +81,9 @@ def test_friction_depends_on_the_length_of_steps_and_nothing_else_does():
 def test_rules_and_levels_may_change_without_new_solves():
     """Their modules are no part of the digest: they would be if one of the paths were wrong."""
     apart = (*error_study.ESTIMATING, *error_study_tangents.MODULES)
-    kept = result_store.modules("geometry", "fem", apart=apart)
-    assert len(kept) == len(result_store.modules("geometry", "fem")) - len(apart)
-    assert error_study.code() == result_store.digest(kept)
+    kept = checkpoint.modules("geometry", "fem", apart=apart)
+    assert len(kept) == len(checkpoint.modules("geometry", "fem")) - len(apart)
+    assert error_study.code() == checkpoint.digest(kept)
 
 
 def test_the_study_judges_the_estimates_that_a_user_gets(press, known):

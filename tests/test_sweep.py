@@ -14,7 +14,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
-from studies.exploration import solved_paths, store, sweep, sweep_axes, sweep_rows
+from studies.exploration import solved_paths, store, sweep, sweep_request, sweep_rows
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -277,16 +277,16 @@ def cases(axes, **figures):
 def test_an_axis_that_changes_nothing_is_named():
     axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
     rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
-    assert sweep_axes.idle_axes(rows, axes, whole=True) == [("f", "the results are the same for all its values")]
+    assert sweep_request.idle_axes(rows, axes, whole=True) == [("f", "the results are the same for all its values")]
     rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
-    assert sweep_axes.idle_axes(rows, axes, whole=True) == []
-    assert sweep_axes.idle_axes(rows, axes, whole=False) == [
+    assert sweep_request.idle_axes(rows, axes, whole=True) == []
+    assert sweep_request.idle_axes(rows, axes, whole=False) == [
         ("f", "it changes only columns that --wide, --json and --out show")
     ]
     # a single case tells nothing, nor do cases that failed
-    assert sweep_axes.idle_axes(rows[:1], axes, whole=True) == sweep_axes.idle_axes([], axes, whole=True) == []
+    assert sweep_request.idle_axes(rows[:1], axes, whole=True) == sweep_request.idle_axes([], axes, whole=True) == []
     failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
-    assert sweep_axes.idle_axes(failed, axes, whole=True) == []
+    assert sweep_request.idle_axes(failed, axes, whole=True) == []
 
 
 def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):

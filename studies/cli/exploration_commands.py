@@ -59,29 +59,29 @@ def sweep(
         File that keeps all solved states; a sweep continues from there, and never solves one twice; default: one of
         the user, which the environment variable MAGTIP_STORE can name.
     """
-    from studies.exploration import sweep_axes
+    from studies.exploration import sweep_request
 
-    case = sweep_axes.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
+    case = sweep_request.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
     warn_of_values(case.design)
-    atomic_files.check_apart([*atomic_files.inside(out, sweep_axes.FILES), store], [source, design])
+    atomic_files.check_apart([*atomic_files.inside(out, sweep_request.FILES), store], [source, design])
     if case.magnet == "rigid":
         say_if_without_magnet(case.design)
     rows: list[SweepRow] = []
     try:
         with console.progress(as_json=as_json) as progress:
-            for row in sweep_axes.sweep(case, out, progress, store):
+            for row in sweep_request.sweep(case, out, progress, store):
                 rows.append(row)
                 if as_json:
                     console.report([row.row()], as_json=True)
     finally:
         table = [row.row() for row in rows]
         if not as_json:
-            sweep_axes.show(table, "Sweep", wide=wide)
-            print_remarks([row.row() for row in rows if row.status == "ok"], sweep_axes.CASE, table)
-    for name, reason in sweep_axes.idle_axes(table, case.axes, whole=as_json or wide or out is not None):
+            sweep_request.show(table, "Sweep", wide=wide)
+            print_remarks([row.row() for row in rows if row.status == "ok"], sweep_request.CASE, table)
+    for name, reason in sweep_request.idle_axes(table, case.axes, whole=as_json or wide or out is not None):
         say_no_effect(f"axis {name}", reason)
     failed = [row.row() for row in rows if row.status != "ok"]
-    for reason in console.remarks(failed, sweep_axes.CASE, table):
+    for reason in console.remarks(failed, sweep_request.CASE, table):
         console.say(f"magtip: {reason}")
     if failed:
         console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")

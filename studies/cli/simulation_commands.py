@@ -242,7 +242,7 @@ def compare(
     """
     design = design_of(source, sets)
     from fem.accuracy import LEVELS
-    from studies.exploration import sweep_axes
+    from studies.exploration import sweep_request
     from studies.simulation import compare as study
 
     say_if_without_magnet(design)
@@ -253,8 +253,8 @@ def compare(
         console.report([summary], as_json=True)
     else:
         for name in ("press", "shear"):
-            sweep_axes.show(summary[name], name.capitalize(), wide=wide)
-            print_remarks(summary[name], sweep_axes.CASE)
+            sweep_request.show(summary[name], name.capitalize(), wide=wide)
+            print_remarks(summary[name], sweep_request.CASE)
     return report_failures([*summary["press"], *summary["shear"]])
 
 

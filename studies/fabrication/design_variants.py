@@ -21,7 +21,7 @@ from geometry.messages import Progress
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
-from studies.inputs import user_input
+from studies.inputs import study_input
 from studies.output import atomic_files, console, provenance
 
 Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
@@ -33,7 +33,7 @@ COMMAND = (sys.executable, "-P", "-m", "studies.fabrication.design_variants")
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     """Return the axes of a batch from texts NAME=a,b,c; no texts give no axes."""
-    axes = user_input.parse_axes(texts) if texts else {}
+    axes = study_input.parse_axes(texts) if texts else {}
     if "depth" in axes:
         raise BadInput("cad has no axis 'depth': choose from D, L, f, E")
     return axes

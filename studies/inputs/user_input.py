@@ -1,4 +1,4 @@
-"""Readers of designs, of a sweep's axes and of studies, from files and from options.
+"""Readers of designs, from presets and TOML files, and of the numbers and choices of options.
 
 Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
 """
@@ -8,47 +8,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from geometry.design import PRESETS, BadInput, Design, nearest
 from geometry.loads import Magnet
 
-AXES = ("D", "L", "f", "E", "depth")
-"""Names that can be axes of a sweep: fields of `Design`, and the depth of the press, mm."""
-
-AN_AXIS = "an axis is a list of numbers for D, L, f (mm), E (MPa) or, in a sweep, depth (mm)"
-"""Description of an axis, for messages."""
-
 AccuracyName = Literal["quick", "standard", "fine"]
 
 Value = float | str
 """Value of a field of `Design`."""
 
-_FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
-_KINDS: dict[str, type] = {name: str if "choices" in spec.metadata else float for name, spec in _FIELDS.items()}
+FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
+_KINDS: dict[str, type] = {name: str if "choices" in spec.metadata else float for name, spec in FIELDS.items()}
 _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
-
-
-@dataclass(frozen=True, slots=True)
-class Study:
-    """A sweep as a TOML file describes it; None where the file does not state a value.
-
-    Attributes
-    ----------
-    design : name of a preset, or path of a design's TOML file, relative to the current folder.
-    fields : fields of the design that the study replaces.
-    axes : values of each axis, one or more.
-    depth : depth of the press where it is not an axis, mm.
-    """
-
-    design: str
-    fields: dict[str, Value]
-    axes: dict[str, list[float]]
-    depth: float | None
-    magnet: Magnet | None
-    accuracy: AccuracyName | None
 
 
 def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
@@ -66,33 +39,8 @@ def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigi
     >>> read_design("paper", ["D=10", "L=12"]).H
     7.0
     """
-    base, values = _preset_or_file(source)
-    return _design_from(base, {**values, **_overrides(sets)}, magnet)
-
-
-def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
-    """Return the design of a study, with overrides KEY=VALUE."""
-    base, values = _preset_or_file(study.design)
-    return _design_from(base, {**values, **study.fields, **_overrides(sets)}, magnet)
-
-
-def parse_axes(axes: Sequence[str]) -> dict[str, list[float]]:
-    """Return the axes of a sweep from texts NAME=a,b,c.
-
-    >>> parse_axes(["D=6,8,10", "depth=0.5,1"])
-    {'D': [6.0, 8.0, 10.0], 'depth': [0.5, 1.0]}
-    """
-    parsed: dict[str, list[float]] = {}
-    for text in axes:
-        name, equals, values = text.partition("=")
-        name = name.strip()
-        if not equals:
-            raise BadInput(f"an axis must read NAME=a,b,c, such as D=6,8,10; got {text!r}")
-        _check_axis(name)
-        if name in parsed:
-            raise BadInput(f"axis {name} is given twice: give all its values at once, {name}=a,b,c")
-        parsed[name] = parse_numbers(f"axis {name}", values)
-    return _checked_axes(parsed)
+    base, values = preset_or_file(source)
+    return design_from(base, {**values, **overrides(sets)}, magnet)
 
 
 def parse_numbers(name: str, text: str) -> list[float]:
@@ -107,7 +55,7 @@ def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, An
     """Return fields of a dataclass from texts KEY=VALUE, as numbers where possible; the class checks their ranges."""
     names = [spec.name for spec in dataclasses.fields(kind)]
     choices = pairs(option, texts, f"{names[-1]}=2")
-    _check_keys(option, choices, names)
+    check_keys(option, choices, names)
     return {key: _as_number(value) for key, value in choices.items()}
 
 
@@ -133,67 +81,28 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return values
 
 
-def is_study(source: str) -> bool:
-    """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
-    return source not in PRESETS and "axes" in _table(source, "preset or file")
-
-
-def read_study(path: str) -> Study:
-    """Read the study in a TOML file; the path of its design is relative to the file's folder.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
-    """
-    table = _table(path, "file")
-    kinds: dict[str, Any] = {
-        "design": str | dict[str, Any],
-        "axes": dict[str, list[float]],
-        "depth": float | None,
-        "magnet": Literal["rigid", "ignored"] | None,
-        "accuracy": AccuracyName | None,
-    }
-    _check_keys(path, table, kinds)
-    for name in table["axes"] if isinstance(table.get("axes"), dict) else ():
-        _check_axis(name)
-    if "axes" not in table:
-        raise BadInput(f"{path}: a study needs a table [axes], with one or more of {', '.join(AXES)}")
-    values = _validated(path, table, kinds)
-    design: Any = values.get("design", "paper")
-    fields: dict[str, Value] = {}
-    if isinstance(design, dict):
-        design, fields = _design_table(f"{path}: design", design)
-    elif design not in PRESETS:
-        design = str(Path(path).parent / design)
-    depth = values.get("depth")
-    if depth is not None and not depth > 0:
-        raise BadInput(f"{path}: depth must be more than 0 mm; got {depth:g} mm")
-    return Study(design, fields, _checked_axes(values["axes"]), depth, values.get("magnet"), values.get("accuracy"))
-
-
-def _preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
+def preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset and the fields that the source replaces."""
-    return (source, {}) if source in PRESETS else _design_table(source, _table(source, "preset or file"))
+    return (source, {}) if source in PRESETS else design_table(source, toml_table(source, "preset or file"))
 
 
-def _design_from(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
+def design_from(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
     """Return the design of a preset with other values; see `read_design` for magnet "ignored"."""
     fields: dict[str, Any] = {**dataclasses.asdict(PRESETS[base]()), **values}
     try:
         return Design(**fields)
     except BadInput:
         # a magnet with impossible sizes stays an error; only one that does not fit into the beam is removed
-        ranges = [(fields[name], _FIELDS[name].metadata) for name in _MAGNET]
+        ranges = [(fields[name], FIELDS[name].metadata) for name in _MAGNET]
         if magnet == "rigid" or not all(m["low"] <= value <= m["high"] for value, m in ranges):
             raise
         return Design(**{**fields, **dict.fromkeys(_MAGNET, 0.0)})
 
 
-def _overrides(sets: Sequence[str]) -> dict[str, Value]:
+def overrides(sets: Sequence[str]) -> dict[str, Value]:
     """Return the fields that --set replaces."""
     texts = pairs("--set", sets, "D=10")
-    _check_keys("--set", texts, _FIELDS)
+    check_keys("--set", texts, FIELDS)
     return {key: value if _KINDS[key] is str else _number(key, value) for key, value in texts.items()}
 
 
@@ -208,18 +117,18 @@ def _number(name: str, text: str) -> float:
     return value
 
 
-def _design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
+def design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset, and the fields that a design's table states."""
     kinds: dict[str, Any] = {"base": str, **_KINDS}
-    _check_keys(name, table, kinds)
-    values = _validated(name, table, kinds)
+    check_keys(name, table, kinds)
+    values = validated(name, table, kinds)
     base = values.pop("base", "paper")
     if base not in PRESETS:
         raise BadInput(f"{name}: there is no preset {base!r} to be the base: {nearest(base, PRESETS)}")
     return base, values
 
 
-def _check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
+def check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
     """Raise BadInput for the first key that is not valid; `name` is that of the file or option."""
     valid = list(valid)
     for key in keys:
@@ -227,7 +136,7 @@ def _check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
             raise BadInput(f"{name}: there is no key {key!r}: {nearest(key, valid)}")
 
 
-def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
+def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a table after a strict check of their types; the first wrong value raises BadInput."""
     import pydantic
 
@@ -251,7 +160,7 @@ def _validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) ->
     raise BadInput(f"{name}: {key} must be {wanted}; got {first['input']!r:.60}")
 
 
-def _table(path: str, what: str) -> dict[str, Any]:
+def toml_table(path: str, what: str) -> dict[str, Any]:
     """Read the table in a TOML file; `what` names it in messages."""
     import difflib
     import tomllib
@@ -277,30 +186,3 @@ def _table(path: str, what: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         cause = getattr(error, "strerror", None) or str(error)
         raise BadInput(f"{path!r} cannot be read ({cause}): check its path and permissions") from None
-
-
-def _check_axis(name: str) -> None:
-    """Raise BadInput unless the name is one of `AXES`; for other fields of the design the remedy is --set."""
-    if name in AXES:
-        return
-    if name not in _FIELDS:
-        raise BadInput(f"there is no axis {name!r}: {nearest(name, AXES)}; {AN_AXIS}")
-    raise BadInput(f"{name} cannot be an axis: {AN_AXIS}; use --set {name}=VALUE, one command for each value")
-
-
-def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
-    """Return the axes after a check of their names and of the ranges of their values."""
-    if not axes:
-        raise BadInput(f"a sweep needs an axis, such as D=6,8,10: choose from {', '.join(AXES)}")
-    for name, values in axes.items():
-        _check_axis(name)
-        if not values:
-            raise BadInput(f"axis {name} is empty: give numbers, such as {name}=1,2,3")
-        if len(set(values)) < len(values):
-            raise BadInput(f"axis {name} lists a value twice: give each value once")
-        low, high = (_FIELDS[name].metadata[end] for end in ("low", "high")) if name in _FIELDS else (0.0, math.inf)
-        for value in values:
-            if not low <= value <= high or (name == "depth" and not value > 0):
-                bound = "be more than 0 mm" if name == "depth" else f"lie between {low:g} and {high:g}"
-                raise BadInput(f"every value of axis {name} must {bound}; got {value:g}")
-    return {name: [float(value) for value in values] for name, values in axes.items()}

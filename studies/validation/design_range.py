@@ -15,7 +15,7 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from geometry.messages import Progress
-from studies.output import records, result_store
+from studies.output import checkpoint, records
 from studies.output.atomic_files import write_text
 from studies.output.provenance import made
 from studies.output.records import FlatRow
@@ -106,7 +106,7 @@ def _down(value: float) -> float:
 
 def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignResult]:
     """Yield the result of each design; results in the folder's rows.jsonl by the same code are not computed again."""
-    store = result_store.opened(None if folder is None else folder / "rows.jsonl", code())
+    store = checkpoint.opened(None if folder is None else folder / "rows.jsonl", code())
     with tempfile.TemporaryDirectory() as cache:
         for number, sample in enumerate(samples(count)):
             progress(number / count, f"design {number}")
@@ -120,7 +120,7 @@ def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignR
 def code() -> str:
     """Return a digest of the modules of `geometry` and of this study."""
     study = [Path(__file__), Path(design_range_steps.__file__)]
-    return result_store.digest([*result_store.modules("geometry"), *study])
+    return checkpoint.digest([*checkpoint.modules("geometry"), *study])
 
 
 MEASURED = (

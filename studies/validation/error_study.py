@@ -20,7 +20,7 @@ from fem.error_estimates import estimate_response
 from fem.scene import Model, Scene
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
-from studies.output import result_store
+from studies.output import checkpoint
 from studies.output.provenance import ROOT
 from studies.validation import error_study_cases, error_study_tangents
 from studies.validation.error_study_cases import Trial
@@ -149,7 +149,7 @@ def run(
     """
     end = time.monotonic() + 60 * minutes
     chosen = tasks(quick=quick)
-    store = result_store.opened(None if folder is None else folder / "solves.jsonl", code())
+    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", code())
     needed = {key(*solve): solve for task in chosen for solve in task.solves.values()}
     for i, (name, (trial, accuracy)) in enumerate(needed.items()):
         if name in store.known:
@@ -210,12 +210,12 @@ def code() -> str:
     holds the rest: the numbers of `fem.accuracy`, and a digest of the modules that only tangents use.
     """
     apart = (*ESTIMATING, *error_study_tangents.MODULES)
-    return result_store.digest(result_store.modules("geometry", "fem", apart=apart))
+    return checkpoint.digest(checkpoint.modules("geometry", "fem", apart=apart))
 
 
 @functools.cache
 def _digest(names: tuple[str, ...]) -> str:
-    return result_store.digest(ROOT / name for name in names)
+    return checkpoint.digest(ROOT / name for name in names)
 
 
 def states_of(task: Task, known: Mapping[str, Sequence[SolvedState]]) -> list[ErrorState]:

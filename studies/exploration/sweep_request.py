@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.inputs import user_input
+from studies.inputs import study_input, user_input
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 
@@ -52,19 +52,19 @@ def grid_of(
     """Return the grid of a study, or of a design with axes; options replace the study's values."""
     if source is not None and design is not None:
         raise BadInput(f"the design is given twice, {source!r} and --design {design!r}: give one of them")
-    if source is not None and user_input.is_study(source):
+    if source is not None and study_input.is_study(source):
         if axes:
             raise BadInput(f"the study {source!r} has its own axes: leave --axis out, or give a design instead")
-        study = user_input.read_study(source)
+        study = study_input.read_study(source)
         depth, accuracy = depth if depth is not None else study.depth, accuracy or study.accuracy
         magnet, values = magnet or study.magnet or "rigid", study.axes
-        base = user_input.study_design(study, sets, magnet=magnet)
+        base = study_input.study_design(study, sets, magnet=magnet)
     else:
         if not axes:
             raise BadInput(
                 "a sweep needs at least one axis: add --axis NAME=a,b,c, or give a study file with a table [axes]"
             )
-        magnet, values = magnet or "rigid", user_input.parse_axes(axes)
+        magnet, values = magnet or "rigid", study_input.parse_axes(axes)
         base = user_input.read_design(source or design or "paper", sets, magnet=magnet)
     for name, _, value in (text.partition("=") for text in sets):
         if name.strip() in values:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from studies.output import result_store
+from studies.output import checkpoint
 
 
 def test_a_digest_of_packages_covers_their_sub_packages(tmp_path, monkeypatch):
@@ -11,14 +11,14 @@ def test_a_digest_of_packages_covers_their_sub_packages(tmp_path, monkeypatch):
     solver.parent.mkdir(parents=True)
     (tmp_path / "fem" / "stability.py").write_text("a = 1\n")
     solver.write_text("b = 1\n")
-    monkeypatch.setattr(result_store, "ROOT", tmp_path)
-    before = result_store.digest(result_store.modules("fem"))
+    monkeypatch.setattr(checkpoint, "ROOT", tmp_path)
+    before = checkpoint.digest(checkpoint.modules("fem"))
     solver.write_text("b = 2\n")
-    assert result_store.digest(result_store.modules("fem")) != before
+    assert checkpoint.digest(checkpoint.modules("fem")) != before
 
 
 def test_the_packages_of_the_product_are_found():
-    names = {Path(file).name for file in result_store.modules("geometry", "fem")}
+    names = {Path(file).name for file in checkpoint.modules("geometry", "fem")}
     assert {"newton.py", "section.py", "design.py"} <= names
 
 
@@ -26,5 +26,5 @@ def test_a_module_is_left_out_by_its_path_and_not_by_its_name(tmp_path, monkeypa
     for name in ("fem/accuracy.py", "fem/solvers/accuracy.py"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a = 1\n")
-    monkeypatch.setattr(result_store, "ROOT", tmp_path)
-    assert result_store.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solvers/accuracy.py"]
+    monkeypatch.setattr(checkpoint, "ROOT", tmp_path)
+    assert checkpoint.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solvers/accuracy.py"]
