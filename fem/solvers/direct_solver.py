@@ -1,6 +1,6 @@
 """Factorisation of sparse indefinite matrices that share one pattern (`sparse_pattern`), symmetric or not.
 
-PARDISO (through pypardiso, the extra `fast`) reuses its symbolic phase. Without it SuperLU gives the same answers,
+PARDISO (of MKL, the extra `fast`) reuses its symbolic phase. Without it SuperLU gives the same answers,
 with the unknowns ordered by METIS nested dissection.
 """
 
@@ -36,17 +36,14 @@ def have_pardiso() -> bool:
 @functools.cache
 def _mkl() -> Any:
     """Return the MKL library, initialised by a first call; None if it is not installed."""
-    # otherwise pypardiso searches the whole environment for the library, 0.3 s for every solver
-    library = _library()
-    if library is not None:
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
     if "1" in (os.environ.get("MKL_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")):
         os.environ.setdefault("MKL_THREADING_LAYER", "SEQUENTIAL")  # loads in half the time
+    library = _library()
+    if library is None:
+        return None
     try:
-        import pypardiso
-
-        mkl = pypardiso.PyPardisoSolver().libmkl
-    except ImportError:
+        mkl = ctypes.CDLL(str(library))
+    except OSError:
         return None
     mkl.MKL_Get_Max_Threads()
     return mkl
@@ -140,8 +137,8 @@ class Solver:
 class _Pardiso:
     """PARDISO for matrices of one pattern: upper triangles of symmetric indefinite matrices, or unsymmetric ones.
 
-    MKL is called directly, as its reference describes. pypardiso only locates MKL: its own call copies the structure
-    each time.
+    MKL is called directly, as its reference describes: the package pypardiso copies the structure at each call, and
+    its imports take some 50 ms.
 
     Parameters
     ----------

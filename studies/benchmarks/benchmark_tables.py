@@ -81,7 +81,7 @@ def machine() -> dict[str, str]:
         found["load before"] = f"{os.getloadavg()[0]:.2f} processes in the last minute"
     found["magtip"] = f"{provenance.installed('magtip')}, commit {provenance.commit() or 'unknown'}"
     found["Python"] = platform.python_version()
-    for name in ("numpy", "scipy", "scikit-fem", "pytetwild", "pypardiso"):
+    for name in ("numpy", "scipy", "scikit-fem", "pytetwild", "mkl"):
         found[name] = provenance.installed(name) or "not installed"
     return found
 
