@@ -67,8 +67,12 @@ def test_the_workers_of_a_batch_that_is_killed_do_not_bind(tmp_path):
         [sys.executable, "-c", code, *tokens], stderr=subprocess.PIPE, text=True, **options
     ) as process:
         # what a process prints while it makes a variant goes to standard error
-        while process.stderr.readline() != "held\n":
-            pass
+        said = []
+        for line in process.stderr:
+            said.append(line)
+            if line == "held\n":
+                break
+        assert said[-1:] == ["held\n"], said
         assert list((tmp_path / "o").glob(f"L*/{atomic_files.LOCK}"))
         process.kill()
         # the pipe ends when the last process that may write into it is gone
