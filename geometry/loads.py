@@ -6,8 +6,9 @@ Formulas and finite elements both take a `Load` and return a `Response`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from geometry.design import BadInput, Design
 
@@ -189,6 +190,18 @@ class Response:
     def rotation(self) -> tuple[float, float]:
         """The tilt as a rotation vector (rx, ry) of the magnet about its centre, rad."""
         return rotation_of(self.tilt, self.tilt_y)
+
+    @classmethod
+    def restored(cls, values: Mapping[str, Any]) -> Response:
+        """Return the response whose fields were written as JSON, which has lists only.
+
+        >>> Response.restored({"force": [0.0, 0.0, 2.0], "shift": [0.0, 0.0, -1.0], "tilt": 0.1, "contact_radius": 3})
+        Response(force=(0.0, 0.0, 2.0), shift=(0.0, 0.0, -1.0), tilt=0.1, contact_radius=3, tilt_y=0.0)
+        """
+        fields: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+        }
+        return cls(**fields)
 
     def scaled(self, length: float, force: float) -> Response:
         """Return the response of a similar sensor: lengths and forces are multiplied, angles stay.

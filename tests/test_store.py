@@ -78,7 +78,30 @@ def test_what_cannot_be_stored_goes_to_the_journal_and_is_taken_in_later(file, m
         assert kept.states(PATH) == {}
     with store.opened(file) as kept:
         assert (kept.states(PATH), kept.from_journal) == ({(0.125, 0.0): PRESSED}, 1)
-        assert not kept.journal.exists()
+        assert kept.journals == []
+
+
+def test_a_damaged_journal_is_named_and_stays(file):
+    with store.opened(file):
+        pass
+    journal = file.with_name(f"{file.name}.journal-1.json")
+    journal.write_text('{"content": {}')
+    with pytest.raises(BadInput, match=r"journal-1.json' of the store is damaged"), store.opened(file):
+        pass
+    assert journal.exists()
+
+
+def test_processes_that_make_one_store_at_once_all_keep_their_states(file):
+    code = (
+        "import sys; from pathlib import Path; from studies.exploration import store\n"
+        "with store.opened(Path(sys.argv[1])) as kept:\n"
+        "    kept.add({'k': sys.argv[2]}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
+    )
+    root = Path(__file__).parent.parent
+    processes = [subprocess.Popen([sys.executable, "-c", code, str(file), str(k)], cwd=root) for k in range(4)]
+    assert [process.wait() for process in processes] == [0] * 4
+    with store.opened(file) as kept:
+        assert kept.counts() == (4, 4)
 
 
 def refused(file):
@@ -106,6 +129,15 @@ def test_a_newer_store_is_refused(file):
         other.execute("UPDATE about SET value = '99'")
     other.close()
     assert "has format 99" in refused(file)
+
+
+def test_a_store_without_a_format_is_refused(file):
+    with store.opened(file):
+        pass
+    with sqlite3.connect(file) as other:
+        other.execute("DELETE FROM about")
+    other.close()
+    assert "is damaged (its format is '')" in refused(file)
 
 
 def test_a_damaged_store_is_refused_and_left_alone(file):

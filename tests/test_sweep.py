@@ -242,12 +242,20 @@ def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
     assert len(traced) == 2
 
 
+@pytest.mark.parametrize("load", [Load(depth=0.5, shear_x=1.0, friction="stick"), Load(depth=0.5, friction=0.3)])
+def test_only_frictionless_presses_are_stored(load):
+    """States of other paths depend on more than a position."""
+    with pytest.raises(ValueError, match="only frictionless presses"):
+        solved_paths.content(Scene(paper(), (load,), QUICK))
+
+
 def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):
     command = ("sweep", "paper", "--magnet", "ignored", "--accuracy", "quick", "--axis", "depth=0.5", "--json")
     first = run(*command, "--out", "one")
     assert run(*command, "--out", "two")[1] == first[1]
-    assert run(*command, "--store", "own.sqlite", "--out", "three")[1] != first[1]
-    assert (tmp_path / "own.sqlite").exists()
+    assert run(*command, "--store", "own.sqlite", "--out", "three")[0] == 0
+    with store.opened(tmp_path / "own.sqlite") as own:
+        assert own.counts() == (1, 1)
     assert run(*command, "--store", "one/sweep.csv")[0] == 2
 
 

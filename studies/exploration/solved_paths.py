@@ -1,17 +1,18 @@
-"""States of a loading path: read from the store of solved states, or solved and added to it.
+"""States of frictionless presses: read from the store of solved states, or solved and added to it.
 
 The finite elements use lengths over D and stresses over E, so geometrically similar designs of one material law share
 a path (see `fem.scene.Scene.dimensionless`). An answer holds the D and E of the design that was solved, and
-`Answer.of` scales it to another one. Only positions that the store lacks are solved, in the order of the path, from
-the undeformed state.
+`Answer.of` scales it to another one. Only depths that the store lacks are solved, from the undeformed state: a press
+does not depend on the other depths of its path (see `fem.solvers.depth_ranges`).
 
-With Coulomb friction a state depends on all loads before it, so there the path's content includes these loads. The
-press before a shear is solved on the mesh of the shear, so it belongs to another path than a press alone.
+Other paths are refused, because their states depend on more than a position: those of a shear on its direction, and
+on the mesh that is fine where its contact ends; those with Coulomb friction on all loads before.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -62,25 +63,29 @@ class Answer:
 
 
 def content(scene: Scene) -> dict[str, Any]:
-    """Return everything on which a path's states depend except their positions, with the model's physics version."""
+    """Return everything on which presses depend except their depth, with the model's physics version.
+
+    Raises
+    ------
+    ValueError
+        A load is no press by an upright, frictionless plate, or the model is not axisymmetric.
+    """
+    if scene.model != "axisymmetric" or scene.coulomb is not None:
+        raise ValueError(f"only frictionless presses of the axisymmetric model are stored; got model {scene.model}")
     values = scene.dimensionless()
-    loads = values.pop("loads")
-    first = {name: value for name, value in loads[0].items() if name not in ("depth", "shear")}
-    if scene.coulomb is not None:
-        first["way"] = [[load["depth"], load["shear"]] for load in loads]
-    return values | {"load": first, "sheared": scene.sideways, "physics": PHYSICS[scene.model]}
+    del values["loads"]
+    return values | {"load": "press", "physics": PHYSICS[scene.model]}
 
 
 def place(design: Design, load: Load) -> Position:
-    """Return the depth and the shear of a load over D."""
-    return position(load.depth / design.D, load.shear / design.D)
+    """Return the position of a press over D."""
+    return position(load.depth / design.D, 0.0)
 
 
 def answers(
     scene: Scene, store: Store | None, progress: Progress | None = None
 ) -> tuple[dict[Position, Answer], str]:
-    """Return the answers at all loads of a scene by their positions, and why the store could not take new ones, or
-    "".
+    """Return the answers at all loads of a scene by position, and a warning if the store could not take new ones.
 
     Parameters
     ----------
@@ -89,9 +94,6 @@ def answers(
     known = store.states(content(scene)) if store is not None else {}
     wanted = {place(scene.design, load): load for load in scene.loads}
     missing = [load for at, load in wanted.items() if at not in known]
-    # friction depends on the path: if any of its states is missing, all of it is solved again
-    if missing and scene.coulomb is not None:
-        missing = list(scene.loads)
     trouble = ""
     if missing:
         solved = _solve(scene, missing, progress)
@@ -101,9 +103,15 @@ def answers(
     return {at: _answer(known[at]) for at in wanted}, trouble
 
 
+@functools.cache
+def _origin() -> str:
+    """Return versions and commit, which take longer to find than some presses to solve, once per process."""
+    return versions()
+
+
 def _solve(scene: Scene, loads: Sequence[Load], progress: Progress | None) -> list[State]:
     """Solve a path to these loads and return its states for the store."""
-    design, origin = scene.design, versions()
+    design, origin = scene.design, _origin()
     outcomes = follow(design, loads, scene.accuracy, scene.magnet, progress)
     states = []
     for load, outcome in zip(loads, outcomes, strict=True):
@@ -128,14 +136,9 @@ def _answer(state: State) -> Answer:
     return Answer(
         D=values["D_mm"],
         E=values["E_MPa"],
-        response=None if values["response"] is None else Response(**_tuples(values["response"])),
+        response=None if values["response"] is None else Response.restored(values["response"]),
         status=state.status,
         message=values["message"],
         error_estimate=NAN if estimate is None else estimate,
         seconds=state.seconds,
     )
-
-
-def _tuples(values: dict[str, Any]) -> dict[str, Any]:
-    """Convert lists to tuples: JSON has lists only."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

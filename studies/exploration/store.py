@@ -25,16 +25,19 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
+import glob
 import hashlib
 import json
 import os
 import sqlite3
+import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from geometry.design import BadInput
+from studies.output import atomic_files
 
 FORMAT = 1
 """Version of the tables below; a file with a newer version is refused."""
@@ -123,16 +126,16 @@ def _exact(value: Any) -> Any:
 
 
 class Store:
-    """An open store (see `opened`); `from_journal` is the number of states that it has read from its journal."""
+    """An open store (see `opened`); `from_journal` is the number of states that it has read from journals."""
 
     def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
         self.file, self._connection = file, connection
         self.from_journal = 0
 
     @property
-    def journal(self) -> Path:
-        """File of JSON lines for states that the store could not take; they are added when it is opened again."""
-        return self.file.with_name(f"{self.file.name}.journal.jsonl")
+    def journals(self) -> list[Path]:
+        """Files of states that the store could not take; `opened` adds them and deletes the files."""
+        return sorted(self.file.parent.glob(f"{glob.escape(self.file.name)}.journal-*.json"))
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions."""
@@ -152,21 +155,25 @@ class Store:
 
         Returns
         -------
-        An empty text, or the reason why the store could not take the states, which are then in the journal.
+        An empty text, or a warning that the store could not take the states and which file beside it has them.
 
         Raises
         ------
         OSError
-            The journal cannot be written either.
+            That file cannot be written either.
         """
         batch = list(states)
         try:
             self._insert(content, batch)
         except sqlite3.Error as error:
-            lines = [json.dumps({"content": content, "state": dataclasses.asdict(state)}) for state in batch]
-            with self.journal.open("a", encoding="utf-8", newline="\n") as file:
-                file.write("".join(f"{line}\n" for line in lines))
-            return f"the store {str(self.file)!r} cannot be written ({error}): its journal {self.journal.name} holds"
+            # a file of its own for each batch, written whole: no process reads it half, or deletes it with more in it
+            journal = self.file.with_name(f"{self.file.name}.journal-{uuid.uuid4().hex}.json")
+            states_of_batch = [dataclasses.asdict(state) for state in batch]
+            atomic_files.write_json(journal, {"content": content, "states": states_of_batch})
+            return (
+                f"the store {str(self.file)!r} cannot be written ({error}): {journal.name} beside it has the solved "
+                "states, and the next sweep adds them to the store"
+            )
         return ""
 
     def counts(self) -> tuple[int, int]:
@@ -194,18 +201,21 @@ class Store:
                 ],
             )
 
-    def _read_journal(self) -> None:
-        """Move the states that an earlier process has written to the journal into the store."""
-        if not self.journal.exists():
-            return
-        for line in self.journal.read_text("utf-8").splitlines():
-            with contextlib.suppress(
-                ValueError, TypeError, KeyError
-            ):  # a killed process may leave an incomplete line
-                record = json.loads(line)
-                self._insert(record["content"], [State(**record["state"])])
-                self.from_journal += 1
-        self.journal.unlink()
+    def _read_journals(self) -> None:
+        """Move the states in journals into the store; another process may do the same at the same time."""
+        for journal in self.journals:
+            with contextlib.suppress(FileNotFoundError):
+                text = journal.read_text("utf-8")
+                try:
+                    record = json.loads(text)
+                    states = [State(**state) for state in record["states"]]
+                    self._insert(record["content"], states)
+                except (ValueError, TypeError, KeyError) as error:
+                    raise BadInput(
+                        f"the journal {str(journal)!r} of the store is damaged ({error}): move it away"
+                    ) from None
+                self.from_journal += len(states)
+                journal.unlink()
 
 
 def default() -> Path:
@@ -228,7 +238,7 @@ def opened(file: Path) -> Iterator[Store]:
         The file is no store, is damaged, has a newer version, or cannot be read or made.
     """
     try:
-        if file.exists() and file.stat().st_size and file.open("rb").read(len(FILE_HEADER)) != FILE_HEADER:
+        if file.exists() and _header(file) not in (b"", FILE_HEADER):
             raise BadInput(f"{str(file)!r} is not a store of magtip: name another file by --store")
         file.parent.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
@@ -238,7 +248,7 @@ def opened(file: Path) -> Iterator[Store]:
         try:
             _prepare(file, connection)
             store = Store(file, connection)
-            store._read_journal()
+            store._read_journals()
         except sqlite3.OperationalError as error:
             raise BadInput(
                 f"the store {str(file)!r} cannot be used ({error}): make it writable, wait until other processes "
@@ -249,6 +259,12 @@ def opened(file: Path) -> Iterator[Store]:
                 f"the store {str(file)!r} is damaged ({error}): move it away, or name another file by --store"
             ) from None
         yield store
+
+
+def _header(file: Path) -> bytes:
+    """Return the first bytes of a file, empty for an empty one."""
+    with file.open("rb") as opened_file:
+        return opened_file.read(len(FILE_HEADER))
 
 
 def _prepare(file: Path, connection: sqlite3.Connection) -> None:
@@ -266,7 +282,10 @@ def _prepare(file: Path, connection: sqlite3.Connection) -> None:
             return
         if "about" not in tables:
             raise BadInput(f"{str(file)!r} is not a store of magtip: name another file by --store")
-        ((version,),) = connection.execute("SELECT value FROM about WHERE name = 'format'").fetchall()
+        versions = connection.execute("SELECT value FROM about WHERE name = 'format'").fetchall()
+    version = versions[0][0] if versions else ""
+    if not version.isdecimal():
+        raise sqlite3.DatabaseError(f"its format is {version!r}")
     if int(version) > FORMAT:
         raise BadInput(
             f"the store {str(file)!r} has format {version}, and this version of magtip knows formats to {FORMAT}: "

@@ -184,7 +184,7 @@ def _solve(
                 done = sum(len(problem.members) for problem in problems if problem.number in known)
                 raise KeyboardInterrupt(_interruption_text(done, len(cases), kept)) from None
             if trouble:
-                console.warn(f"{trouble}; the next sweep takes it in")
+                console.warn(trouble)
         answer = known[number][_position(case)].of(case.values["D"], case.values["E"])
         yield Solved(answer.response, answer.status, answer.message, answer.error_estimate, number, answer.seconds)
 

@@ -66,7 +66,7 @@ def restored(scene: str, answer: Mapping[str, Any]) -> SolvedState:
     response, tangent = values.pop("response", None), values.pop("found", None)
     return SolvedState(
         **values,
-        response=None if response is None else Response(**_tuples(response)),
+        response=None if response is None else Response.restored(response),
         tangent=None if tangent is None else TANGENTS[scene](**_tuples(tangent)),
     )
 
