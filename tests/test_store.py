@@ -41,6 +41,35 @@ def test_a_state_replaces_that_at_the_same_position(file):
         assert kept.counts() == (1, 2)
 
 
+def test_paths_are_added_in_one_transaction(file):
+    with store.opened(file) as kept:
+        assert kept.add_many(({"k": k}, [PRESSED]) for k in range(3)) == ""
+        assert kept.counts() == (3, 3)
+        with pytest.raises(TypeError, match="plain values only; got object"):
+            kept.add_many([({"k": 3}, [PRESSED]), ({"k": object()}, [PRESSED])])
+        assert kept.counts() == (3, 3)
+
+
+def test_a_store_in_memory_writes_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with store.in_memory() as kept:
+        assert kept.add(PATH, [PRESSED]) == ""
+        assert kept.states(PATH) == {(0.125, 0.0): PRESSED}
+        assert (kept.file, kept.journals) == (None, [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_number_that_json_cannot_hold_is_null(file):
+    with store.opened(file) as kept:
+        kept.add(PATH, [replace(PRESSED, answer={"force": float("nan"), "shift": [float("inf")]})])
+        assert kept.states(PATH)[0.125, 0.0].answer == {"force": None, "shift": [None]}
+
+
+def test_a_state_has_finite_numbers():
+    with pytest.raises(ValueError, match="must be finite"):
+        replace(PRESSED, shear=float("nan"))
+
+
 def test_whole_numbers_and_floats_are_one_case():
     assert store.key({"L": 1}) == store.key({"L": 1.0})
     assert store.key({"has_magnet": True}) != store.key({"has_magnet": 1.0})

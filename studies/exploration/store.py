@@ -28,6 +28,7 @@ import datetime
 import glob
 import hashlib
 import json
+import math
 import os
 import sqlite3
 import uuid
@@ -86,6 +87,10 @@ class State:
     seconds: float
     versions: str
 
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.depth, self.shear, self.seconds))):
+            raise ValueError("depth, shear and seconds of a stored state must be finite")
+
     @property
     def position(self) -> Position:
         """Depth and shear over D, rounded."""
@@ -126,16 +131,22 @@ def _exact(value: Any) -> Any:
 
 
 class Store:
-    """An open store (see `opened`); `from_journal` is the number of states that it has read from journals."""
+    """An open store, see `opened` and `in_memory`.
 
-    def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
+    Attributes
+    ----------
+    file : of the store; None for a store in memory.
+    from_journal : number of states that were in journals when the store was opened.
+    """
+
+    def __init__(self, file: Path | None, connection: sqlite3.Connection) -> None:
         self.file, self._connection = file, connection
         self.from_journal = 0
 
     @property
     def journals(self) -> list[Path]:
         """Files of states that the store could not take; `opened` adds them and deletes the files."""
-        return sorted(self.file.parent.glob(f"{glob.escape(self.file.name)}.journal-*.json"))
+        return [] if self.file is None else journals(self.file)
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions."""
@@ -151,7 +162,13 @@ class Store:
         return {state.position: state for state in states}
 
     def add(self, content: Content, states: Iterable[State]) -> str:
-        """Add states of a path, which replace those at the same positions; they are on the disk afterwards.
+        """Add states of a path, see `add_many`; a file on a disk takes some ms for each call."""
+        return self.add_many([(content, states)])
+
+    def add_many(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> str:
+        """Add states of several paths in one transaction; they are on the disk afterwards.
+
+        A state replaces the stored one at the same position.
 
         Returns
         -------
@@ -159,21 +176,16 @@ class Store:
 
         Raises
         ------
-        OSError
-            That file cannot be written either.
+        BadInput
+            That file cannot be written either, so the states are lost.
         """
-        batch = list(states)
+        batch = [(content, list(states)) for content, states in paths]
         try:
-            self._insert(content, batch)
+            self._insert(batch)
         except sqlite3.Error as error:
-            # a file of its own for each batch, written whole: no process reads it half, or deletes it with more in it
-            journal = self.file.with_name(f"{self.file.name}.journal-{uuid.uuid4().hex}.json")
-            states_of_batch = [dataclasses.asdict(state) for state in batch]
-            atomic_files.write_json(journal, {"content": content, "states": states_of_batch})
-            return (
-                f"the store {str(self.file)!r} cannot be written ({error}): {journal.name} beside it has the solved "
-                "states, and the next sweep adds them to the store"
-            )
+            if self.file is None:
+                raise
+            return _write_journal(self.file, batch, str(error))
         return ""
 
     def counts(self) -> tuple[int, int]:
@@ -182,24 +194,26 @@ class Store:
         (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
         return paths, states
 
-    def _insert(self, content: Content, states: Iterable[State]) -> None:
-        """Insert states, and their path if it is new, in one transaction."""
+    def _insert(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
+        """Insert states, and their paths if they are new, in one transaction."""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         with self._connection as connection:
             # take the write lock first: SQLite does not wait when a transaction that has read begins to write
             connection.execute("BEGIN IMMEDIATE")
-            connection.execute(
-                "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)",
-                (key(content), json.dumps(content, sort_keys=True), now),
-            )
-            (number,) = connection.execute("SELECT id FROM path WHERE key = ?", (key(content),)).fetchone()
-            connection.executemany(
-                "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                [
-                    (number, *s.position, s.outcome, s.status, json.dumps(s.answer), s.seconds, s.versions, now)
-                    for s in states
-                ],
-            )
+            for content, states in paths:
+                digest = key(content)
+                connection.execute(
+                    "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)",
+                    (digest, _json(content), now),
+                )
+                (number,) = connection.execute("SELECT id FROM path WHERE key = ?", (digest,)).fetchone()
+                connection.executemany(
+                    "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    [
+                        (number, *s.position, s.outcome, s.status, _json(s.answer), s.seconds, s.versions, now)
+                        for s in states
+                    ],
+                )
 
     def _read_journals(self) -> None:
         """Move the states in journals into the store; another process may do the same at the same time."""
@@ -208,14 +222,47 @@ class Store:
                 text = journal.read_text("utf-8")
                 try:
                     record = json.loads(text)
-                    states = [State(**state) for state in record["states"]]
-                    self._insert(record["content"], states)
-                except (ValueError, TypeError, KeyError) as error:
+                    # a journal of format 1 holds one path
+                    paths = [
+                        (path["content"], [State(**state) for state in path["states"]])
+                        for path in record.get("paths", [record])
+                    ]
+                    self._insert(paths)
+                except (ValueError, TypeError, KeyError, AttributeError, sqlite3.IntegrityError) as error:
                     raise BadInput(
                         f"the journal {str(journal)!r} of the store is damaged ({error}): move it away"
                     ) from None
-                self.from_journal += len(states)
+                self.from_journal += sum(len(states) for _, states in paths)
                 journal.unlink()
+
+
+def journals(file: Path) -> list[Path]:
+    """Return the files of states that a store could not take."""
+    return sorted(file.parent.glob(f"{glob.escape(file.name)}.journal-*.json"))
+
+
+def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]], cause: str) -> str:
+    """Write states to a file beside the store, and return a warning with the cause; raise BadInput if that fails."""
+    # a file of its own for each batch, written whole: no process reads it half, or deletes it with more in it
+    journal = file.with_name(f"{file.name}.journal-{uuid.uuid4().hex}.json")
+    record = [{"content": content, "states": list(map(dataclasses.asdict, states))} for content, states in paths]
+    try:
+        atomic_files.write_json(journal, {"paths": record})
+    except OSError as error:
+        raise BadInput(
+            f"neither the store {str(file)!r} ({cause}) nor a journal beside it ({error.strerror or error}) can be "
+            f"written, so {sum(len(states) for _, states in paths)} solved states are lost: make space on the disk, "
+            "or name another file by --store"
+        ) from None
+    return (
+        f"the store {str(file)!r} cannot be written ({cause}): {journal.name} beside it has the solved states, and "
+        "the next sweep adds them to the store"
+    )
+
+
+def _json(value: Mapping[str, Any]) -> str:
+    """Return canonical JSON; numbers that JSON cannot hold are null."""
+    return json.dumps(atomic_files.clean(value), sort_keys=True, allow_nan=False)
 
 
 def default() -> Path:
@@ -226,6 +273,19 @@ def default() -> Path:
     import platformdirs
 
     return platformdirs.user_data_path("magtip", appauthor=False) / "solved.sqlite"
+
+
+@contextlib.contextmanager
+def in_memory() -> Iterator[Store]:
+    """Make a store that ends with the context and writes no file.
+
+    >>> with in_memory() as store:
+    ...     store.counts()
+    (0, 0)
+    """
+    with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
+        _prepare(Path(":memory:"), connection)
+        yield Store(None, connection)
 
 
 @contextlib.contextmanager
