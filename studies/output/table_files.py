@@ -1,0 +1,148 @@
+"""Tables of any length, written batch by batch as CSV or Parquet.
+
+A batch is a mapping from column names to arrays, shape (n,): numbers, with NaN for "no such number", booleans, or
+texts (dtype object or str), with None for none. A missing value is an empty cell of a CSV file and a null of a
+Parquet file. Memory does not grow with the number of rows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import BadInput
+from studies.output.atomic_files import atomic
+
+Columns = Mapping[str, NDArray[Any]]
+Write = Callable[[Columns], None]
+
+ROW_GROUP = 50_000
+"""Rows of a group of a Parquet file, which is held in memory until it is full: 40 columns of floats take 16 MB.
+Smaller groups would make the file's list of groups grow with the number of batches."""
+KINDS = {"f": "numbers", "i": "whole numbers", "u": "whole numbers", "b": "booleans", "O": "texts", "U": "texts"}
+"""Content of a column by the kind of its dtype."""
+
+
+@contextlib.contextmanager
+def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None = None) -> Iterator[Write]:
+    """Yield a function that appends a batch of columns to a table; the file replaces `path` when the context ends.
+
+    If the context ends with an exception, no file is written, and one that exists stays as it is.
+
+    Parameters
+    ----------
+    path : file that ends in .csv or .parquet.
+    digits : significant digits of floats in a CSV file; a Parquet file holds them in full.
+    about : texts by name, such as the command and the versions, kept in a Parquet file's metadata; a CSV file has no
+        place for them.
+
+    Raises
+    ------
+    BadInput
+        The file ends otherwise.
+    ValueError
+        From the yielded function: the columns of a batch differ in length, or their names or kinds differ from those
+        of the first batch. Whole numbers may follow in a column of floats.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".csv", ".parquet"):
+        raise BadInput(f"the file {str(path)!r} must end in .csv or .parquet")
+    with atomic(path) as temporary:
+        append = _csv(temporary, digits) if suffix == ".csv" else _parquet(temporary, dict(about or {}))
+        with append as write:
+            kinds: dict[str, str] = {}
+
+            def checked(columns: Columns) -> None:
+                batch = {name: np.asarray(values) for name, values in columns.items()}
+                _check(batch, kinds)
+                write(batch)
+
+            yield checked
+
+
+def _check(batch: Columns, kinds: dict[str, str]) -> None:
+    """Check a batch against the kinds of the first batch's columns; the first batch fills `kinds`."""
+    if len({values.shape for values in batch.values()}) > 1 or any(values.ndim != 1 for values in batch.values()):
+        shapes = ", ".join(f"{name} {values.shape}" for name, values in batch.items())
+        raise ValueError(f"the columns of a table must have one length; got {shapes}")
+    other = {name: KINDS.get(values.dtype.kind, str(values.dtype)) for name, values in batch.items()}
+    for name, kind in other.items():
+        if kind not in KINDS.values():
+            raise ValueError(f"column {name} must hold numbers, booleans or texts; got {kind}")
+    if not kinds:
+        kinds.update(other)
+    if list(other) != list(kinds):
+        raise ValueError(f"every batch must have the columns {', '.join(kinds)}; got {', '.join(other)}")
+    for name, kind in other.items():
+        if kind != kinds[name] and (kind, kinds[name]) != ("whole numbers", "numbers"):
+            raise ValueError(f"column {name} holds {kinds[name]} in the first batch and {kind} in a later one")
+
+
+@contextlib.contextmanager
+def _csv(file: Path, digits: int) -> Iterator[Write]:
+    """Yield a function that appends a batch to a CSV file; the first batch gives the header."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        lines = csv.writer(stream, lineterminator="\n")
+
+        def write(batch: Columns) -> None:
+            if not stream.tell():
+                lines.writerow(batch)
+            # column by column: one format for many values is ten times as fast as a choice for each cell
+            lines.writerows(zip(*(_cells(values, digits) for values in batch.values()), strict=True))
+
+        yield write
+
+
+def _cells(values: NDArray[Any], digits: int) -> list[str]:
+    """Return the cells of a column."""
+    if values.dtype.kind == "f":
+        pattern = f"%.{digits}g"
+        return ["" if value != value else pattern % value for value in values.tolist()]
+    return ["" if value is None or value != value else str(value) for value in values.tolist()]
+
+
+@contextlib.contextmanager
+def _parquet(file: Path, about: dict[str, str]) -> Iterator[Write]:
+    """Yield a function that appends a batch to a Parquet file, in groups of `ROW_GROUP` rows."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    with contextlib.ExitStack() as stack:
+        sink: Any = None
+        waiting: list[Any] = []
+
+        def write(batch: Columns) -> None:
+            nonlocal sink
+            if sink is None:
+                # the first batch fixes the types: all NaN makes a column of floats, all None one of texts
+                types = {name: _arrow_type(values.dtype) for name, values in batch.items()}
+                schema = pa.schema(types.items(), metadata=about)
+                sink = stack.enter_context(parquet.ParquetWriter(file, schema, compression="zstd"))
+            # Arrow shares an array's memory where it can, and the caller may fill the array again: copy
+            arrays = [pa.array(batch[column.name].copy(), column.type, from_pandas=True) for column in sink.schema]
+            waiting.append(pa.Table.from_arrays(arrays, schema=sink.schema))
+            if sum(map(len, waiting)) >= ROW_GROUP:
+                flush()
+
+        def flush() -> None:
+            if waiting:
+                sink.write_table(pa.concat_tables(waiting), row_group_size=ROW_GROUP)
+                waiting.clear()
+
+        yield write
+        if sink is None:
+            write({})
+        flush()
+
+
+def _arrow_type(dtype: np.dtype[Any]) -> Any:
+    """Return the type of a Parquet file's column."""
+    import pyarrow as pa
+
+    return pa.string() if dtype.kind in "OU" else pa.from_numpy_dtype(dtype)
