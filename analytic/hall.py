@@ -114,7 +114,7 @@ def field_at(
         b = dipole_field(local, *magnet)
     else:
         b = _paper_vectors(local, *magnet, printed=field == "paper-printed")
-    return _rotated(FLIP * b, _rows("tilt", tilt, 2, len(local)))
+    return rotated(FLIP * b, _rows("tilt", tilt, 2, len(local)))
 
 
 def in_magnet_frame(
@@ -128,7 +128,7 @@ def in_magnet_frame(
     where = _rows("points", points, 3, single=False)
     vector = _rows("tilt", tilt, 2, len(where))
     moved = where - [0.0, 0.0, design.H] - _rows("shift", shift, 3, len(where))
-    return np.asarray(FLIP * _rotated(moved, -vector))
+    return np.asarray(FLIP * rotated(moved, -vector))
 
 
 def readings(
@@ -184,9 +184,7 @@ def readings(
     raw = null + gain * measured
     if noise is not None:
         raw = raw + rms * noise.standard_normal(len(raw))
-    # the converter rounds before the rails limit: a rail need not be a whole number of steps
-    whole = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
-    output, saturated = np.clip(whole, low, high), (raw <= low) | (raw >= high)
+    output, saturated = converted(raw, low, high, step)
     units = tuple(element.unit for element in chosen)
     return Readings(tuple(measured.tolist()), tuple(output.tolist()), tuple(saturated.tolist()), units)
 
@@ -209,6 +207,16 @@ def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
     return np.array(points).reshape(-1, 3), np.array(owners, dtype=np.int64)
 
 
+def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return outputs in whole steps and within the rails, and whether each lies at a rail; all arrays broadcast.
+
+    `raw` is the output before the converter; a step of 0 means no converter.
+    """
+    # the converter rounds before the rails limit: a rail need not be a whole number of steps
+    whole = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
+    return np.clip(whole, low, high), (raw <= low) | (raw >= high)
+
+
 def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
     """Return whether the output of any element lies at a rail, shape (n,), from B.n of the elements (k, n), T."""
     saturated = np.zeros(field.shape[1], dtype=np.bool_)
@@ -218,6 +226,20 @@ def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
         output = element.null + element.gain * b
         saturated |= (output <= element.low + slack) | (output >= element.high - slack)
     return saturated
+
+
+def rotated(vectors: Array, tilt: Array) -> Array:
+    """Return vectors (..., 3) rotated by the rotation vectors (rx, ry, 0), tilt (..., 2): Rodrigues' formula.
+
+    The leading axes of both broadcast.
+    """
+    axis = np.concatenate([tilt, np.zeros_like(tilt[..., :1])], axis=-1)
+    angle = np.linalg.norm(axis, axis=-1, keepdims=True)
+    along = (axis * vectors).sum(axis=-1, keepdims=True)
+    # sinc keeps both factors, sin(t)/t and (1 - cos t)/t^2, finite at t = 0
+    first, second = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi)) ** 2 / 2
+    rotated = vectors * np.cos(angle) + first * np.cross(axis, vectors) + second * along * axis
+    return np.asarray(rotated, dtype=np.float64)
 
 
 def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: bool = True) -> Array:
@@ -230,17 +252,6 @@ def _rows(name: str, values: ArrayLike, width: int, count: int = 0, *, single: b
     if not np.isfinite(rows).all():
         raise BadInput(f"{name} must be finite; got a NaN or an infinity")
     return rows
-
-
-def _rotated(vectors: Array, tilt: Array) -> Array:
-    """Return vectors (n, 3) rotated by the rotation vectors (rx, ry, 0), tilt (2,) or (n, 2): Rodrigues' formula."""
-    axis = np.concatenate([tilt, np.zeros_like(tilt[..., :1])], axis=-1)
-    angle = np.linalg.norm(axis, axis=-1, keepdims=True)
-    along = (axis * vectors).sum(axis=-1, keepdims=True)
-    # sinc keeps both factors, sin(t)/t and (1 - cos t)/t^2, finite at t = 0
-    first, second = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi)) ** 2 / 2
-    rotated = vectors * np.cos(angle) + first * np.cross(axis, vectors) + second * along * axis
-    return np.asarray(rotated, dtype=np.float64)
 
 
 def _paper_vectors(local: Array, radius: float, height: float, J: float, *, printed: bool) -> Array:

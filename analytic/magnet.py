@@ -24,7 +24,7 @@ from contextvars import ContextVar
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from analytic.field import cylinder_pointwise
 from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
@@ -230,6 +230,15 @@ def check_magnet(radius: float, height: float, J: float) -> None:
             raise BadInput(f"the magnet's {name} must be a positive number of mm; got {value:g}")
     if not math.isfinite(J):
         raise BadInput(f"J must be a finite number of T; got {J:g}")
+
+
+def on_rim(points: Array, radius: float, height: float) -> NDArray[np.bool_]:
+    """Return whether each point (n, 3), mm, lies on a rim, where `cylinder_field` is not defined; shape (n,)."""
+    rim = np.abs(points[:, 2]) == height / 2
+    if rim.any():
+        x = points[rim]
+        rim[rim] = distance_to_hull(x, np.hypot(x[:, 0], x[:, 1]), radius) == 0
+    return np.asarray(rim)
 
 
 def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: bool) -> Pair:

@@ -105,32 +105,26 @@ def of_design(design: Design) -> tuple[Element, ...]:
     at S1's height, with the chip's own values.
     """
     s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
+    if design.hall_layout == "three":
+        names, plate = ("S1", "S2", "S3"), design.hall_plate
+        places = ((0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23))
+    else:
+        names, plate = ("chip -z", "chip x", "chip y"), 0.0
+        places = ((design.chip_x, 0.0, s1),) * 3
+    unit: Literal["V", "T"] = "V" if design.hall_layout == "three" else "T"
+    return tuple(
+        Element(name, place, axis, *conversion(design), plate, unit)
+        for name, place, axis in zip(names, places, AXES, strict=True)
+    )
+
+
+def conversion(design: Design) -> tuple[float, float, float, float, float, float]:
+    """Return gain, null, low, high, noise and step of every element of the design's layout, as in `Element`."""
     if design.hall_layout != "three":
         chip = CHIPS[design.hall_layout]
-        names = ("chip -z", "chip x", "chip y")
-        return tuple(
-            Element(
-                name,
-                (design.chip_x, 0.0, s1),
-                axis,
-                1.0,
-                0.0,
-                -chip.range,
-                chip.range,
-                chip.noise,
-                chip.step,
-                0.0,
-                "T",
-            )
-            for name, axis in zip(names, AXES, strict=True)
-        )
-    rails = (design.hall_gain, design.hall_null, design.hall_low, design.hall_high)
-    errors = (design.hall_noise, design.hall_step, design.hall_plate)
-    places = ((0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23))
-    return tuple(
-        Element(name, place, axis, *rails, *errors)
-        for name, place, axis in zip(("S1", "S2", "S3"), places, AXES, strict=True)
-    )
+        return 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step
+    rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
+    return *rails, design.hall_noise, design.hall_step
 
 
 def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
