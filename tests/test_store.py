@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from geometry.design import BadInput
-from studies.exploration import store
+from studies.exploration import store, store_file
 from studies.exploration.store import State
 
 PATH = {"model": "axisymmetric", "physics": 1, "nu": 0.4998, "lengths": [1.125, 0.5, 0.25]}
@@ -97,7 +97,7 @@ def test_a_process_that_is_killed_loses_nothing_that_was_added(file):
 
 
 def test_what_cannot_be_stored_goes_to_the_journal_and_is_taken_in_later(file, monkeypatch):
-    monkeypatch.setattr(store, "PATIENCE", 0.05)
+    monkeypatch.setattr(store_file, "PATIENCE", 0.05)
     with store.opened(file) as kept:
         other = sqlite3.connect(file, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")

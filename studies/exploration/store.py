@@ -5,19 +5,13 @@ which the finite elements depend, in dimensionless form (lengths over D, stresse
 the model. Its key is a digest of this content as canonical JSON, with numbers written by `float.hex`. A *state*
 belongs to a path, has a position (depth, shear), both over D and rounded to `DIGITS`, and holds its answer as JSON.
 
-Files
------
-`path`   : key (text, unique), content (JSON with decimal numbers, to be read and filtered), added (UTC).
-`state`  : path, depth, shear (primary key), outcome, status, answer (JSON), seconds, versions, added (UTC).
-`about`  : name, value; `format` is the version of this layout.
-
 An outcome is "ok" (solved), "failed" (the solve stops for a numerical or physical reason and would stop again) or
 "transient" (the process died or ran out of memory, and another attempt may succeed).
 
 The file is in write-ahead mode: any number of processes can read while one writes. Each transaction is on the disk
 when `add` returns (synchronous = FULL), so a killed process loses nothing that it has added. Transactions of several
-writers wait for each other up to `PATIENCE`. SQLite's locks fail on many network file systems, so keep the store on a
-local disk. Nothing in the file is executed or unpickled.
+writers wait for each other, up to `PATIENCE` of `store_file`, which has the tables. SQLite's locks fail on many
+network file systems, so keep the store on a local disk. Nothing in the file is executed or unpickled.
 """
 
 from __future__ import annotations
@@ -38,28 +32,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geometry.design import BadInput
+from studies.exploration import store_file
 from studies.output import atomic_files
 
-FORMAT = 1
-"""Version of the tables below; a file with a newer version is refused."""
 DIGITS = 12
 """Decimal places of lengths over D: positions that agree to these are equal. Rounding errors are about 1e-16."""
-PATIENCE = 30.0
-"""Time that a transaction waits for that of another process, s."""
+IMPATIENCE = 1.0
+"""Time that transactions wait for another process once one has waited `PATIENCE`, s."""
 VARIABLE = "MAGTIP_STORE"
 """Environment variable with the path of a store that replaces the user's own."""
-FILE_HEADER = b"SQLite format 3\x00"
-"""First bytes of every SQLite file."""
-TABLES = """
-CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE path (
-    id INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, content TEXT NOT NULL, added TEXT NOT NULL);
-CREATE TABLE state (
-    path INTEGER NOT NULL REFERENCES path (id) ON DELETE CASCADE, depth REAL NOT NULL, shear REAL NOT NULL,
-    outcome TEXT NOT NULL CHECK (outcome IN ('ok', 'failed', 'transient')), status TEXT NOT NULL,
-    answer TEXT NOT NULL, seconds REAL NOT NULL, versions TEXT NOT NULL, added TEXT NOT NULL,
-    PRIMARY KEY (path, depth, shear)) WITHOUT ROWID;
-"""
 
 Outcome = Literal["ok", "failed", "transient"]
 Content = Mapping[str, Any]
@@ -150,15 +131,21 @@ class Store:
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions."""
-        rows = self._connection.execute(
-            "SELECT depth, shear, outcome, status, answer, seconds, versions FROM state"
-            " JOIN path ON path.id = state.path WHERE path.key = ?",
-            (key(content),),
-        )
-        states = (
-            State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
-            for depth, shear, outcome, status, answer, seconds, versions in rows
-        )
+        with self._refusals():
+            rows = self._connection.execute(
+                "SELECT depth, shear, outcome, status, answer, seconds, versions FROM state"
+                " JOIN path ON path.id = state.path WHERE path.key = ?",
+                (key(content),),
+            ).fetchall()
+        try:
+            states = [
+                State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
+                for depth, shear, outcome, status, answer, seconds, versions in rows
+            ]
+        except ValueError as error:
+            raise BadInput(
+                f"a state in the store {str(self.file)!r} is damaged ({error}): magtip store check says what to do"
+            ) from None
         return {state.position: state for state in states}
 
     def add(self, content: Content, states: Iterable[State]) -> str:
@@ -185,14 +172,21 @@ class Store:
         except sqlite3.Error as error:
             if self.file is None:
                 raise
+            # a process that has blocked the store for so long may block it for hours
+            self._connection.execute(f"PRAGMA busy_timeout = {1000 * IMPATIENCE:.0f}")
             return _write_journal(self.file, batch, str(error))
         return ""
 
     def counts(self) -> tuple[int, int]:
         """Return the number of paths and the number of states."""
-        (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
-        (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
+        with self._refusals():
+            (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
+            (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
         return paths, states
+
+    def _refusals(self) -> contextlib.AbstractContextManager[None]:
+        """Turn an error of SQLite into a refusal of the file."""
+        return contextlib.nullcontext() if self.file is None else store_file.refusals(self.file)
 
     def _insert(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
         """Insert states, and their paths if they are new, in one transaction."""
@@ -262,7 +256,7 @@ def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]],
 
 def _json(value: Mapping[str, Any]) -> str:
     """Return canonical JSON; numbers that JSON cannot hold are null."""
-    return json.dumps(atomic_files.clean(value), sort_keys=True, allow_nan=False)
+    return json.dumps(atomic_files.clean(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def default() -> Path:
@@ -283,74 +277,22 @@ def in_memory() -> Iterator[Store]:
     ...     store.counts()
     (0, 0)
     """
-    with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
-        _prepare(Path(":memory:"), connection)
+    with store_file.writable(None) as connection:
         yield Store(None, connection)
 
 
 @contextlib.contextmanager
 def opened(file: Path) -> Iterator[Store]:
-    """Open a store; a file that does not exist is made.
+    """Open a store; a file that does not exist is made, and states in journals beside it are moved into it.
 
     Raises
     ------
     BadInput
-        The file is no store, is damaged, has a newer version, or cannot be read or made.
+        The file is no store, is damaged, has a newer version, or cannot be read, made or written; or a journal is
+        damaged.
     """
-    try:
-        if file.exists() and _header(file) not in (b"", FILE_HEADER):
-            raise BadInput(f"{str(file)!r} is not a store of magtip: name another file by --store")
-        file.parent.mkdir(parents=True, exist_ok=True)
-        connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
-    except (OSError, sqlite3.Error) as error:
-        raise BadInput(f"the store {str(file)!r} cannot be opened ({error}): name another file by --store") from None
-    with contextlib.closing(connection):
-        try:
-            _prepare(file, connection)
-            store = Store(file, connection)
+    with store_file.writable(file) as connection:
+        store = Store(file, connection)
+        with store_file.refusals(file):
             store._read_journals()
-        except sqlite3.OperationalError as error:
-            raise BadInput(
-                f"the store {str(file)!r} cannot be used ({error}): make it writable, wait until other processes "
-                "have ended, or name another file by --store"
-            ) from None
-        except sqlite3.DatabaseError as error:
-            raise BadInput(
-                f"the store {str(file)!r} is damaged ({error}): move it away, or name another file by --store"
-            ) from None
         yield store
-
-
-def _header(file: Path) -> bytes:
-    """Return the first bytes of a file, empty for an empty one."""
-    with file.open("rb") as opened_file:
-        return opened_file.read(len(FILE_HEADER))
-
-
-def _prepare(file: Path, connection: sqlite3.Connection) -> None:
-    """Check a store's version and integrity, or make its tables if it is empty."""
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute("PRAGMA synchronous = FULL")
-    connection.execute("PRAGMA foreign_keys = ON")
-    connection.execute("BEGIN IMMEDIATE")
-    with connection:
-        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not tables:
-            for statement in filter(str.strip, TABLES.split(";\n")):
-                connection.execute(statement)
-            connection.execute("INSERT INTO about VALUES ('format', ?)", (str(FORMAT),))
-            return
-        if "about" not in tables:
-            raise BadInput(f"{str(file)!r} is not a store of magtip: name another file by --store")
-        versions = connection.execute("SELECT value FROM about WHERE name = 'format'").fetchall()
-    version = versions[0][0] if versions else ""
-    if not version.isdecimal():
-        raise sqlite3.DatabaseError(f"its format is {version!r}")
-    if int(version) > FORMAT:
-        raise BadInput(
-            f"the store {str(file)!r} has format {version}, and this version of magtip knows formats to {FORMAT}: "
-            "update magtip, or name another file by --store"
-        )
-    ((verdict,),) = connection.execute("PRAGMA quick_check(1)").fetchall()
-    if verdict != "ok":
-        raise sqlite3.DatabaseError(verdict)
