@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 LEAST_WALL = 0.1
@@ -185,8 +186,10 @@ class Design:
     )
 
     def __post_init__(self) -> None:
-        for spec in dataclasses.fields(self):
-            object.__setattr__(self, spec.name, _checked(spec, getattr(self, spec.name)))
+        # a sweep makes a million designs: nearly all values are floats in their range, which need no conversion
+        for (spec, low, high), value in zip(_RANGES, _VALUES(self), strict=True):
+            if not (type(value) is float and low <= value <= high):
+                object.__setattr__(self, spec.name, _checked(spec, value))
         if not self.L > self.D / 2:
             raise BadInput(f"L must exceed the tip radius D/2 = {self.D / 2:g} mm; got {self.L:g} mm")
         if not self.L <= 20 * self.D:
@@ -196,8 +199,7 @@ class Design:
                 f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; "
                 f"got {self.hall_null:g} V"
             )
-        for name in ("ogden_alpha1", "ogden_alpha2"):
-            alpha = getattr(self, name)
+        for name, alpha in (("ogden_alpha1", self.ogden_alpha1), ("ogden_alpha2", self.ogden_alpha2)):
             if not abs(alpha) >= LEAST_ALPHA:
                 raise BadInput(f"{name} must be at least {LEAST_ALPHA:g} or at most -{LEAST_ALPHA:g}; got {alpha:g}")
         self._check_magnet()
@@ -216,10 +218,11 @@ class Design:
                 f"magnet_edge_radius must not exceed half the magnet's smaller side = {widest:g} mm; "
                 f"got {self.magnet_edge_radius:g} mm"
             )
-        if not self.shape.wall >= LEAST_WALL - 1e-9:
+        wall = self.shape.wall
+        if not wall >= LEAST_WALL - 1e-9:
             raise BadInput(
                 f"the magnet ({self.magnet_diameter:g} x {self.magnet_height:g} mm) leaves "
-                f"{self.shape.wall:.3g} mm of silicone around it and needs at least {LEAST_WALL:g} mm: "
+                f"{wall:.3g} mm of silicone around it and needs at least {LEAST_WALL:g} mm: "
                 "take a smaller magnet or a larger D or L"
             )
         if not self.l0 > self.magnet_height / 2:
@@ -301,6 +304,15 @@ class Design:
                 f"{SILICONE_E[1]:g} MPa (Shore A 90): check that E is given in MPa"
             )
         return texts
+
+
+_RANGES = tuple(
+    (spec, spec.metadata.get("low", math.nan), spec.metadata.get("high", math.nan))
+    for spec in dataclasses.fields(Design)
+)
+"""The fields of a design, each with its least and largest value; NaN for a name."""
+_VALUES = attrgetter(*(spec.name for spec, _, _ in _RANGES))
+"""Returns the values of all fields of a design."""
 
 
 def no_effect(names: Sequence[str], reason: str) -> str:
