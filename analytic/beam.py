@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 
 from analytic import buckling
-from analytic.beam_terms.press_terms import Terms, press
+from analytic.beam_terms.press_terms import Press, Terms, press
 from analytic.beam_terms.shear_terms import ShearState, cantilever, shear_response
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load
@@ -182,7 +182,7 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
         return Response((0.0, 0.0, pressed.force), (0.0, 0.0, -pressed.below), 0.0, pressed.contact_radius)
     if load.grip is None and not load.depth > 0:
         raise BadInput("a shear with friction stick needs a depth above 0 mm: at depth 0 nothing is in contact")
-    answer = _shear_state(design, load, terms)
+    answer = _shear_state(design, load, terms, pressed)
     x, y = load.shear_x / size, load.shear_y / size
     return Response(
         force=(x * answer.force, y * answer.force, answer.press),
@@ -193,29 +193,28 @@ def _above_paper(design: Design, load: Load, terms: Terms) -> Response:
     )
 
 
-def _shear_state(design: Design, load: Load, terms: Terms) -> ShearState:
-    size = load.shear
+def _shear_state(design: Design, load: Load, terms: Terms, pressed: Press) -> ShearState:
     if not terms.tip:
-        return cantilever(design, size, press(design, load.depth, terms))
-    return shear_response(design, load.depth, size, terms, load.grip)
+        return cantilever(design, load.shear, pressed)
+    return shear_response(design, load.depth, load.shear, terms, pressed, load.grip)
 
 
 def _buckling_remarks(design: Design, load: Load, level: str) -> list[str]:
     """Remarks on buckling: of a sliding tip at Haringx's load, of a sticking tip at the load of its own column."""
     terms = TERMS[level]
-    force = press(design, load.depth, terms).force
+    pressed = press(design, load.depth, terms)
     if load.grip is not None or not load.depth > 0:
         return []
     if load.friction == "stick":
         if not terms.tip:
             return []
-        answer = _shear_state(design, load, terms)
+        answer = _shear_state(design, load, terms, pressed)
         return [
             *([] if answer.stable else ["the beam would buckle sideways even if the tip stuck to the plate"]),
             *([] if answer.press > 0 else ["the tip leans so far that the press force vanishes"]),
         ]
     critical = buckling.haringx(design)
-    if design.L < 2 * design.D or force <= critical:
+    if design.L < 2 * design.D or pressed.force <= critical:
         return []
     at = f"at about {critical:.3g} N (Haringx)"
     return [f"a beam whose tip slides freely buckles sideways {at}: this result is for the upright beam"]

@@ -31,6 +31,7 @@ up to a half. Units mm, N, MPa, rad.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -95,9 +96,10 @@ def cantilever(design: Design, shear: float, pressed: Press) -> ShearState:
     return ShearState(Q, pressed.force, shift, pressed.below, turn)
 
 
-def shear_response(design: Design, depth: float, shear: float, terms: Terms, grip: float | None = None) -> ShearState:
-    """Solve for a shear at a depth, or of a grip of the topmost part of the tip; all in mm."""
-    pressed = press(design, depth, terms)
+def shear_response(
+    design: Design, depth: float, shear: float, terms: Terms, pressed: Press, grip: float | None = None
+) -> ShearState:
+    """Solve for a shear at a depth, whose press is `pressed`, or of a grip of the topmost part of the tip; in mm."""
     column = _column(design, pressed, terms, grip)
     if terms.finite and grip is None:
         column, bent, P, sink = _inclined(design, column, depth, shear, pressed, terms)
@@ -114,6 +116,7 @@ def _inclined(
 ) -> tuple[Column, Bent, float, float]:
     """The column with the rolled contact, its response, the remaining press force, and the sinking of the magnet."""
 
+    @functools.cache
     def follow(P: float) -> tuple[Column, Bent, Press]:
         bent, now = bend(design, column, P), column
         for _ in range(ROLLED):

@@ -1,0 +1,63 @@
+"""The press of the formulas: the narrowed bisection gives the digits of the full one, in fewer evaluations."""
+
+import numpy as np
+import pytest
+
+from analytic.beam import TERMS
+from analytic.beam_terms import press_terms
+from geometry.design import Design
+
+RNG = np.random.default_rng(7)
+
+
+def random_press():
+    D = 10 ** RNG.uniform(0, 1.5)
+    design = Design(
+        D=D,
+        L=D * RNG.uniform(0.9, 6),
+        E=10 ** RNG.uniform(-3, 3),
+        nu=RNG.uniform(0.3, 0.5),
+        l0=40,
+        magnet_diameter=D * RNG.uniform(0.05, 0.6),
+        magnet_height=D * RNG.uniform(0.05, 0.5),
+        magnet_edge_radius=0,
+    )
+    return design, D * 10 ** RNG.uniform(-12, -0.31)
+
+
+@pytest.mark.parametrize("level", TERMS)
+def test_narrowed_bisection_gives_every_digit_of_the_full_one(level, monkeypatch):
+    cases = [random_press() for _ in range(200)]
+    narrowed = [press_terms.press(design, depth, TERMS[level]) for design, depth in cases]
+    monkeypatch.setattr(press_terms, "_bracket", lambda _, depth: (0.0, depth))
+    assert narrowed == [press_terms.press(design, depth, TERMS[level]) for design, depth in cases]
+
+
+@pytest.mark.parametrize("level", TERMS)
+def test_a_press_takes_few_evaluations(level, monkeypatch):
+    counts = []
+
+    def counted(make):
+        def make_counted(design, terms):
+            function = make(design, terms)
+
+            def count(value):
+                counts[-1] += 1
+                return function(value)
+
+            return count
+
+        return make_counted
+
+    monkeypatch.setattr(press_terms, "_dome", counted(press_terms._dome))
+    for _ in range(100):
+        counts.append(0)
+        press_terms.press(*random_press(), TERMS[level])
+    # the full bisection takes 53 to 60 of them
+    assert max(counts) <= 40
+    assert np.mean(counts) < 25
+
+
+def test_no_depth():
+    pressed = press_terms.press(Design(), 0.0, TERMS["finite"])
+    assert (pressed.force, pressed.above, pressed.below, pressed.stretch) == (0.0, 0.0, 0.0, 1.0)
