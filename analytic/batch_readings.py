@@ -15,20 +15,18 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.hall import FLIP, converted, plates, rotated
+from analytic.hall import FLIP, converted, half_sides, rotated
 from analytic.magnet import cylinder_field, on_rim
-from analytic.parts import conversion, of_design
+from analytic.parts import AXES, common_values, positions
 from geometry.arrays import Array
 from geometry.design import Design
 
-ELEMENTS = 3
+ELEMENTS = len(AXES)
 """Number of elements of every layout."""
 BLOCK = 8192
 """Number of rows whose field is computed at a time, at up to 12 points each: it bounds the memory to some 50 MB."""
-PLACES = attrgetter(
-    "magnet_diameter", "magnet_height", "D", "L", "l0", "hall_layout", "f", "c", "hall_plate", "chip_x"
-)
-"""Fields of a design that fix the field of its magnet at its elements, in units of the remanence."""
+SITE = attrgetter("magnet_diameter", "magnet_height", "D", "L", "l0", "f", "c", "hall_plate", "hall_layout", "chip_x")
+"""Returns the fields of a design that fix the field of its magnet at its elements, but for the remanence."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,19 +46,21 @@ class BatchReadings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Place:
-    """A magnet and the points at which its elements sample the field.
+class _Sites:
+    """Magnets with the elements below them, k of them.
 
     Attributes
     ----------
-    radius, height : of the magnet, mm; 0 for none.
-    points, normals : relative to the magnet's centre at rest, mm, and directions n, shape (m, 3).
+    magnet : diameter and height, mm, shape (k, 2); 0 for no magnet.
+    plate : side of the elements' plates, mm, shape (k,); 0 for points.
+    rest : height of the magnet's centre at rest, mm, shape (k,).
+    centres : positions of the elements, mm, shape (k, 3, 3).
     """
 
-    radius: float
-    height: float
-    points: Array
-    normals: Array
+    magnet: Array
+    plate: Array
+    rest: Array
+    centres: Array
 
 
 def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: Array, tilt: Array) -> BatchReadings:
@@ -82,28 +82,31 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
         return BatchReadings(
             np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS)), np.zeros((0, ELEMENTS), dtype=np.bool_)
         )
-    numbers: dict[tuple[float | str, ...], int] = {}
-    place_of_design = np.array([numbers.setdefault(PLACES(design), len(numbers)) for design in designs])
-    first = np.unique(place_of_design, return_index=True)[1]
-    places = [_place(designs[k]) for k in first]
-    place = place_of_design[owner]
-    with_magnet = np.array([p.radius > 0 for p in places])
-    rows = np.flatnonzero(with_magnet[place] & np.isfinite(shift).all(axis=1) & np.isfinite(tilt).all(axis=1))
-    chosen, number = _distinct(place[rows], *shift[rows].T, *tilt[rows].T)
+    values = np.array([common_values(design) for design in designs])
+    sites, site_of_design = _sites(designs, values[:, -1])
+    site = site_of_design[owner]
+    with_magnet = sites.magnet[site, 0] > 0
+    rows = np.flatnonzero(with_magnet & np.isfinite(shift).all(axis=1) & np.isfinite(tilt).all(axis=1))
+    chosen, number = _distinct(site[rows], *shift[rows].T, *tilt[rows].T)
     distinct = rows[chosen]
     scale = np.array([design.remanence for design in designs])[owner[rows]]
     measured = np.full((len(owner), ELEMENTS), np.nan)
-    measured[rows] = scale[:, None] * _unit_fields(places, place[distinct], shift[distinct], tilt[distinct])[number]
-    gain, null, low, high, _, step = np.array([conversion(design) for design in designs])[owner].T[:, :, None]
+    measured[rows] = scale[:, None] * _unit_fields(sites, site[distinct], shift[distinct], tilt[distinct])[number]
+    gain, null, low, high, _, step, _ = values[owner].T[:, :, None]
     output, saturated = converted(null + gain * measured, low, high, step)
     return BatchReadings(measured, output, saturated)
 
 
-def _place(design: Design) -> _Place:
-    elements = of_design(design)
-    points, owners = plates(elements)
-    normals = np.array([element.direction for element in elements])[owners]
-    return _Place(design.magnet_diameter / 2, design.magnet_height, points - [0.0, 0.0, design.H], normals)
+def _sites(designs: Sequence[Design], plate: Array) -> tuple[_Sites, NDArray[np.int64]]:
+    """Return the distinct sites of designs whose elements have these plates, and the number of each design's."""
+    numbers: dict[tuple[float | str, ...], int] = {}
+    # a dictionary of fields first: it costs a sweep over E and gains less than the positions
+    site = np.array([numbers.setdefault(SITE(design), len(numbers)) for design in designs])
+    first = np.unique(site, return_index=True)[1]
+    chosen = [designs[k] for k in first]
+    magnet = np.array([(design.magnet_diameter, design.magnet_height) for design in chosen])
+    rest, centres = np.array([design.H for design in chosen]), np.array([positions(design) for design in chosen])
+    return _Sites(magnet, plate[first], rest, centres), site
 
 
 def _distinct(*columns: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -122,34 +125,50 @@ def _distinct(*columns: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray
     return order[new], number
 
 
-def _unit_fields(places: Sequence[_Place], place: NDArray[np.int64], shift: Array, tilt: Array) -> Array:
+def _unit_fields(sites: _Sites, site: NDArray[np.int64], shift: Array, tilt: Array) -> Array:
     """Return B.n of the elements at a remanence of 1 T, shape (n, 3), of rows with a magnet and a pose."""
-    fields = np.empty((len(place), ELEMENTS))
+    fields = np.empty((len(site), ELEMENTS))
+    if not len(site):
+        return fields
     # one call of the field serves all rows whose magnets and numbers of points are equal
-    kinds: dict[tuple[float, ...], int] = {}
-    kind_of_place = np.array([kinds.setdefault((p.radius, p.height, len(p.points)), len(kinds)) for p in places])
-    kind = kind_of_place[place]
-    for (radius, height, _), k in kinds.items():
-        rows, members = np.flatnonzero(kind == k), np.flatnonzero(kind_of_place == k).tolist()
-        points = np.stack([places[number].points for number in members])
-        normals = np.stack([places[number].normals for number in members])
+    kind = _distinct(*sites.magnet.T, sites.plate > 0)[1][site]
+    sorted_rows = np.argsort(kind, kind="stable")
+    for rows in np.split(sorted_rows, np.flatnonzero(np.diff(kind[sorted_rows])) + 1):
+        members, member = np.unique(site[rows], return_inverse=True)
+        points = _points(sites, members)
+        diameter, height = sites.magnet[members[0]].tolist()
         for start in range(0, len(rows), BLOCK):
-            part = rows[start : start + BLOCK]
-            member = np.searchsorted(members, place[part])
-            fields[part] = _block(radius, height, points[member], normals[member], shift[part], tilt[part])
+            part = slice(start, start + BLOCK)
+            at = rows[part]
+            fields[at] = _block(diameter / 2, height, points[member[part]], shift[at], tilt[at])
     return fields
 
 
-def _block(radius: float, height: float, points: Array, normals: Array, shift: Array, tilt: Array) -> Array:
-    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), at points and directions (n, m, 3)."""
-    turn = tilt[:, None, :]
-    local = np.ascontiguousarray(FLIP * rotated(points - shift[:, None, :], -turn)).reshape(-1, 3)
+def _points(sites: _Sites, members: NDArray[np.int64]) -> Array:
+    """Return the points of some sites, all or none of them with plates, shape (k, 3, 4 or 1, 3).
+
+    The second axis is that of the elements. Points are relative to the magnet's centre at rest, mm.
+    """
+    centres, plate = sites.centres[members], sites.plate[members]
+    points = centres[:, :, None]
+    if plate.any():
+        sides = [half_sides(np.array(axis), plate[:, None]) for axis in AXES]
+        aside, across = (np.stack(side, axis=1) for side in zip(*sides, strict=True))
+        points = np.stack([centres + i * aside + j * across for i in (-1, 1) for j in (-1, 1)], axis=2)
+    points[..., 2] -= sites.rest[members, None, None]
+    return points
+
+
+def _block(radius: float, height: float, points: Array, shift: Array, tilt: Array) -> Array:
+    """Return B.n of the elements at a remanence of 1 T, shape (n, 3), at points (n, 3, 4 or 1, 3)."""
+    move, turn = shift[:, None, None, :], tilt[:, None, None, :]
+    local = np.ascontiguousarray(FLIP * rotated(points - move, -turn)).reshape(-1, 3)
     rim = on_rim(local, radius, height)
     # any place off the rim: the row becomes NaN
     local[rim] = 0.0
     field = cylinder_field(local, radius, height, 1.0)
     field[rim] = np.nan
-    values = (rotated(FLIP * field.reshape(points.shape), turn) * normals).sum(axis=-1)
-    measured = values.reshape(len(points), ELEMENTS, -1).mean(axis=-1)
+    normals = np.array(AXES)[:, None, :]
+    measured = (rotated(FLIP * field.reshape(points.shape), turn) * normals).sum(axis=-1).mean(axis=-1)
     measured[np.isnan(measured).any(axis=1)] = np.nan
     return np.asarray(measured)

@@ -198,13 +198,22 @@ def plates(chosen: Sequence[Element]) -> tuple[Array, NDArray[np.int64]]:
             points.append(centre)
             owners.append(k)
             continue
-        # the axis farthest from the normal gives a well-conditioned direction in the plate
-        aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-        aside *= element.plate / (2 * math.sqrt(3) * np.linalg.norm(aside))
-        across = np.cross(normal, aside)
+        aside, across = half_sides(normal, element.plate)
         points += [centre + i * aside + j * across for i in (-1, 1) for j in (-1, 1)]
         owners += [k] * 4
     return np.array(points).reshape(-1, 3), np.array(owners, dtype=np.int64)
+
+
+def half_sides(normal: Array, plate: float | Array) -> tuple[Array, Array]:
+    """Return the two vectors along the sides of plates that lead from the centre to a Gauss point, mm.
+
+    `normal` has shape (3,). Without a plate's axis, `plate` is a float, and the vectors have shape (3,); for n plates
+    it has shape (n, 1), and the vectors shape (n, 3).
+    """
+    # the axis farthest from the normal gives a well-conditioned direction in the plate
+    aside = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    aside = aside * (plate / (2 * math.sqrt(3) * np.linalg.norm(aside)))
+    return aside, np.cross(normal, aside)
 
 
 def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -104,27 +104,32 @@ def of_design(design: Design) -> tuple[Element, ...]:
     design's fields hall_gain to hall_plate (default: an SS495A at 5 V). A chip has all three axes at x = chip_x and
     at S1's height, with the chip's own values.
     """
-    s1, s23 = design.H - design.l0, design.H - design.l0 + design.c
-    if design.hall_layout == "three":
-        names, plate = ("S1", "S2", "S3"), design.hall_plate
-        places = ((0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23))
-    else:
-        names, plate = ("chip -z", "chip x", "chip y"), 0.0
-        places = ((design.chip_x, 0.0, s1),) * 3
-    unit: Literal["V", "T"] = "V" if design.hall_layout == "three" else "T"
+    three = design.hall_layout == "three"
+    names = ("S1", "S2", "S3") if three else ("chip -z", "chip x", "chip y")
+    unit: Literal["V", "T"] = "V" if three else "T"
     return tuple(
-        Element(name, place, axis, *conversion(design), plate, unit)
-        for name, place, axis in zip(names, places, AXES, strict=True)
+        Element(name, place, axis, *common_values(design), unit)
+        for name, place, axis in zip(names, positions(design), AXES, strict=True)
     )
 
 
-def conversion(design: Design) -> tuple[float, float, float, float, float, float]:
-    """Return gain, null, low, high, noise and step of every element of the design's layout, as in `Element`."""
+def positions(design: Design) -> tuple[Vector, Vector, Vector]:
+    """Return the positions of the three elements of the design's layout, mm."""
+    s1 = design.H - design.l0
+    if design.hall_layout != "three":
+        chip = (design.chip_x, 0.0, s1)
+        return chip, chip, chip
+    s23 = s1 + design.c
+    return (0.0, 0.0, s1), (design.f, 0.0, s23), (0.0, design.f, s23)
+
+
+def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:
+    """Return gain, null, low, high, noise, step and plate, which the three elements of the layout have in common."""
     if design.hall_layout != "three":
         chip = CHIPS[design.hall_layout]
-        return 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step
+        return 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step, 0.0
     rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
-    return *rails, design.hall_noise, design.hall_step
+    return *rails, design.hall_noise, design.hall_step, design.hall_plate
 
 
 def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
