@@ -19,6 +19,7 @@ from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from geometry.fabrication.printability import Check
 from geometry.mold import Mold
+from studies.exploration import worker_process
 from studies.exploration.sweep import varied
 from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow
@@ -301,13 +302,14 @@ def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_a
 
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
     code = (
-        "import os; from studies.fabrication import design_variants as variants\n"
+        "import os; from studies.exploration import worker_process\n"
+        "from studies.fabrication import design_variants as variants\n"
         "def fabricate(job):\n"
         "    if job[1]['L'] == 9: os._exit(7)\n"
         "    return variants.FabricationRow('ok', '', job[2])\n"
-        "variants.fabricate = fabricate; variants.main()\n"
+        "variants.fabricate = fabricate; worker_process.main()\n"
     )
-    monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
     records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
     assert [row.status for row in records] == ["failed", "ok", "ok", "ok"]
@@ -316,11 +318,12 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
 
 def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
     code = (
+        "from studies.exploration import worker_process\n"
         "from studies.fabrication import design_variants as variants\n"
         "def fabricate(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
-        "variants.fabricate = fabricate; variants.main()\n"
+        "variants.fabricate = fabricate; worker_process.main()\n"
     )
-    monkeypatch.setattr(design_variants, "COMMAND", (sys.executable, "-P", "-c", code))
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
     with pytest.raises(OSError, match="No space left on device") as caught:
         list(
             design_variants.batch(paper(), {"L": [9.0, 10.0]}, tmp_path / "parts", design_variants.silent, workers=2)

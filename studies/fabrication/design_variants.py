@@ -5,30 +5,23 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-import os
-import pickle
-import queue
 import shutil
-import subprocess
-import sys
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
+from studies.exploration import executors
+from studies.exploration.executors import Executor
+from studies.exploration.worker_process import WorkerDied, cores
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.inputs import study_input
-from studies.output import atomic_files, console, provenance
+from studies.output import atomic_files, console
 
 Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
 """Base design, the fields that the variant replaces, its folder, the fabrication choices, and the command line."""
-
-COMMAND = (sys.executable, "-P", "-m", "studies.fabrication.design_variants")
-"""Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
@@ -62,7 +55,7 @@ def batch(
 
     Parameters
     ----------
-    workers : number of worker processes; default: the number of processors.
+    workers : number of worker processes; default: the number of cores that this process may use.
     command : command line that the recipes name as their origin.
     """
     points = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
@@ -70,11 +63,11 @@ def batch(
     jobs: list[Job] = [
         (design, point, out / name, choices, command) for point, name in zip(points, names, strict=True)
     ]
-    count = min(workers or os.cpu_count() or 1, len(jobs))
+    count = min(workers or cores(), len(jobs))
     with atomic_files.filled(out), _clean_up([out / name for name in names]), contextlib.ExitStack() as stack:
         rows: Iterator[FabricationRow] = map(fabricate, jobs)
         if count > 1:
-            rows = stack.enter_context(_workers(count))(jobs)
+            rows = _rows(jobs, stack.enter_context(executors.processes(count, tries=1)))
         for k, (point, row) in enumerate(zip(points, rows, strict=True)):
             progress((k + 1) / len(jobs), row.folder.name)
             yield dataclasses.replace(row, variant=point)
@@ -93,69 +86,19 @@ def _named(texts: Sequence[tuple[FabricationRow, str]]) -> list[str]:
     return console.remarks([{"variant": row.folder.name, "message": text} for row, text in texts], ("variant",))
 
 
-@contextlib.contextmanager
-def _workers(count: int) -> Iterator[Callable[[Sequence[Job]], Iterator[FabricationRow]]]:
-    """Start worker processes and yield a function that has them do jobs; the processes end with the block.
-
-    A thread for each process sends it one job at a time. A process that dies costs the job it had, no other.
-    """
-    processes: list[subprocess.Popen[bytes]] = []
-    idle: queue.SimpleQueue[subprocess.Popen[bytes]] = queue.SimpleQueue()
-    threads = ThreadPoolExecutor(count)
-
-    def do(job: Job) -> FabricationRow:
-        process = idle.get()
+def _rows(jobs: Sequence[Job], executor: Executor) -> Iterator[FabricationRow]:
+    """Yield the rows of jobs in order; an exception of a worker process is raised here."""
+    futures = [executor.submit(fabricate, job) for job in jobs]
+    for job, future in zip(jobs, futures, strict=True):
         try:
-            if process.poll() is not None:
-                # the CAD kernel or the system ended it during its last job
-                processes.append(process := _start_worker())
-            return _run_job(process, job)
-        finally:
-            idle.put(process)
-
-    try:
-        for _ in range(count):
-            processes.append(_start_worker())
-            idle.put(processes[-1])
-        yield lambda jobs: threads.map(do, jobs)
-    finally:
-        # kill the processes before joining the threads: these wait for answers of the processes
-        threads.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            process.kill()
-        threads.shutdown()
-        for process in processes:
-            with contextlib.suppress(BrokenPipeError), process:
-                pass
-
-
-def _start_worker() -> subprocess.Popen[bytes]:
-    """Start a worker process; it has a session of its own, so that Ctrl-C reaches only the process that ends it."""
-    paths = [str(provenance.ROOT), os.environ.get("PYTHONPATH", "")]
-    return subprocess.Popen(
-        COMMAND,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        start_new_session=True,
-    )
-
-
-def _run_job(process: subprocess.Popen[bytes], job: Job) -> FabricationRow:
-    """Send a job to a process and return the row that it answers; an exception there is raised here."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    try:
-        pickle.dump(job, process.stdin)
-        process.stdin.flush()
-        answer: FabricationRow | Exception = pickle.load(process.stdout)
-    except (EOFError, BrokenPipeError):
-        # the CAD kernel can crash a process, and the system can kill it when memory runs out
-        message = f"its process ended with exit code {process.wait()}: make this variant by itself"
-        return FabricationRow("failed", message, job[2])
-    if isinstance(answer, Exception):
-        raise answer
-    return answer
+            row, error, _ = future.result()
+        except WorkerDied as death:
+            # the CAD kernel can crash a process, and the system can kill it when memory runs out
+            yield FabricationRow("failed", f"its process ended with {death}: make this variant by itself", job[2])
+            continue
+        if error is not None:
+            raise error
+        yield row
 
 
 @contextlib.contextmanager
@@ -187,35 +130,3 @@ def fabricate(job: Job) -> FabricationRow:
 
 def silent(fraction: float, text: str) -> None:
     """Report no progress."""
-
-
-def main() -> None:
-    """Do the jobs that arrive on standard input, one after the other, until it closes.
-
-    A closed input means that the process that sends the jobs is gone. The reading thread then ends this process at
-    once, even during a job, so that no lock on a folder outlives the command.
-    """
-    # a library may print to standard output: that goes to standard error, and the answers to a copy of the handle
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
-
-    def read() -> None:
-        try:
-            while True:
-                jobs.put(pickle.load(sys.stdin.buffer))
-        finally:
-            os._exit(1)
-
-    threading.Thread(target=read, daemon=True).start()
-    while True:
-        try:
-            answer: FabricationRow | Exception = fabricate(jobs.get())
-        except Exception as error:
-            answer = error
-        pickle.dump(answer, answers)
-        answers.flush()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,190 @@
+"""Worker processes: order, exceptions, deaths, interrupts, and the time left."""
+
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import worker_tasks
+
+from studies.exploration import worker_process
+from studies.exploration.executors import processes
+from studies.exploration.workers import finished
+
+TESTS = Path(__file__).parent
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch):
+    """Worker processes import the functions of `worker_tasks`."""
+    monkeypatch.setenv("PYTHONPATH", str(TESTS))
+
+
+def until(condition, seconds=20.0):
+    """Wait for a condition; returns whether it came true in time."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return condition()
+
+
+def gone(process):
+    """Whether a process has ended; one that nobody waits for is a zombie then."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return True
+    return state == "Z"
+
+
+def noted(folder):
+    return [int(path.name) for path in folder.iterdir()]
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_one_worker_finishes_the_tasks_in_their_order(workers):
+    results = list(finished(iter(range(20)), worker_tasks.echo, workers=workers))
+    assert [(each.task, each.answer, each.reason, each.died) for each in results] == [
+        (k, k, "", False) for k in range(20)
+    ]
+
+
+def test_a_task_is_yielded_as_soon_as_it_is_finished():
+    assert [each.task for each in finished([0.6, 0.0, 0.1], time.sleep, workers=2)] == [0.0, 0.1, 0.6]
+
+
+def test_no_tasks_give_no_results():
+    assert list(finished([], worker_tasks.echo, workers=2)) == []
+
+
+def test_without_workers_the_tasks_are_done_in_this_process():
+    assert [each.answer for each in finished([1], worker_tasks.own_process, workers=0)] == [os.getpid()]
+
+
+def test_tasks_are_taken_a_few_in_advance():
+    taken = []
+    results = finished((taken.append(k) or k for k in range(10**6)), worker_tasks.echo, workers=1)
+    next(results)
+    results.close()
+    assert len(taken) <= 5
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_an_exception_is_the_reason_why_a_task_has_no_answer(workers):
+    results = list(finished([4, -1, "x"], math.sqrt, workers=workers))
+    assert [each.answer for each in results] == [2.0, None, None]
+    assert [each.reason for each in results] == [
+        "",
+        "ValueError: math domain error",
+        "TypeError: must be real number, not str",
+    ]
+    assert not any(each.died for each in results)
+
+
+def test_an_exception_that_cannot_be_unpickled_keeps_its_text():
+    (result,) = finished(["odd"], worker_tasks.raises, workers=1)
+    assert "OddError: 1 and 2" in result.reason
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize(("kind", "error"), [("exit", SystemExit), ("interrupt", KeyboardInterrupt)])
+def test_an_exit_or_interrupt_in_a_task_ends_the_run(workers, kind, error):
+    with pytest.raises(error):
+        list(finished([kind], worker_tasks.raises, workers=workers))
+
+
+def test_an_error_of_the_sequence_of_tasks_ends_the_run():
+    with pytest.raises(ZeroDivisionError):
+        list(finished((1 / k for k in (1, 0)), worker_tasks.echo, workers=1))
+
+
+def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(tmp_path):
+    tasks = [(str(tmp_path / str(k)), "kill" if k in (2, 5) else "ok") for k in range(8)]
+    results = {each.task: each for each in finished(tasks, worker_tasks.counted, workers=2)}
+    tries = [(tmp_path / str(k)).read_text() for k in range(8)]
+    assert tries == ["x", "x", "xx", "x", "x", "xx", "x", "x"]
+    assert [results[task].answer for task in tasks] == [None if kind == "kill" else "ok" for _, kind in tasks]
+    dead = results[tasks[2]]
+    assert (dead.died, dead.reason) == (True, "its worker process ended with signal 9 twice (out of memory?)")
+
+
+def test_what_a_task_prints_is_no_answer(capfd):
+    (result,) = finished(["text"], worker_tasks.prints, workers=1)
+    assert result.answer == ""  # its standard input is empty
+    assert capfd.readouterr() == ("", "text\n")
+
+
+def test_closing_the_generator_ends_the_workers_and_what_they_started(tmp_path):
+    results = finished(["", str(tmp_path), str(tmp_path)], worker_tasks.with_child, workers=2)
+    assert next(results).task == ""
+    assert until(lambda: len(noted(tmp_path)) == 2)
+    begin = time.monotonic()
+    results.close()
+    assert until(lambda: all(gone(process) for process in noted(tmp_path)), 2)
+    assert time.monotonic() - begin < 2
+
+
+RUN = """
+import worker_tasks
+from studies.exploration.workers import finished
+
+list(finished([{folder!r}] * 8, worker_tasks.noted, workers=2))
+"""
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGKILL, -9), (signal.SIGINT, -2)])
+def test_workers_end_when_the_process_that_started_them_is_killed_or_interrupted(tmp_path, number, status):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])}
+    command = [sys.executable, "-c", RUN.format(folder=str(tmp_path))]
+    with subprocess.Popen(command, env=env, start_new_session=True, stderr=subprocess.PIPE, text=True) as run:
+        assert until(lambda: len(noted(tmp_path)) == 2)
+        os.killpg(run.pid, number)
+        assert until(lambda: all(gone(process) for process in noted(tmp_path)), 2)
+        assert run.wait() == status
+        # no worker writes a traceback of its own
+        assert run.stderr.read().count("Traceback") == (number == signal.SIGINT)
+    assert len(noted(tmp_path)) == 2
+
+
+def test_a_process_that_dies_while_it_loads_is_no_death_of_a_task(monkeypatch):
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", "raise SystemExit(5)"))
+    with pytest.raises(worker_process.NotStarted, match="exit code 5"):
+        list(finished([1], worker_tasks.echo, workers=1))
+
+
+def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
+    monkeypatch.setattr(worker_process, "cores", lambda: 8)
+    monkeypatch.setattr("studies.exploration.executors.cores", lambda: 8)
+    for name, value in {"OMP_NUM_THREADS": "3", "MKL_NUM_THREADS": "16", "OPENBLAS_NUM_THREADS": "x"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    results = finished(worker_process.THREADS, worker_tasks.environment, workers=2)
+    threads = {each.task: each.answer for each in results}
+    assert [threads[name] for name in worker_process.THREADS] == ["3", "4", "4", "4"]
+
+
+def test_a_death_keeps_its_codes_when_it_is_sent():
+    death = pickle.loads(pickle.dumps(worker_process.WorkerDied(-9, 1)))
+    assert (death.codes, str(death)) == ((-9, 1), "signal 9, then exit code 1")
+
+
+def test_an_executor_can_give_up_a_task_at_the_first_death():
+    with processes(1, tries=1) as executor, pytest.raises(worker_process.WorkerDied) as death:
+        executor.submit(os._exit, 7).result()
+    assert death.value.codes == (7,)
+
+
+def test_progress_counts_tasks_and_weighs_them_by_cost():
+    reports = []
+    costs = {0.0: 0.0, 0.6: 3.0, 0.7: 1.0}
+    list(finished(list(costs), time.sleep, workers=1, cost=costs.get, progress=lambda *each: reports.append(each)))
+    shares = [share for share, _ in reports]
+    assert shares[0] == 0.0
+    assert shares[-2:] == [0.75, 1.0]
+    assert [text.split(" solves")[0] for _, text in reports[-2:]] == ["2 of 3", "3 of 3"]
+    assert reports[-2][1].endswith("0:00 left")

@@ -1,0 +1,61 @@
+"""Functions that tests hand to worker processes, which import this module by its name."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+
+def echo(task):
+    return task
+
+
+def environment(name):
+    return os.environ[name]
+
+
+def own_process(_):
+    return os.getpid()
+
+
+def noted(folder):
+    """Note this process in a folder, and sleep."""
+    Path(folder, str(os.getpid())).touch()
+    time.sleep(60)
+
+
+def with_child(folder):
+    """Note a process that this one starts in a folder, and wait for it; without a folder do nothing."""
+    if folder:
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        Path(folder, str(child.pid)).touch()
+        child.wait()
+
+
+def counted(task):
+    """Count the call of a task (file, kind) in its file; kind "kill" kills this process."""
+    file, kind = task
+    with Path(file).open("a") as lines:
+        lines.write("x")
+    if kind == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.05)
+    return kind
+
+
+def prints(text):
+    print(text, flush=True)
+    return sys.stdin.read()
+
+
+def raises(kind):
+    raise {"exit": SystemExit(3), "interrupt": KeyboardInterrupt(), "odd": OddError(1, 2)}[kind]
+
+
+class OddError(Exception):
+    """An exception that cannot be unpickled."""
+
+    def __init__(self, first, second):
+        super().__init__(f"{first} and {second}")
