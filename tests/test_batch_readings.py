@@ -108,8 +108,10 @@ def test_no_row_has_a_magnet():
     assert np.isnan(batch_readings([bare], np.array([0]), np.zeros((1, 3)), np.zeros((1, 2))).field_T).all()
 
 
+@pytest.mark.parametrize("compiled", [False, True])
 @pytest.mark.parametrize("plate", [0.0, 0.4])
-def test_an_element_on_the_rim_has_no_reading(plate):
+def test_an_element_on_the_rim_has_no_reading(plate, compiled, monkeypatch):
+    monkeypatch.setattr(magnet, "MIN_COMPILED_POINTS", 1 if compiled else 10**9)
     # at rest S2 lies 0.5 mm above the magnet's lower rim; without a plate the shift moves it onto the rim
     design = Design(l0=2.0, c=1.5, f=2.5, magnet_diameter=4.0, magnet_height=2.0, hall_plate=plate)
     shift = np.array([[0.0, 0, 0], [0.5, 0, 0.5], [0.5, 0, 0.6]])
