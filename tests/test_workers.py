@@ -34,12 +34,11 @@ def until(condition, seconds=20.0):
 
 
 def gone(process):
-    """Whether a process has ended; one that nobody waits for is a zombie then."""
+    """Whether a process has ended; one that nobody has waited for is a zombie then."""
     try:
-        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
-    except FileNotFoundError:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
         return True
-    return state == "Z"
 
 
 def noted(folder):

@@ -17,10 +17,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from geometry.messages import Progress
-from studies.exploration.executors import Executor, WorkersLost, inline, processes
-from studies.exploration.executors import SchedulerLost as SchedulerLost
+from studies.exploration.executors import Executor, SchedulerLost, WorkersLost, inline, processes
 from studies.exploration.time_left import Unfinished, clock_text
 from studies.exploration.worker_process import Answer, WorkerDied
+
+__all__ = ["Finished", "SchedulerLost", "finished"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -82,31 +83,39 @@ def finished(
         Also if the function raises them.
     """
     report = _Reports(tasks, cost, progress)
+    with _executor(workers, scheduler) as executor:
+        try:
+            yield from _finished(tasks, function, executor, report)
+        except SchedulerLost as error:
+            count = "some tasks are" if report.left is None else f"{report.left} tasks are"
+            raise SchedulerLost(f"{error}: {count} unfinished; the same command continues") from None
+
+
+def _finished(
+    tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: _Reports
+) -> Iterator[Finished[T, R]]:
+    """Yield tasks as they are finished by an executor."""
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
     done: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
-    with _executor(workers, scheduler) as executor:
-        while True:
-            size = executor.size()
-            report.show(size)
-            while len(started) < max(WINDOW * size, 1) and (task := next(waiting, None)) is not None:
-                future = executor.submit(function, task[1])
-                started[future] = task
-                future.add_done_callback(done.put)
-            if not started:
-                return
-            try:
-                future = done.get(timeout=PATIENCE)
-                number, its_task = started.pop(future)
-                result, seconds = _result(its_task, future)
-            except queue.Empty:
-                executor.check()
-                continue
-            except SchedulerLost as error:
-                count = f"{report.left} tasks are" if report.left is not None else "some tasks are"
-                raise SchedulerLost(f"{error}: {count} unfinished; the same command continues") from None
-            report.finish(number, seconds)
-            yield result
+    while True:
+        size = executor.size()
+        report.show(size)
+        while len(started) < max(WINDOW * size, 1) and (next_task := next(waiting, None)) is not None:
+            future = executor.submit(function, next_task[1])
+            started[future] = next_task
+            future.add_done_callback(done.put)
+        if not started:
+            return
+        try:
+            future = done.get(timeout=PATIENCE)
+        except queue.Empty:
+            executor.check()
+            continue
+        number, task = started.pop(future)
+        result, seconds = _result(task, future)
+        report.finish(number, seconds)
+        yield result
 
 
 def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:

@@ -1,0 +1,177 @@
+"""Tasks on a Dask cluster: a real scheduler and real workers, on loopback."""
+
+import contextlib
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import worker_tasks
+
+from fem.physics_version import PHYSICS
+from geometry.design import BadInput
+from studies.exploration import cluster, workers
+from studies.exploration.workers import SchedulerLost, finished
+from studies.output.provenance import installed
+
+pytest.importorskip("distributed", reason="the extra cluster is not installed")
+
+TESTS = Path(__file__).parent
+
+
+class Cluster(NamedTuple):
+    address: str
+    scheduler: subprocess.Popen
+    workers: list[subprocess.Popen]
+
+
+@contextlib.contextmanager
+def started(folder, count):
+    """Start a scheduler and workers without nannies, so that a killed worker stays away."""
+    file = folder / "scheduler.json"
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])}
+    common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
+    own = ["--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory", str(folder)]
+    commands = [["dask_scheduler", "--port", "0", *common], *[["dask_worker", *own, *common]] * count]
+    with contextlib.ExitStack() as stack, (folder / "log").open("w") as log:
+        processes = []
+        for name, *options in commands:
+            command = [sys.executable, "-m", f"distributed.cli.{name}", *options]
+            process = stack.enter_context(subprocess.Popen(command, env=env, cwd=folder, stdout=log, stderr=log))
+            stack.callback(process.kill)
+            processes.append(process)
+        address = None
+        while address is None:
+            assert all(process.poll() is None for process in processes), (folder / "log").read_text()
+            time.sleep(0.05)
+            with contextlib.suppress(FileNotFoundError, json.JSONDecodeError):
+                address = json.loads(file.read_text())["address"]
+        yield Cluster(address, processes[0], processes[1:])
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """The scheduler of a cluster whose two workers live as long as the tests."""
+    with started(tmp_path_factory.mktemp("cluster"), 2) as both:
+        yield both.address
+
+
+def until(condition, seconds=20.0):
+    """Wait for a condition; returns whether it came true in time."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return condition()
+
+
+def gone(process):
+    """Whether a process has ended; one that nobody has waited for is a zombie then."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def test_tasks_are_finished_or_have_a_reason(address):
+    results = {each.task: each for each in finished([4.0, -1.0, 9.0], math.sqrt, workers=0, scheduler=address)}
+    assert [results[task].answer for task in (4.0, -1.0, 9.0)] == [2.0, None, 3.0]
+    assert results[-1.0].reason == "ValueError: math domain error"
+
+
+def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(address, tmp_path):
+    tasks = [(str(tmp_path / str(k)), "kill" if k in (2, 5) else "ok") for k in range(10)]
+    results = {each.task: each for each in finished(tasks, worker_tasks.counted, workers=0, scheduler=address)}
+    tries = [(tmp_path / str(k)).read_text() for k in range(10)]
+    assert tries == ["x", "x", "xx", "x", "x", "xx", "x", "x", "x", "x"]
+    assert [results[task].died for task in tasks] == [kind == "kill" for _, kind in tasks]
+    assert results[tasks[2]].reason == "its worker process ended with signal 9 twice (out of memory?)"
+
+
+def test_an_exit_in_a_task_ends_the_run(address):
+    with pytest.raises(SystemExit):
+        list(finished(["exit"], worker_tasks.raises, workers=0, scheduler=address))
+
+
+def test_closing_the_generator_ends_the_tasks_on_the_cluster(address, tmp_path):
+    results = finished(["", *[str(tmp_path)] * 8], worker_tasks.with_child, workers=0, scheduler=address)
+    assert next(results).task == ""
+    assert until(lambda: len(list(tmp_path.iterdir())) == 2)
+    results.close()
+    assert until(lambda: all(gone(path.name) for path in tmp_path.iterdir()), 2)
+    time.sleep(0.2)
+    assert len(list(tmp_path.iterdir())) == 2, "no other task is started"
+
+
+@pytest.fixture
+def other_version(monkeypatch):
+    """This process has another version of magtip than the workers."""
+    monkeypatch.setattr(cluster.provenance, "installed", lambda name: "0.0.1")
+    cluster.installed_models.cache_clear()
+    yield
+    cluster.installed_models.cache_clear()
+
+
+@pytest.mark.usefixtures("other_version")
+def test_workers_with_another_version_are_refused(address):
+    with pytest.raises(BadInput, match=r"the worker at tcp://.* has magtip .*, not 0\.0\.1: install the version of"):
+        next(finished([4.0], math.sqrt, workers=0, scheduler=address))
+
+
+@pytest.mark.usefixtures("other_version")
+def test_a_worker_with_another_version_that_joins_later_is_refused(address, monkeypatch):
+    monkeypatch.setattr(cluster, "_check_workers", lambda client, address: None)
+    with pytest.raises(BadInput, match="a worker of the cluster has magtip"):
+        list(finished([4.0], math.sqrt, workers=0, scheduler=address))
+
+
+def test_workers_with_other_physics_are_refused(address, monkeypatch):
+    monkeypatch.setattr(cluster, "installed_models", lambda: (installed("magtip"), PHYSICS | {"half": 99}))
+    with pytest.raises(BadInput, match=r"magtip .* with other physics versions"):
+        next(finished([4.0], math.sqrt, workers=0, scheduler=address))
+
+
+def test_a_scheduler_that_does_not_answer_is_bad_input(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        for address in (f"tcp://127.0.0.1:{port}", "foo://bar", ""):
+            with pytest.raises(BadInput, match=r"no Dask scheduler answers at '.*': check the address"):
+                next(finished([4.0], math.sqrt, workers=0, scheduler=address))
+
+
+def test_a_lost_worker_costs_nothing_and_a_lost_scheduler_ends_the_run(tmp_path):
+    with started(tmp_path, 2) as own:
+        begun = []
+        for each in finished([0.2] * 10, time.sleep, workers=0, scheduler=own.address):
+            begun.append(each)
+            if len(begun) == 3:
+                own.workers[0].kill()
+        assert [each.reason for each in begun] == [""] * 10
+        results = finished([0.2] * 10, time.sleep, workers=0, scheduler=own.address)
+        next(results)
+        own.scheduler.kill()
+        begin = time.monotonic()
+        with pytest.raises(SchedulerLost, match=r"tasks are unfinished; the same command continues") as lost:
+            list(results)
+        assert time.monotonic() - begin < 5
+        assert str(lost.value).startswith(f"the scheduler at {own.address} is gone: ")
+
+
+def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "ABSENCE", 0.5)
+    monkeypatch.setattr(workers, "PATIENCE", 0.1)
+    with started(tmp_path, 1) as own:
+        results = finished([0.1] * 10, time.sleep, workers=0, scheduler=own.address)
+        next(results)
+        own.workers[0].kill()
+        with pytest.raises(SchedulerLost, match=r"has had no worker for 0\.5 s: \d tasks are unfinished"):
+            list(results)
+        monkeypatch.setattr(cluster, "CONNECT", 1.0)
+        with pytest.raises(BadInput, match="has no workers: start some with `dask worker"):
+            next(finished([4.0], math.sqrt, workers=0, scheduler=own.address))
