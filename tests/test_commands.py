@@ -6,7 +6,7 @@ ORDER = """
     Design: design cad mesh cache
     Simulation: solve analytic compare stability modes fit demo
     Sensing: field readings decode table layout
-    Exploration: sweep
+    Exploration: sweep store
     Validation: verify friction extremes accuracy crosscheck ladder range bench
     Options: --help --version
 """

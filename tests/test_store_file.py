@@ -52,7 +52,7 @@ def test_a_store_of_format_1_is_brought_to_the_format_of_today(file):
         assert kept.states(CONTENT) == {(0.125, 0.0): PRESSED}
     with store_file.readable(file) as connection:
         columns = connection.execute(
-            "SELECT quantity, model, physics, magnet, law, nu, L_over_D FROM path"
+            "SELECT quantity, model, physics, magnet, law, nu, L_over_D FROM listed"
         ).fetchall()
         assert columns == [(None, "harmonic", 1, None, "yeoh", 0.45, 1.125)]
         assert connection.execute("SELECT value FROM about").fetchall() == [("2",)]
@@ -61,7 +61,7 @@ def test_a_store_of_format_1_is_brought_to_the_format_of_today(file):
 @pytest.mark.usefixtures("old")
 def test_reading_brings_a_store_to_the_format_of_today_too(file):
     with store_file.readable(file) as connection:
-        assert connection.execute("SELECT model FROM path").fetchall() == [("harmonic",)]
+        assert connection.execute("SELECT model FROM listed").fetchall() == [("harmonic",)]
 
 
 def test_a_process_of_format_1_that_has_the_file_open_can_go_on(file, old):
@@ -69,7 +69,7 @@ def test_a_process_of_format_1_that_has_the_file_open_can_go_on(file, old):
         add_as_format_1(old, CONTENT | {"nu": 0.4})
         assert kept.counts() == (2, 2)
         kept.add(CONTENT | {"nu": 0.3}, [PRESSED])
-    assert old.execute("SELECT COUNT(*) FROM state").fetchone() == (3,)
+    assert [old.execute(f"SELECT COUNT(*) FROM {table}").fetchone() for table in ("state", "listed")] == [(3,), (3,)]
     assert old.execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
@@ -78,7 +78,7 @@ def test_a_migration_that_fails_changes_nothing(file, old, refused):
     with refused("malformed JSON"), store.opened(file):
         pass
     assert old.execute("SELECT value FROM about").fetchall() == [("1",)]
-    assert [name for _, name, *_ in old.execute("PRAGMA table_xinfo(path)")] == ["id", "key", "content", "added"]
+    assert old.execute("SELECT name FROM sqlite_master WHERE name LIKE 'list%'").fetchall() == []
 
 
 def test_new_and_migrated_stores_have_one_layout(tmp_path, file, old):

@@ -51,12 +51,25 @@ VERBS = {
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
 
+ACTIONS = {
+    "Exploration": {
+        "store": ("List, export, check and prune the stored states of all studies.", "list_ export check prune")
+    },
+}
+"""Verbs with actions, in their groups: help, and the functions of the module `VERB_commands` that are the actions."""
+
 for title, modules in VERBS.items():
     group = Group.create_ordered(title)
     paths = [f"studies.cli.{module}:{verb}" for module, verbs in modules.items() for verb in verbs.split()]
     for place, path in enumerate(paths):
         # a path instead of a function: a command line then imports only the module of its own verb
         app.command(path, group=group, sort_key=place, help_format="markdown")
+    for verb, (text, actions) in ACTIONS.get(title, {}).items():
+        parts = App(name=verb, help=text, group=group, sort_key=len(paths), default_parameter=app.default_parameter)
+        parts.help_format = "plaintext"
+        for place, action in enumerate(actions.split()):
+            parts.command(f"studies.cli.{verb}_commands:{action}", sort_key=place, help_format="markdown")
+        app.command(parts)
 options = Group.create_ordered("Options")
 for name in ("--help", "--version"):
     app[name].group = options
@@ -90,11 +103,13 @@ def _unknown(error: UnknownOptionError) -> str:
 
 def _unused(error: UnusedCliTokensError) -> str:
     """Return the message for values that belong to no option and are not the verb's positional argument."""
-    (verb,) = error.command_chain or ("magtip",)
-    named = [each.name for each in app[verb].assemble_argument_collection() if each.index is not None]
+    verb, chain = app, error.command_chain or ()
+    for name in chain:
+        verb = verb[name]
+    named = [each.name for each in verb.assemble_argument_collection() if each.index is not None]
     taken = f"one {' and one '.join(named)} and options" if named else "options only"
     surplus = ", ".join(map(repr, error.unused_tokens or []))
-    return f"{verb} takes {taken}: leave out {surplus}, or quote a value that has spaces"
+    return f"{' '.join(chain) or 'magtip'} takes {taken}: leave out {surplus}, or quote a value that has spaces"
 
 
 def run(tokens: list[str] | None = None) -> int:
@@ -105,9 +120,10 @@ def run(tokens: list[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")
     try:
         with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
-            if not words or words[0].startswith("-"):
-                # import all verbs: the list shows only the name of a verb that is not imported
-                list(map(app.__getitem__, app))
+            listed = app[words[0]] if any(words[:1] == [verb] for each in ACTIONS.values() for verb in each) else app
+            # import all verbs or actions: their list shows only the name of one that is not imported
+            if all(word.startswith("-") for word in words[listed is not app :][:1]):
+                list(map(listed.__getitem__, listed))
             status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
     except UnknownOptionError as error:

@@ -29,7 +29,7 @@ import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from geometry.design import BadInput
 from studies.exploration import store_file
@@ -213,19 +213,8 @@ class Store:
         """Move the states in journals into the store; another process may do the same at the same time."""
         for journal in self.journals:
             with contextlib.suppress(FileNotFoundError):
-                text = journal.read_text("utf-8")
-                try:
-                    record = json.loads(text)
-                    # a journal of format 1 holds one path
-                    paths = [
-                        (path["content"], [State(**state) for state in path["states"]])
-                        for path in record.get("paths", [record])
-                    ]
-                    self._insert(paths)
-                except (ValueError, TypeError, KeyError, AttributeError, sqlite3.IntegrityError) as error:
-                    raise BadInput(
-                        f"the journal {str(journal)!r} of the store is damaged ({error}): move it away"
-                    ) from None
+                paths = read_journal(journal)
+                self._insert(paths)
                 self.from_journal += sum(len(states) for _, states in paths)
                 journal.unlink()
 
@@ -233,6 +222,22 @@ class Store:
 def journals(file: Path) -> list[Path]:
     """Return the files of states that a store could not take."""
     return sorted(file.parent.glob(f"{glob.escape(file.name)}.journal-*.json"))
+
+
+def read_journal(journal: Path) -> list[tuple[Content, list[State]]]:
+    """Return the paths and states in a journal; raise BadInput if it is damaged."""
+    try:
+        record = json.loads(journal.read_text("utf-8"))
+        # a journal of format 1 holds one path
+        paths: list[tuple[Content, list[State]]] = [
+            (dict(path["content"]), [State(**state) for state in path["states"]])
+            for path in record.get("paths", [record])
+        ]
+        if not {state.outcome for _, states in paths for state in states} <= set(get_args(Outcome)):
+            raise ValueError("an outcome is unknown")
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise BadInput(f"the journal {str(journal)!r} of the store is damaged ({error}): move it away") from None
+    return paths
 
 
 def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]], cause: str) -> str:

@@ -6,9 +6,10 @@ Tables
 `state`  : path, depth, shear (primary key), outcome, status, answer (JSON), seconds, versions, added (UTC).
 `about`  : name, value; `format` is the version of this layout.
 
-Format 2 adds columns to `path` that SQLite computes from the content, and an index for each of the two tables, so
-that lists and filters need not read contents and answers. A process of format 1 that has the file open can still add
-to it.
+`listed` : id of a path, and those fields of its content by which most filters choose.
+
+Format 2 added `listed` and an index of `state`: lists and filters need not read contents and answers. A process of
+format 1 that has the file open can still add states to it.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ CREATE TABLE state (
     answer TEXT NOT NULL, seconds REAL NOT NULL, versions TEXT NOT NULL, added TEXT NOT NULL,
     PRIMARY KEY (path, depth, shear)) WITHOUT ROWID;
 """
-INDEXED = {
+LISTED = {
     "quantity": "$.quantity",
     "model": "$.model",
     "physics": "$.physics",
@@ -46,14 +47,16 @@ INDEXED = {
     "law": "$.law[0]",
     "nu": "$.nu",
     "L_over_D": "$.shape.L",
+    "friction": "$.load.friction",
 }
-"""Columns that format 2 computes from the content of a path, and their places in it."""
+"""Columns of the table `listed`, and their places in the content of a path."""
+_EXTRACTED = ", ".join(f"json_extract(content, '{place}')" for place in LISTED.values())
 ADDED_BY_FORMAT_2 = [
-    *(
-        f"ALTER TABLE path ADD COLUMN {name} GENERATED ALWAYS AS (json_extract(content, '{place}')) VIRTUAL"
-        for name, place in INDEXED.items()
-    ),
-    f"CREATE INDEX path_listing ON path ({', '.join(INDEXED)})",
+    f"CREATE TABLE listed (id INTEGER PRIMARY KEY REFERENCES path (id) ON DELETE CASCADE, {', '.join(LISTED)})",
+    f"INSERT INTO listed SELECT id, {_EXTRACTED} FROM path",
+    # a trigger, because a process of format 1 that has the file open does not know the table
+    f"""CREATE TRIGGER list_path AFTER INSERT ON path BEGIN
+    INSERT INTO listed SELECT id, {_EXTRACTED} FROM path WHERE id = new.id; END""",
     "CREATE INDEX state_listing ON state (added, outcome, status, seconds)",
 ]
 OTHER = "name another file by --store"
@@ -99,7 +102,7 @@ def readable(file: Path) -> Iterator[sqlite3.Connection]:
         There is no such file, it is no store, is damaged, has a newer version, or cannot be read.
     """
     if not file.exists():
-        raise BadInput(f"there is no store {str(file)!r}: magtip sweep makes one; {OTHER}")
+        raise BadInput(f"there is no store {str(file)!r}: magtip sweep makes one, or {OTHER}")
     with refusals(file), contextlib.closing(_connect_to_read(file)) as connection:
         version = _version(file, connection)
     if version < FORMAT:
@@ -149,8 +152,9 @@ def _refusal(file: Path, error: sqlite3.Error) -> str:
         return f"{str(file)!r} is not a store of magtip: {OTHER}"
     if code == sqlite3.SQLITE_FULL:
         return f"the disk of {store} is full: make space there, or {OTHER}"
-    if code == sqlite3.SQLITE_CORRUPT or not isinstance(error, sqlite3.OperationalError):
-        return f"{store} is damaged ({error}): move it away, or {OTHER}"
+    # an error of SQL in statements of magtip: a part of the tables or of their JSON is not as it was written
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR) or not isinstance(error, sqlite3.OperationalError):
+        return f"{store} is damaged ({error}): see magtip store check, move the file away, or {OTHER}"
     return f"{store} cannot be used ({error}): make the file and its folder readable and writable, or {OTHER}"
 
 

@@ -1,4 +1,4 @@
-"""Groups of options that several verbs share: load, pose of the magnet, method, and basis of a layout."""
+"""Groups of options that several verbs share: load, pose of the magnet, method, basis of a layout, stored states."""
 
 from __future__ import annotations
 
@@ -137,3 +137,39 @@ class Basis:
     ignore_tilt: bool = False
     mode: Literal["component", "magnitude"] = "component"
     clearance: float = 0.0
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """States of the store, all of them by default.
+
+    Attributes
+    ----------
+    store
+        File of the store; default: the user's, or the one that the environment variable MAGTIP_STORE names.
+    where
+        Filter by a field, NAME=VALUE, NAME=a,b or NAME=low:high; repeatable. Fields are model, magnet, law, nu,
+        L_over_D, accuracy, friction, depth_over_D, status and the other columns of an export.
+    since
+        Only states that were added at this date or time (UTC) or later, such as 2026-11-05.
+    before
+        Only states that were added before this date or time (UTC).
+    failed
+        Only states whose solve failed; with --transient those too.
+    transient
+        Only states whose process died or ran out of memory.
+    older_physics
+        Only states of physics versions that this version of magtip no longer uses.
+    damaged
+        Only states whose content, position or answer is damaged.
+    """
+
+    store: Path | None = None
+    where: list[str] | None = None
+    since: str | None = None
+    before: str | None = None
+    failed: bool = False
+    transient: bool = False
+    older_physics: bool = False
+    damaged: bool = False

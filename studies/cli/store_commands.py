@@ -1,0 +1,126 @@
+"""The actions of the verb store: list, export, check, prune."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from studies.cli.parameters import AsJson, Wide
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.option_groups import Selection, Whole
+from studies.output import atomic_files, console
+
+LIMIT = 20
+"""Number of rows of a list by default."""
+NEEDED = ("model", "L_over_D", "depth_over_D", "shear_over_D", "status", "force_z_over_E_D2")
+"""Columns that a list of states must show."""
+NEEDED_OF_PATHS = ("model", "L_over_D", "states", "not_ok")
+"""Columns that a list of paths must show."""
+
+
+def list_(
+    selection: Selection = Selection(),
+    *,
+    paths: bool = False,
+    limit: Whole = LIMIT,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Show what the store holds, and its newest states that meet the filters.
+
+    Parameters
+    ----------
+    paths
+        Show a row for each path (the states of one dimensionless design, model and load) instead of each state.
+    limit
+        Largest number of rows, the newest first; 0 for all.
+    """
+    from geometry.design import BadInput
+    from studies.exploration import store_listing
+
+    if limit < 0:
+        raise BadInput(f"--limit must be at least 0 (all rows); got {limit}")
+    listing = store_listing.listing(selection, limit, of_paths=paths)
+    summary = listing.summary
+    console.report([summary.row()], as_json=as_json, title="Store")
+    if summary.journals:
+        console.say(
+            f"magtip: journals beside the store: {summary.journals}; the next sweep moves their states into it"
+        )
+    if not listing.rows and summary.states_in_store:
+        console.say("magtip: no state of the store meets the filters")
+    what, count = ("paths", summary.paths) if paths else ("states", summary.states)
+    title = f"{len(listing.rows)} of {count} {what}, the newest first"
+    usual = all(row["quantity"] in store_listing.STATES for row in listing.rows)
+    console.report(
+        listing.rows,
+        as_json=as_json,
+        title=title,
+        brief=("quantity", "key") if usual else ("key",),
+        first=NEEDED_OF_PATHS if paths else NEEDED,
+        wide=wide,
+    )
+    return GOOD
+
+
+def export(
+    selection: Selection = Selection(),
+    *,
+    out: Annotated[Path, Parameter(help="Output file: .csv, .parquet or .jsonl.")],
+    as_json: AsJson = False,
+) -> int:
+    """Write the states that meet the filters as a table, lengths over D and forces over E D^2."""
+    from studies.exploration import store, store_export
+
+    file = selection.store or store.default()
+    atomic_files.check_apart([out], [file])
+    with console.progress(as_json=as_json) as progress:
+        count = store_export.export(selection, out, progress)
+    console.report([{"file": str(out), "states": count}], as_json=as_json, title="Export")
+    return GOOD
+
+
+def check(
+    *,
+    store: Annotated[Path | None, Parameter(help="File of the store; default: the user's.")] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Check the store's file, contents, answers and physics versions; exit status 3 if a check fails."""
+    from studies.exploration import store as user_store
+    from studies.exploration import store_check
+
+    rows = []
+    for result in store_check.checks(store or user_store.default()):
+        rows.append(result.row())
+        if as_json:
+            console.report(rows[-1:], as_json=True)
+    if not as_json:
+        console.report(rows, as_json=False, title="Check of the store")
+    failed = [row for row in rows if row["status"] != "ok"]
+    for row in failed:
+        console.say(f"magtip: {row['check']}: {row['message']}")
+    return FAILED if failed else GOOD
+
+
+def prune(
+    selection: Selection = Selection(),
+    *,
+    yes: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Count the states that meet the filters; with --yes remove them and give their space back.
+
+    Parameters
+    ----------
+    yes
+        Remove the states.
+    """
+    from studies.exploration import store_pruning
+
+    pruning = store_pruning.prune(selection, yes=yes)
+    console.report([pruning.row()], as_json=as_json, title="Removed" if yes else "To be removed")
+    if not yes and pruning.states:
+        console.say("magtip: nothing is removed yet: add --yes to remove these states")
+    return GOOD
