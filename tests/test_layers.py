@@ -49,7 +49,7 @@ STUDIES = [
     {"simulation"},
     {"exploration"},
     {"fabrication"},
-    {"demo", "validation"},
+    {"demo", "validation", "claims"},
     {"benchmarks"},
     {"cli"},
 ]

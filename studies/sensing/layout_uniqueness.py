@@ -151,6 +151,13 @@ def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
     return decode.decoder(design, law, ignore_tilt=ignored, elements=open_, mode=mode)
 
 
+def alike_figures(design: Design, form: str) -> AlikeFigures:
+    """Return the share of poses whose readings another pose gives too, for one form of the readings."""
+    from analytic import survey
+
+    return _figures(survey.survey(coder_of(design, form, law_of(design, form)), POSES))
+
+
 def _magnets(design: Design) -> Iterator[Design]:
     """Yield the design and its variants with taller magnets; l0 keeps the reading of S1 at rest."""
     import numpy as np
