@@ -17,9 +17,10 @@ import functools
 import itertools
 import logging
 import pickle
+import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future
 from typing import Any
 
 from fem.physics_version import PHYSICS
@@ -97,8 +98,7 @@ def _client(address: str) -> Any:
         logging.getLogger(f"distributed.{name}").setLevel(logging.CRITICAL)
     try:
         # a client would wait without limit for the first words of another server that is silent
-        with ThreadPoolExecutor(1) as thread:
-            thread.submit(asyncio.run, _greet(address)).result()
+        _greet(address)
         return Client(address, timeout=CONNECT, set_as_default=False, name="magtip")
     except (OSError, ValueError, TypeError) as error:
         message = (
@@ -108,14 +108,25 @@ def _client(address: str) -> Any:
         raise BadInput(message) from error
 
 
-async def _greet(address: str) -> None:
-    """Connect to a scheduler and hang up."""
+def _greet(address: str) -> None:
+    """Connect to a scheduler and hang up, in a thread of its own: this one may have an event loop."""
     from distributed.comm import connect
     from distributed.security import Security
 
-    security = Security().get_connection_args("client")
-    comm = await asyncio.wait_for(connect(address, timeout=CONNECT, **security), CONNECT)
-    comm.abort()
+    async def greet() -> None:
+        security = Security().get_connection_args("client")
+        comm = await asyncio.wait_for(connect(address, timeout=CONNECT, **security), CONNECT)
+        comm.abort()
+
+    def run() -> None:
+        try:
+            reply.set_result(asyncio.run(greet()))
+        except BaseException as error:
+            reply.set_exception(error)
+
+    reply: Future[None] = Future()
+    threading.Thread(target=run, daemon=True).start()  # Ctrl-C does not wait for a daemon
+    reply.result()
 
 
 def _check_workers(client: Any, address: str) -> None:
