@@ -1,6 +1,8 @@
 """The store of solved states: what is added stays, whatever ends the process; what cannot be used is refused."""
 
+import contextlib
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -15,6 +17,7 @@ from geometry.design import BadInput
 from studies.exploration import store, store_file
 from studies.exploration.store import State
 
+ROOT = Path(__file__).parent.parent
 PATH = {"model": "axisymmetric", "physics": 1, "nu": 0.4998, "lengths": [1.125, 0.5, 0.25]}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"force": 0.1 + 0.2, "tilt": None}, 0.02, "on Python 3")
 
@@ -83,13 +86,13 @@ def test_a_process_that_is_killed_loses_nothing_that_was_added(file):
         "        kept.add({'k': k}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
         "        print(k, flush=True)\n"
     )
-    root = Path(__file__).parent.parent
-    with subprocess.Popen([sys.executable, "-c", code, str(file)], cwd=root, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen([sys.executable, "-c", code, str(file)], cwd=ROOT, stdout=subprocess.PIPE) as process:
         while process.stdout.readline() != b"20\n":
             pass
         time.sleep(0.01)
         os.kill(process.pid, signal.SIGKILL)
         told = [int(line) for line in process.stdout.read().splitlines() if line]
+    assert file.with_name("solved.sqlite-wal").stat().st_size > 0
     with store.opened(file) as kept:
         last = max([20, *told])
         assert all(kept.states({"k": k}) for k in range(last + 1))
@@ -110,6 +113,78 @@ def test_what_cannot_be_stored_goes_to_the_journal_and_is_taken_in_later(file, m
         assert kept.journals == []
 
 
+def test_a_blocked_store_is_waited_for_in_full_only_once(file, monkeypatch):
+    monkeypatch.setattr(store_file, "PATIENCE", 0.5)
+    monkeypatch.setattr(store, "IMPATIENCE", 0.01)
+    with store.opened(file) as kept:
+        with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            begin = time.monotonic()
+            assert all("is locked" in kept.add({"k": k}, [PRESSED]) for k in range(20))
+            assert 0.5 < time.monotonic() - begin < 5
+        assert kept.add({"k": 20}, [PRESSED]) == ""
+        assert len(kept.journals) == 20
+    with store.opened(file) as kept:
+        assert (kept.counts(), kept.from_journal) == ((21, 21), 20)
+
+
+FILL = """
+import resource, sys
+from pathlib import Path
+from geometry.design import BadInput
+from studies.exploration import store
+large, small = int(sys.argv[2]), int(sys.argv[3])
+with store.opened(Path(sys.argv[1])) as kept:
+    # like a full disk: a file can grow to so many bytes; the write-ahead log is the first to fail
+    resource.setrlimit(resource.RLIMIT_FSIZE, (large, resource.RLIM_INFINITY))
+    for k in range(100):
+        state = store.State(0.1, 0.0, "ok", "ok", {"text": "x" * 1000}, 0.0, "")
+        try:
+            warning = kept.add({"k": k}, [state])
+        except BadInput as error:
+            print("lost", k, error)
+            break
+        print("journal" if warning else "stored", k, flush=True)
+        if warning:
+            print(warning, file=sys.stderr)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (small, resource.RLIM_INFINITY))
+"""
+
+
+def filled(file, large, small):
+    """Add states until nothing can be written; returns what was printed of each, and the warnings."""
+    pytest.importorskip("resource")
+    command = [sys.executable, "-c", FILL, str(file), str(large), str(small)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return [line.split(maxsplit=2) for line in done.stdout.splitlines()], done.stderr
+
+
+def test_a_full_disk_loses_nothing_while_journals_can_be_written(file):
+    lines, warnings = filled(file, 400_000, 60_000)
+    kinds = [kind for kind, *_ in lines]
+    assert kinds == sorted(kinds, reverse=True)
+    assert set(kinds) == {"stored", "journal"}
+    assert "cannot be written" in warnings
+    assert "the next sweep adds them" in warnings
+    with store.opened(file) as kept:
+        assert kept.counts() == (100, 100)
+        assert kept.from_journal == kinds.count("journal")
+        assert kept.journals == []
+
+
+def test_a_disk_without_room_for_a_journal_ends_with_a_sentence(file):
+    lines, _ = filled(file, 400_000, 1)
+    kind, number, sentence = lines[-1]
+    assert kind == "lost"
+    assert re.match(
+        r"neither the store '.*solved.sqlite' \(.*\) nor a journal beside it \(File too large\) can be written, "
+        r"so 1 solved states are lost: make space on the disk, or name another file by --store$",
+        sentence,
+    )
+    with store.opened(file) as kept:
+        assert kept.counts()[0] == int(number)
+
+
 def test_a_damaged_journal_is_named_and_stays(file):
     with store.opened(file):
         pass
@@ -126,8 +201,7 @@ def test_processes_that_make_one_store_at_once_all_keep_their_states(file):
         "with store.opened(Path(sys.argv[1])) as kept:\n"
         "    kept.add({'k': sys.argv[2]}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
     )
-    root = Path(__file__).parent.parent
-    processes = [subprocess.Popen([sys.executable, "-c", code, str(file), str(k)], cwd=root) for k in range(4)]
+    processes = [subprocess.Popen([sys.executable, "-c", code, str(file), str(k)], cwd=ROOT) for k in range(4)]
     assert [process.wait() for process in processes] == [0] * 4
     with store.opened(file) as kept:
         assert kept.counts() == (4, 4)
