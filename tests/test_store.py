@@ -178,7 +178,7 @@ def test_a_disk_without_room_for_a_journal_ends_with_a_sentence(file):
     assert kind == "lost"
     assert re.match(
         r"neither the store '.*solved.sqlite' \(.*\) nor a journal beside it \(File too large\) can be written, "
-        r"so 1 solved states are lost: make space on the disk, or name another file by --store$",
+        r"so the last solved states \(1\) are lost: make space on the disk, or name another file by --store$",
         sentence,
     )
     with store.opened(file) as kept:

@@ -248,10 +248,11 @@ def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]],
     try:
         atomic_files.write_json(journal, {"paths": record})
     except OSError as error:
+        count = sum(len(states) for _, states in paths)
         raise BadInput(
             f"neither the store {str(file)!r} ({cause}) nor a journal beside it ({error.strerror or error}) can be "
-            f"written, so {sum(len(states) for _, states in paths)} solved states are lost: make space on the disk, "
-            "or name another file by --store"
+            f"written, so the last solved states ({count}) are lost: make space on the disk, or name another file by "
+            "--store"
         ) from None
     return (
         f"the store {str(file)!r} cannot be written ({cause}): {journal.name} beside it has the solved states, and "
