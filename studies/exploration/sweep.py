@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Scene
 from geometry.design import BadInput, Design
@@ -30,6 +32,7 @@ from studies.exploration.store import Position, Store
 from studies.exploration.sweep_rows import FIELDS, Case, Solved, SweepRow, sweep_row
 from studies.output import console
 from studies.output.csv_tables import write_table
+from studies.output.records import FlatRow
 from studies.simulation.compare import part
 from studies.simulation.comparison_rows import NAN
 
@@ -127,10 +130,20 @@ def _rows(
             report(len(rows) / len(cases), f"row {len(rows)} of {len(cases)}")
     if folder is not None:
         report(1.0, "sweep.csv and sweep.png")
-        from studies.exploration import sweep_plot
+        table = [row.row() for row in rows]
+        write_table(folder / "sweep.csv", table)
+        _draw(folder / "sweep.png", table, axes)
 
-        write_table(folder / "sweep.csv", [row.row() for row in rows])
-        sweep_plot.draw(folder / "sweep.png", rows, axes)
+
+def _draw(path: Path, table: Sequence[FlatRow], axes: Mapping[str, Sequence[float]]) -> None:
+    """Draw the press force and its error."""
+    from studies.exploration import sweep_plot
+
+    columns = {name: np.array([row[name] for row in table]) for name in table[0]}
+    named = {"E_MPa" if name == "E" else f"{name}_mm": values for name, values in axes.items()}
+    models = {"FEM": "fem_force_N", "paper": "analytic_force_N"}
+    force = sweep_plot.Shown("press force", "N", models, {"paper": "force_error_percent"})
+    sweep_plot.draw(path, columns, named, [force])
 
 
 def _cases(base: Design, axes: Mapping[str, Sequence[float]], depth: float, magnet: Magnet) -> Iterator[Case]:

@@ -1,263 +1,237 @@
-"""The plot of a sweep: panels in columns and rows for two axes, and colours for a third one.
+"""The pictures of a sweep: `draw` makes as few as show every case; each quantity has its values and its errors.
 
-The horizontal axis is the first axis that changes the force. Of the other axes, the one with the most values has a
-colour for each value, the next one a column of panels, and the last one a row of panels. An axis that changes neither
-the force nor its error, such as f, is not shown. If an axis has more values than the plot can show, some are drawn
-and a note gives their number.
+Which axis is shown how is chosen in `sweep_views`. Axes without effect on anything shown are named in a note.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.exploration.sweep_rows import SweepRow
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.design import BadInput
+from studies.exploration import sweep_lines, sweep_maps, sweep_notes, sweep_titles, sweep_views
+from studies.exploration.sweep_cube import Cube, cube_of, failed
+from studies.exploration.sweep_views import MOST_PICTURES, Block, Place, Section, View
+from studies.exploration.sweep_views import Shown as Shown
 from studies.output import table_plots
-from studies.output.table_plots import COLOURS
 
-Quantity = Callable[[SweepRow], float]
-"""A function that returns a quantity of a row, NaN if the row has none."""
-
-
-def fem_force(row: SweepRow) -> float:
-    """Return the press force by finite elements, N."""
-    return row.fem.force_N
-
-
-def formula_force(row: SweepRow) -> float:
-    """Return the press force by the formulas, N."""
-    return row.analytic.force_N
+NARROW, BROAD = 7.0, 9.0
+"""Width of a picture with at most three columns of panels, and with more, in."""
+MOST_NARROW = 3
+LINE_HEIGHT, SMALL_HEIGHT, MAP_HEIGHT = 2.45, 1.85, 2.7
+"""Heights of a row of lines, of small panels, and of one wide map, in."""
+MOST_HEIGHT = 10.9
+"""Greatest height of the panels of a picture, in."""
 
 
-def force_error(row: SweepRow) -> float:
-    """Return the error of the formulas' press force, %."""
-    return row.force_error_percent
+def draw(
+    path: Path,
+    columns: Mapping[str, NDArray[Any]],
+    axes: Mapping[str, Sequence[float | str]],
+    shown: Sequence[Shown],
+    *,
+    sampled: bool = False,
+    notes: Sequence[str] = (),
+) -> list[Path]:
+    """Draw a sweep into one or several files.
 
-
-FORCE: tuple[Quantity, ...] = (fem_force, formula_force)
-ERROR: tuple[Quantity, ...] = (force_error,)
-
-MOST_LINES, MOST_PANELS = 6, 3
-"""Greatest numbers of colours, and of columns or rows of panels, that stay legible."""
-
-MOST_MARKED = 25
-"""Greatest number of points of a line with markers; on a denser line they would overlap."""
-
-MARKERS = "os^Dv<"
-GREY = "#555555"
-LINE_WIDTH = 78
-"""Characters of a line of notes below the plot."""
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """How the axes of a sweep are shown; an empty text means that there is no such axis.
-
-    Attributes
+    Parameters
     ----------
-    x : horizontal axis.
-    colour, across, down : axes whose values are lines, columns of panels and rows of panels.
-    fixed : axes that are shown at one value only.
-    idle : axes that change neither the force nor its error.
+    path : first file; further ones end in -2, -3 ... before the suffix, and older files of such names are deleted.
+    columns : all rows, shape (n,) each: axes, quantities and errors (NaN: none), `status` and, if there is one,
+        `message`. A case failed if its status is not "ok".
+    axes : values of each axis by its column, in the study's order; of zipped axes the first.
+    sampled : whether the points fill the space of the axes without a grid.
+    notes : sentences below the last picture.
+
+    Returns
+    -------
+    The files, in order.
     """
+    if not axes or not shown or not len(columns["status"]):
+        raise BadInput("a picture of a sweep needs an axis, a quantity and a row: give each of them")
+    names = (path if k == 1 else path.with_stem(f"{path.stem}-{k}") for k in itertools.count(1))
+    if sampled:
+        from studies.exploration import sweep_scatter
 
-    x: str
-    colour: str
-    across: str
-    down: str
-    fixed: tuple[str, ...]
-    idle: tuple[str, ...]
-
-
-def view(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> View:
-    """Choose how the axes of a sweep are shown."""
-    effective = [name for name in axes if has_effect(rows, axes, name, FORCE + ERROR)]
-    x = effective[0] if effective else next(iter(axes))
-    others = sorted((name for name in effective if name != x), key=lambda name: -len(set(axes[name])))
-    colour, across, down, *_ = [*others, "", "", ""]
-    idle = tuple(name for name in axes if name not in (x, *others) and _is_idle(rows, axes, name))
-    return View(x, colour, across, down, tuple(others[3:]), idle)
+        files = sweep_scatter.draw(names, columns, axes, shown, [*sweep_notes.failures(columns), *notes])
+    else:
+        files = _grid(names, columns, axes, shown, notes)
+    for old in names:
+        if not old.is_file():
+            break
+        old.unlink()
+    return files
 
 
-def has_effect(
-    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Quantity]
-) -> bool:
-    """Return whether any of the quantities changes along an axis with the others fixed; NaN is ignored.
-
-    Values are compared to seven digits, so that rounding errors of scaled results do not count as a change.
-    """
-    return any(len({text for _, text in values}) > 1 for values in _along(rows, axes, name, figures))
-
-
-def _is_idle(rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str) -> bool:
-    """Return whether the results are equal at all values of an axis; False if only one value has a result."""
-    places = _along(rows, axes, name, FORCE + ERROR)
-    compared = any(len({value for value, _ in values}) > 1 for values in places)
-    return compared and not has_effect(rows, axes, name, FORCE + ERROR)
-
-
-def _along(
-    rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]], name: str, figures: Sequence[Quantity]
-) -> Iterable[set[tuple[float, str]]]:
-    """Return the values along an axis with the quantity there, for each quantity and point of the other axes."""
-    others = [other for other in axes if other != name]
-    places: dict[tuple[Any, ...], set[tuple[float, str]]] = {}
-    for row in rows:
-        for figure in figures:
-            value = figure(row)
-            if not math.isnan(value):
-                place = (figure, *(row.on_axis(other) for other in others))
-                places.setdefault(place, set()).add((row.on_axis(name), f"{value:.6e}"))
-    return places.values()
+def _grid(
+    names: Iterator[Path],
+    columns: Mapping[str, NDArray[Any]],
+    axes: Mapping[str, Sequence[float | str]],
+    shown: Sequence[Shown],
+    notes: Sequence[str],
+) -> list[Path]:
+    """Draw a sweep over a grid."""
+    cube = cube_of(columns, axes)
+    shown = [quantity for quantity in (_with_values(cube, q) for q in shown) if quantity.values] or shown
+    every = [c for quantity in shown for c in (*quantity.values.values(), *quantity.errors.values())]
+    own = [*sweep_notes.idle(cube, every), *sweep_notes.failures(columns)]
+    most = max(1, MOST_PICTURES // sum(1 + len(quantity.errors) for quantity in shown))
+    pages = _pages([unit for quantity in shown for unit in units(cube, quantity, most)])
+    files = []
+    for number, (page, file) in enumerate(zip(pages, names, strict=False), start=1):
+        last = number == len(pages)
+        said = [*sweep_notes.of_picture([block.section for block in page]), *own, *(notes if last else [])]
+        if len(pages) > 1:
+            said.append(f"Picture {number} of {len(pages)}.")
+        _picture(file, page, cube, said)
+        files.append(file)
+        if last:
+            break
+    return files
 
 
-def drawn(axes: Mapping[str, Sequence[float]], name: str, most: int) -> list[float]:
-    """Return the values of an axis that are drawn: all, or `most` of them, evenly spread with both ends.
-
-    >>> drawn({"D": [1, 2, 3, 4, 5]}, "D", 3)
-    [1, 3, 5]
-    """
-    if not name:
-        return [math.nan]
-    values = sorted(set(axes[name]))
-    if len(values) <= most:
-        return values
-    return [values[round(k * (len(values) - 1) / (most - 1))] for k in range(most)]
-
-
-def draw(path: str | Path, rows: Sequence[SweepRow], axes: Mapping[str, Sequence[float]]) -> None:
-    """Draw the force by both models, and the error of the formulas below, into a file."""
-    look = view(rows, axes)
-    colours, columns = drawn(axes, look.colour, MOST_LINES), drawn(axes, look.across, MOST_PANELS)
-    downs = drawn(axes, look.down, MOST_PANELS)
-    apart = bool(look.down) and has_effect(rows, axes, look.down, ERROR)
-    blocks = [(FORCE, value) for value in downs] + [(ERROR, value) for value in (downs if apart else downs[:1])]
-    fixed = {name: sorted(set(axes[name]))[len(set(axes[name])) // 2] for name in look.fixed}
-    tinted = {
-        figures: bool(look.colour) and has_effect(rows, axes, look.colour, figures) for figures in (FORCE, ERROR)
-    }
-    with table_plots.canvas(path, len(blocks), len(columns)) as (figure, panels):
-        for k, panel in enumerate(panels):
-            (figures, down), across = blocks[k // len(columns)], columns[k % len(columns)]
-            place = fixed | {look.across: across, look.down: down}
-            for n, colour in enumerate(colours if tinted[figures] else colours[:1]):
-                line = _line(rows, look, place | ({look.colour: colour} if tinted[figures] else {}))
-                _curve(panel, line, look.x, figures, COLOURS[n] if tinted[figures] else GREY, MARKERS[n])
-        _finish(panels, blocks, columns, look, apart=apart)
-        handles = _handles(colours if tinted[FORCE] else [], look)
-        figure.legend(handles=handles, loc="outside upper center", ncols=min(4, len(handles)), frameon=False)
-        notes = _notes(rows, axes, look, fixed, tinted=tinted[ERROR])
-        if notes:
-            text = "\n".join(part for note in notes for part in textwrap.wrap(note, LINE_WIDTH))
-            figure.supxlabel(text, fontsize=10, color=GREY)
-
-
-def _line(rows: Sequence[SweepRow], look: View, place: Mapping[str, float]) -> list[SweepRow]:
-    """Return the rows of one line, in order of x.
-
-    Rows that differ only in an idle axis have the same x; the first one with a result is drawn.
-    """
-    wanted = {axis: value for axis, value in place.items() if axis}
-    at: dict[float, SweepRow] = {}
-    for row in rows:
-        if all(row.on_axis(axis) == value for axis, value in wanted.items()):
-            x = row.on_axis(look.x)
-            if x not in at or math.isnan(fem_force(at[x])):
-                at[x] = row
-    return [at[x] for x in sorted(at)]
-
-
-def _curve(
-    panel: Any, line: Sequence[SweepRow], axis: str, figures: Sequence[Quantity], colour: str, marker: str
-) -> None:
-    """Draw finite elements or the error as a full line with markers, the formulas as a dashed line."""
-    for figure, dashes in zip(figures, ("-", "--"), strict=False):
-        marked = marker if dashes == "-" and len(line) <= MOST_MARKED else ""
-        face = "white" if figures is ERROR else colour
-        panel.plot(
-            [row.on_axis(axis) for row in line],
-            [figure(row) for row in line],
-            color=colour,
-            linestyle=dashes,
-            marker=marked,
-            markerfacecolor=face,
-        )
-
-
-def _finish(
-    panels: Sequence[Any],
-    blocks: Sequence[tuple[Sequence[Quantity], float]],
-    columns: Sequence[float],
-    look: View,
-    *,
-    apart: bool,
-) -> None:
-    """Add labels and titles, and give all panels of errors the same range."""
-    errors = [panel for k, panel in enumerate(panels) if blocks[k // len(columns)][0] is ERROR]
-    for panel in errors:
-        table_plots.bands(panel)
-    limits = [panel.get_ylim() for panel in errors]
-    for panel in errors:
-        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
-    for k, panel in enumerate(panels):
-        (figures, down), column = blocks[k // len(columns)], k % len(columns)
-        panel.locator_params(axis="both", nbins=5)
-        if column == 0:
-            name = "press force (N)" if figures is FORCE else "formula's error (%)"
-            own = look.down and (figures is FORCE or apart)
-            panel.set_ylabel(f"{name}\n{_text(look.down, down)}" if own else name)
-        if k < len(columns) and look.across:
-            name = "depth " if look.across == "depth" else ""
-            panel.set_title(name + _text(look.across, columns[column]), fontsize=11)
-        if k >= len(panels) - len(columns):
-            panel.set_xlabel(f"{'depth ' if look.x == 'depth' else ''}{_symbol(look.x)} ({_unit(look.x)})")
-
-
-def _handles(colours: Sequence[float], look: View) -> list[Any]:
-    """Return the entries of the legend."""
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=GREY, label="FEM"),
-        Line2D([], [], color=GREY, linestyle="--", label="paper"),
+def _with_values(cube: Cube, quantity: Shown) -> Shown:
+    """Return a quantity without the models that have no value although cases succeeded."""
+    if failed(cube.columns).all():
+        return quantity
+    by = [
+        {m: c for m, c in models.items() if np.isfinite(np.asarray(cube.columns[c], dtype=float)).any()}
+        for models in (quantity.values, quantity.errors)
     ]
-    for value, colour, marker in zip(colours, COLOURS, MARKERS, strict=False):
-        handles.append(Line2D([], [], color=colour, marker=marker, label=_text(look.colour, value)))
-    return handles + table_plots.band_handles()
+    return Shown(quantity.label, quantity.unit, by[0], by[1])
 
 
-def _notes(
-    rows: Sequence[SweepRow],
-    axes: Mapping[str, Sequence[float]],
-    look: View,
-    fixed: Mapping[str, float],
-    *,
-    tinted: bool,
-) -> list[str]:
-    """State in sentences what the plot does not show."""
-    notes = [f"{_symbol(name)} changes neither the force nor its error." for name in look.idle]
-    if look.colour and not tinted:
-        notes.append(f"The error is the same for every {_symbol(look.colour)}.")
-    for name, most in ((look.colour, MOST_LINES), (look.across, MOST_PANELS), (look.down, MOST_PANELS)):
-        count = len(set(axes[name])) if name else 0
-        if count > most:
-            notes.append(f"Of {count} values of {_symbol(name)} {most} are drawn; sweep.csv has all.")
-    notes += [f"Here {_text(name, value)}; sweep.csv has the others." for name, value in fixed.items()]
-    lost = sum(math.isnan(fem_force(row)) for row in rows)
-    return [*notes, f"{lost} of {len(rows)} cases have no FEM result."] if lost else notes
+def units(cube: Cube, quantity: Shown, most: int) -> Iterator[list[Section]]:
+    """Yield the sections that belong together, values by models and errors below, of `most` pictures each."""
+    every = [*quantity.values.values(), *quantity.errors.values()]
+    whole = sweep_views.view(cube.axes, cube.effective(every))
+
+    def look(models: Mapping[str, str]) -> View:
+        return sweep_views.pruned(whole, cube.axes, cube.effective(list(models.values())))
+
+    def section(models: Mapping[str, str], *, error: bool) -> Section:
+        own = sweep_views.folded(cube, look(models), list(models.values()), most)
+        # colours mean models where they mean no axis
+        free = not own.second and (whole.maps or not whole.second)
+        numbers = [list(quantity.values).index(m) if m in quantity.values else k for k, m in enumerate(models)]
+        colours = numbers if free else ()
+        return sweep_views.section(cube, own, quantity.label, quantity.unit, models, colours, error=error)
+
+    references = {m: c for m, c in quantity.values.items() if m not in quantity.errors} or dict(quantity.values)
+    reference, others = next(iter(references.items())), dict(quantity.values)
+    others.pop(reference[0])
+    if not whole.second or len(quantity.values) <= 2:
+        groups = [(dict(quantity.values), dict(quantity.errors))]
+    else:
+        groups = [
+            (dict([reference, (m, c)]), {k: e for k, e in quantity.errors.items() if k == m})
+            for m, c in others.items()
+        ]
+    if look(quantity.values).maps:
+        groups = [(references, dict(quantity.errors))]
+    for values, errors in groups:
+        sections = []
+        for error, by in ((False, values), (True, errors)):
+            shared = look(by) if by else whole
+            # a map has one model, and so have errors whose colours mean an axis
+            apart = shared.maps or (error and bool(shared.second))
+            parts = [{m: c} for m, c in by.items()] if apart else [by] if by else []
+            sections += [section(part, error=error) for part in parts]
+        yield sections
 
 
-def _unit(axis: str) -> str:
-    return "MPa" if axis == "E" else "mm"
+def _pages(grouped: Sequence[Sequence[Section]]) -> list[list[Block]]:
+    """Put the blocks of all sections onto pictures: those that belong together onto one if there is room."""
+    pages: list[list[Block]] = []
+    for sections in grouped:
+        own = [sweep_views.blocks(section) for section in sections]
+        together = [list(blocks) for blocks in zip(*own, strict=True)] if len({*map(len, own)}) == 1 else []
+        if not together or _height(together[0]) > MOST_HEIGHT:
+            together = [[block] for blocks in own for block in blocks]
+        for blocks in together:
+            if pages and _fit(pages[-1], blocks):
+                pages[-1] += blocks
+            else:
+                pages.append(list(blocks))
+    return pages
 
 
-def _symbol(axis: str) -> str:
-    return "$d$" if axis == "depth" else f"${axis}$"
+def _height(blocks: Sequence[Block]) -> float:
+    """Return the height of blocks below each other, in."""
+    return sum(len(block.panels) * _row_height(block) for block in blocks)
 
 
-def _text(axis: str, value: float) -> str:
-    return f"{_symbol(axis)} = {value:.4g} {_unit(axis)}"
+def _fit(page: Sequence[Block], more: Sequence[Block]) -> bool:
+    """Return whether blocks can stand below those of a picture: there is room, and colours mean the same."""
+    colours = {b.section.view.second for b in (*page, *more) if b.section.view.second and not b.section.view.maps}
+    single = all(b.section.failures.shape[0] == 1 for b in (*page, *more))
+    models = {b.section.models for b in (*page, *more) if not b.section.error and not b.section.view.maps}
+    return single and len(colours) <= 1 and len(models) <= 1 and _height([*page, *more]) <= MOST_HEIGHT
+
+
+def _picture(file: Path, page: Sequence[Block], cube: Cube, notes: Sequence[str]) -> None:
+    """Draw one picture: the blocks below each other, the legend above and the notes below."""
+    columns = math.lcm(*(block.width for block in page))
+    width = NARROW if max(block.width for block in page) <= MOST_NARROW else BROAD
+    heights = [_row_height(block) for block in page for _ in block.panels]
+    handles, across = table_plots.legend_columns(_handles(page, cube), width)
+    text = "\n".join(part for note in notes for part in textwrap.wrap(note, int(width * 11)))
+    height = sum(heights) + 0.27 * len(handles) / across + 0.19 * len(text.splitlines()) + 0.3
+    with table_plots.sheet(file, width, height) as figure:
+        grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
+        top = 0
+        for n, block in enumerate(page):
+            panels = _panels(figure, grid, top, columns // block.width, block)
+            if block.section.view.maps:
+                sweep_maps.draw(figure, panels, block, cube.axes, 0.75 * width / block.width)
+            else:
+                sweep_lines.draw(panels, block, cube.axes, 0.8 * width / block.width)
+            below, size = page[n + 1] if n + 1 < len(page) else None, (width / block.width, _row_height(block))
+            sweep_titles.label(panels, block, cube.axes, page[n - 1] if n else None, below, size)
+            top += len(block.panels)
+        title = sweep_titles.of_picture(page[0], cube.axes)
+        if handles:
+            figure.legend(handles=handles, loc="outside upper center", ncols=across, frameon=False, title=title)
+        elif title:
+            figure.suptitle(title, fontsize=11)
+        if text:
+            figure.supxlabel(text, fontsize=10, color=sweep_lines.GREY)
+
+
+def _row_height(block: Block) -> float:
+    if block.width > MOST_NARROW and len(block.panels) > 1:
+        return SMALL_HEIGHT
+    return MAP_HEIGHT if block.section.view.maps else LINE_HEIGHT
+
+
+def _panels(figure: Any, grid: Any, top: int, span: int, block: Block) -> dict[Place, Any]:
+    """Return the panels of a block by their places."""
+    return {
+        place: figure.add_subplot(grid[top + r, c * span : (c + 1) * span])
+        for r, row in enumerate(block.panels)
+        for c, place in enumerate(row)
+        if place is not None
+    }
+
+
+def _handles(page: Sequence[Block], cube: Cube) -> list[list[Any]]:
+    """Return the groups of the legend's entries: models, values of the colours, bands and failed cases."""
+    lines = [block.section for block in page if not block.section.view.maps]
+    maps = [block.section for block in page if block.section.view.maps]
+    values = [section for section in lines if not section.error]
+    models = {h.get_label(): h for section in values or lines for h in sweep_lines.model_handles(section)}
+    colours = {h.get_label(): h for section in lines for h in sweep_lines.colour_handles(section, cube.axes)}
+    others = table_plots.band_handles() if any(section.error for section in lines) else []
+    others += sweep_maps.handles(errors=any(s.error for s in maps), empty=any(s.empty for s in maps))
+    lost = failed(cube.columns)
+    if lost.any():
+        others.append(sweep_maps.failed_handle(int(lost.sum()), len(lost), maps=bool(maps)))
+    return [group for group in (list(models.values()), list(colours.values()), others) if group]

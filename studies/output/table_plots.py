@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,20 +31,29 @@ STYLE = {
 
 
 @contextlib.contextmanager
-def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
-    """Yield a figure and its axes, and write the figure at the end; matplotlib's global state stays as it is."""
+def sheet(path: str | Path, width: float, height: float) -> Iterator[Any]:
+    """Yield a figure of a size in inches, and write it at the end; matplotlib's global state stays as it is."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 2.45 * rows + 0.6), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel().tolist()
-        yield figure, axes
+        yield figure
         with atomic(path) as temporary:
             figure.savefig(temporary, dpi=300)
 
+
+@contextlib.contextmanager
+def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) -> Iterator[tuple[Any, list[Any]]]:
+    """Yield a figure with panels in rows and columns, and the panels; write the figure at the end."""
+    with sheet(path, 7.0, 2.45 * rows + 0.6) as figure:
+        yield figure, figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel().tolist()
+
+
+SAMPLE, LETTER = 0.62, 0.088
+"""Widths of a line in the legend with its margins, and of a letter, in."""
 
 BANDS = {10: 0.06, 5: 0.09}
 """Errors up to which a plot is shaded, percent, and the opacity of the shades, which are drawn one over the other."""
@@ -72,3 +81,26 @@ def label(axis: Any, letter: str, text: str) -> None:
     """Label the y axis, and write the panel's letter above it."""
     axis.set_ylabel(text)
     axis.set_title(letter, loc="left", fontweight="bold", fontsize=12)
+
+
+def legend_columns(groups: Sequence[Sequence[Any]], width: float) -> tuple[list[Any], int]:
+    """Return the entries of a legend, filled up with empty ones, and the number of its columns.
+
+    Groups have columns of their own; there are as few rows as the width in inches allows.
+    """
+    from matplotlib.lines import Line2D
+
+    rows, columns = 1, []
+    for rows in range(1, 1 + max(map(len, groups), default=0)):
+        columns = [column for group in groups for column in _columns(group, rows)]
+        longest = [max(len(entry.get_label().replace("$", "")) for entry in column) for column in columns]
+        if sum(SAMPLE + LETTER * count for count in longest) <= width:
+            break
+    full = [[*column, *[Line2D([], [], linestyle="none", label=" ")] * (rows - len(column))] for column in columns]
+    return [entry for column in full for entry in column], max(len(full), 1)
+
+
+def _columns(group: Sequence[Any], rows: int) -> list[list[Any]]:
+    """Return the entries of a group in columns of nearly equal length."""
+    size = -(-len(group) // -(-len(group) // rows))
+    return [list(group[k : k + size]) for k in range(0, len(group), size)]

@@ -1,0 +1,65 @@
+"""Notes below the pictures of a sweep, in sentences: axes without effect, folded axes, failed cases."""
+
+from __future__ import annotations
+
+import textwrap
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.exploration.sweep_axes import symbol
+from studies.exploration.sweep_cube import Cube, failed
+from studies.exploration.sweep_views import Section
+
+MOST_NOTED = 100
+"""Greatest number of letters of the reason of failed cases."""
+
+
+def idle(cube: Cube, shown: Sequence[str]) -> list[str]:
+    """Name the axes that change none of the columns that are shown."""
+    effective = cube.effective(shown)
+    names = [symbol(name) for name, axis in cube.axes.items() if len(axis) > 1 and name not in effective]
+    if not names or failed(cube.columns).all():
+        return []
+    return [f"{_list(names)} {'changes' if len(names) == 1 else 'change'} nothing that is shown."]
+
+
+def of_picture(sections: Sequence[Section]) -> list[str]:
+    """State which axes of a picture are folded, and for which axes its errors are the same."""
+    notes = []
+    for section in sections:
+        if section.view.folded:
+            how = (
+                "the value of greatest magnitude" if section.view.maps
+                else "lines at the greatest magnitude, shaded from the least to the greatest value"
+            )  # fmt: skip
+            names = _list([symbol(name) for name in section.view.folded])
+            notes.append(f"{section.subject} over all values of {names}: {how}.")
+    for section in (s for s in sections if s.error):
+        values = [s for s in sections if not s.error and s.label == section.label]
+        same = [name for name in (values[0].names if values else []) if name not in section.names]
+        if same:
+            notes.append(f"The error of {section.label} is the same for every {_list([symbol(n) for n in same])}.")
+    return list(dict.fromkeys(notes))
+
+
+def failures(columns: Mapping[str, NDArray[Any]]) -> list[str]:
+    """State how many cases failed and why."""
+    lost = failed(columns)
+    if not lost.any():
+        return []
+    kinds = Counter(str(status) for status in np.asarray(columns["status"])[lost])
+    causes = ", ".join(f"{count} {status}" if len(kinds) > 1 else status for status, count in kinds.most_common(3))
+    text = f"{int(lost.sum())} of {len(lost)} cases failed ({causes})"
+    if "message" in columns:
+        reasons = Counter(str(message) for message in np.asarray(columns["message"])[lost] if str(message))
+        for reason, _ in reasons.most_common(1):
+            text += f"; most often: {textwrap.shorten(reason, MOST_NOTED, placeholder=' ...')}"
+    return [text.replace("$", r"\$").rstrip(".") + "."]
+
+
+def _list(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
