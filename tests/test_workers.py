@@ -156,8 +156,19 @@ def test_a_process_that_dies_while_it_loads_is_no_death_of_a_task(monkeypatch):
         list(finished([1], worker_tasks.echo, workers=1))
 
 
+def test_processes_that_the_system_kills_while_they_load_are_started_again(monkeypatch, tmp_path):
+    code = (
+        "import os, pathlib; from studies.exploration import worker_process\n"
+        f"folder = pathlib.Path({str(tmp_path)!r}); (folder / str(os.getpid())).touch()\n"
+        "if len(list(folder.iterdir())) < 5: os.kill(os.getpid(), 9)\n"
+        "worker_process.main()\n"
+    )
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", code))
+    assert [each.answer for each in finished([1], worker_tasks.echo, workers=1)] == [1]
+    assert len(noted(tmp_path)) == 5
+
+
 def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
-    monkeypatch.setattr(worker_process, "cores", lambda: 8)
     monkeypatch.setattr("studies.exploration.executors.cores", lambda: 8)
     for name, value in {"OMP_NUM_THREADS": "3", "MKL_NUM_THREADS": "16", "OPENBLAS_NUM_THREADS": "x"}.items():
         monkeypatch.setenv(name, value)
@@ -165,6 +176,8 @@ def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
     results = finished(worker_process.THREADS, worker_tasks.environment, workers=2)
     threads = {each.task: each.answer for each in results}
     assert [threads[name] for name in worker_process.THREADS] == ["3", "4", "4", "4"]
+    (alone,) = finished(["NUMBA_NUM_THREADS"], worker_tasks.environment, workers=2)
+    assert alone.answer == "8"
 
 
 def test_a_death_keeps_its_codes_when_it_is_sent():

@@ -25,8 +25,8 @@ from studies.output.provenance import ROOT
 
 COMMAND = (sys.executable, "-P", "-m", "studies.exploration.worker_process")
 """Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
-STARTS = 3
-"""Attempts to start a process for one job; the system may kill one while it loads."""
+STARTS = 10
+"""Attempts to start a process for one job if the system kills each while it loads."""
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables with the number of threads of linear algebra and compiled loops."""
 
@@ -117,9 +117,9 @@ class WorkerProcesses:
         with self._lock:
             self._ended.add(owner)
             idle, self._idle = self._idle, []
-            busy = [process for process, its_owner in self._busy.items() if its_owner == owner]
-        for process in busy:
-            _kill(process)  # the thread that waits for its answer closes the pipes
+            for process, its_owner in self._busy.items():
+                if its_owner == owner:
+                    _kill(process)  # the thread that waits for its answer closes the pipes
         for process in idle:
             _finish(process)
 
@@ -141,9 +141,8 @@ class WorkerProcesses:
             if _receive(process) is not None:
                 return process
             code = self._give_back(process, usable=False)
-        with self._lock:
-            if owner in self._ended:
-                raise NotStarted("the jobs have been ended")
+            if code > 0:
+                break  # an installation that does not work
         raise NotStarted(f"worker processes end with {WorkerDied(code)} before they do anything")
 
     def _give_back(self, process: subprocess.Popen[bytes], *, usable: bool) -> int:

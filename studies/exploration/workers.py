@@ -83,6 +83,8 @@ def finished(
         Also if the function raises them.
     """
     report = _Reports(tasks, cost, progress)
+    if isinstance(tasks, Sequence) and tasks:
+        workers = min(workers, len(tasks))  # each has more threads for linear algebra
     with _executor(workers, scheduler) as executor:
         try:
             yield from _finished(tasks, function, executor, report)
