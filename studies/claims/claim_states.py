@@ -17,13 +17,10 @@ import numpy as np
 from analytic import hall
 from analytic.magnet import cylinder_field
 from fem.accuracy import FINE, QUICK, STANDARD, Accuracy
-from fem.scene import Scene
 from geometry.arrays import Array
-from geometry.design import BadInput, Design, paper
+from geometry.design import Design, paper
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
-from studies.exploration.solved_paths import answers, place
-from studies.exploration.store import Store
 from studies.simulation.compare import follow, part
 
 S1_AT_REST = 2.87
@@ -137,20 +134,15 @@ GRIP = 1.0
 """Height of the tip that a grip holds, mm: the tip condition of formula (6), free to sink and to turn."""
 
 
-def solve(extent: Extent, store: Store | None = None, progress: Progress | None = None) -> States:
-    """Solve for all states; frictionless presses are read from the store, if there is one, and added to it."""
+def solve(extent: Extent, progress: Progress | None = None) -> States:
+    """Solve for all states."""
     heights, accuracy = extent.heights, extent.accuracy
-    presses = tuple(
-        press(
-            height,
-            extent.depths,
-            accuracy,
-            store,
-            part(progress, 0.4 * k / len(heights), 0.4 * (k + 1) / len(heights)),
-        )
-        for k, height in enumerate(heights)
-    )
-    rubbed = _rubbed(extent.depths, accuracy, part(progress, 0.4, 0.5, "press with friction"))
+    presses = []
+    for k, height in enumerate(heights):
+        low, high = (0.4 * each / len(heights) for each in (k, k + 1))
+        show = part(progress, low, high, f"magnet {height:g} mm high")
+        presses.append(press(with_magnet(height), extent.depths, accuracy, show))
+    rubbed = press(paper(), extent.depths, accuracy, part(progress, 0.4, 0.5, "press with friction"), FRICTION)
     sheared = []
     conditions = _conditions(extent.shears)
     for k, (tip, magnet, loads) in enumerate(conditions):
@@ -158,7 +150,7 @@ def solve(extent: Extent, store: Store | None = None, progress: Progress | None 
         outcomes = follow(paper(), loads, accuracy, magnet, part(progress, low, high, f"shear, {tip}"))
         responses = tuple(outcome.response for outcome in outcomes)
         sheared.append(Sheared(tip, paper(), magnet, loads[0].depth, extent.shears, responses))
-    return States(presses, rubbed, tuple(sheared))
+    return States(tuple(presses), rubbed, tuple(sheared))
 
 
 def _conditions(shears: Sequence[float]) -> list[tuple[str, Magnet, list[Load]]]:
@@ -209,52 +201,30 @@ def rest_distance(design: Design) -> float:
 
 
 def press(
-    height: float, depths: Sequence[float], accuracy: Accuracy, store: Store | None, progress: Progress | None = None
-) -> Press:
-    """Return the presses of the sensor with a magnet of this height; depths beyond its silicone are not reached."""
-    design = with_magnet(height)
-    magnet: Magnet = "rigid" if height else "ignored"
-    loads, refusal = [], ""
-    for depth in depths:
-        try:
-            Scene(design, (Load(depth),), accuracy, magnet)
-            loads.append(Load(depth))
-        except BadInput as error:
-            refusal = str(error)
-    solved, _ = answers(Scene(design, tuple(loads), accuracy, magnet), store, progress)
-    reached = [solved[place(design, load)] for load in loads]
-    responses = [answer.response for answer in reached] + [None] * (len(depths) - len(loads))
-    message = next((answer.message for answer in reached if answer.response is None), refusal)
-    estimates = [answer.error_estimate for answer in reached if answer.response is not None]
-    return _press(height, design, depths, responses, estimates, message)
-
-
-def _rubbed(depths: Sequence[float], accuracy: Accuracy, progress: Progress | None) -> Press:
-    """Return the presses of the preset by a plate with friction, which follow one path."""
-    design = paper()
-    outcomes = follow(design, [Load(d, friction=FRICTION) for d in depths], accuracy, "rigid", progress)
-    message = next((outcome.message for outcome in outcomes if outcome.response is None), "")
-    estimates = [outcome.error_estimate for outcome in outcomes]
-    responses = [outcome.response for outcome in outcomes]
-    return _press(design.magnet_height, design, depths, responses, estimates, message)
-
-
-def _press(
-    height: float,
     design: Design,
     depths: Sequence[float],
-    responses: Sequence[Response | None],
-    estimates: Sequence[float],
-    message: str,
+    accuracy: Accuracy,
+    progress: Progress | None = None,
+    friction: float = 0.0,
 ) -> Press:
+    """Return the presses of a sensor; depths beyond its silicone are not reached.
+
+    Parameters
+    ----------
+    friction : Coulomb coefficient of the plate.
+    """
+    loads = [Load(depth, friction=friction or "none") for depth in depths]
+    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
+    outcomes = follow(design, loads, accuracy, magnet, progress)
+    responses = [outcome.response for outcome in outcomes]
     return Press(
-        height,
+        design.magnet_height,
         design,
         np.array(depths, dtype=np.float64),
         np.array([NAN if r is None else r.force[2] / design.E for r in responses]),
         np.array([NAN if r is None else -r.shift[2] for r in responses]),
-        max(filter(math.isfinite, estimates), default=NAN),
-        message,
+        max((outcome.error_estimate for outcome in outcomes if math.isfinite(outcome.error_estimate)), default=NAN),
+        next((outcome.message for outcome in outcomes if outcome.response is None), ""),
     )
 
 
