@@ -102,10 +102,9 @@ def _rows(connection: sqlite3.Connection, name: str, query: str, table: str) -> 
 
 def _physics(connection: sqlite3.Connection) -> Check:
     """Check that the program knows the physics version of each path; older ones are in order."""
-    current = " ".join(f"WHEN {name} THEN {version}" for name, version in store_fields.physics_versions())
+    known = f"COALESCE(physics >= 1 AND NOT {store_fields.current_physics('>')}, 0)"
     groups = connection.execute(
-        f"SELECT quantity, model, physics, COUNT(*), physics BETWEEN 1 AND CASE {current} END FROM listed"
-        " GROUP BY quantity, model, physics"
+        f"SELECT quantity, model, physics, COUNT(*), {known} FROM listed GROUP BY quantity, model, physics"
     ).fetchall()
     errors = [
         f"{count} of {store_listing.named(quantity, model)} with physics version {physics}"

@@ -11,7 +11,6 @@ import functools
 import json
 import math
 import sqlite3
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -70,6 +69,7 @@ FIELDS: dict[str, Field] = {
     "law": _listed("law"),
     "law_number_1": _content("law[1]"),
     "law_number_2": _content("law[2]"),
+    "law_number_3": _content("law[3]"),
     "nu": _listed("nu", "number"),
     "L_over_D": _listed("L_over_D", "number"),
     "magnet_diameter_over_D": _content("shape.magnet_diameter"),
@@ -79,6 +79,11 @@ FIELDS: dict[str, Field] = {
     "grip_over_D": _content("load.grip"),
     "plate_tilt_rad": _content("load.plate_tilt"),
     "imperfection_over_E_D2": _content("load.imperfection"),
+    "sheared_at_depth_over_D": _content("load.sheared_at_depth"),
+    "direction_x": _content("load.direction[0]"),
+    "direction_y": _content("load.direction[1]"),
+    "modes_at_depth_over_D": _content("load.depth"),
+    "density_ratio": _content("load.density_ratio"),
     "depth_over_D": _column("depth"),
     "shear_over_D": _column("shear"),
     "outcome": _column("outcome", "text"),
@@ -92,6 +97,11 @@ FIELDS: dict[str, Field] = {
     "tilt_rad": _answer("response.tilt"),
     "tilt_y_rad": _answer("response.tilt_y"),
     "contact_radius_over_D": _answer("response.contact_radius", PER_LENGTH),
+    "critical_depth_over_D": _answer("values.critical_depth_over_D"),
+    "critical_force_over_E_D2": _answer("values.critical_force_over_ED2"),
+    "stable_to_over_D": _answer("values.stable_to_over_D"),
+    # stored as f D (rho / E)^(1/2) in mm, MPa and kg/m^3
+    **{f"frequency_{k + 1}_D_sqrt_rho_over_E": _answer(f"values.frequency[{k}]", " * 1e-6") for k in range(6)},
     "error_estimate": _answer("error_estimate"),
     "seconds": _column("seconds"),
     "solved_D_mm": _answer("D_mm"),
@@ -192,7 +202,7 @@ def condition(selection: Selection) -> Condition:
         of_paths = "state.path IN (SELECT id FROM path WHERE damaged_path(key, content))"
         parts["state"].append((f"({states} OR {of_paths})", ()))
     if selection.older_physics:
-        parts["listed"].append((_older_physics(), ()))
+        parts["listed"].append((current_physics("<"), ()))
     where = {table: " AND ".join(sql for sql, _ in each) or "1" for table, each in parts.items()}
     return Condition(
         **where, values=tuple(value for each in parts.values() for _, values in each for value in values)
@@ -252,19 +262,10 @@ def _utc(option: str, text: str) -> str:
     return zoned.astimezone(datetime.UTC).isoformat(timespec="seconds")
 
 
-def _older_physics() -> str:
-    """Return the condition on paths whose physics version is older than that of the program."""
-    current = " ".join(f"WHEN {name} THEN {version}" for name, version in physics_versions())
-    return f"listed.physics < CASE {current} ELSE 0 END"
-
-
-def physics_versions() -> Sequence[tuple[str, int]]:
-    """Return conditions on paths in SQL, each with the physics version that the program uses."""
+def current_physics(sign: Literal["<", "=", ">"]) -> str:
+    """Return a condition on `listed`: its physics version against the program's, which is 0 for an unknown model."""
     from fem.physics_version import PHYSICS
 
     # a quantity with a version of its own comes before the model that computes it
-    return [
-        (f"listed.{column} = '{name}'", version)
-        for column in ("quantity", "model")
-        for name, version in PHYSICS.items()
-    ]
+    cases = [f"WHEN {column} = '{name}' THEN {PHYSICS[name]}" for column in ("quantity", "model") for name in PHYSICS]
+    return f"physics {sign} CASE {' '.join(cases)} ELSE 0 END"
