@@ -64,11 +64,12 @@ def drawn(tmp_path, monkeypatch):
     save = Figure.savefig
     monkeypatch.setattr(Figure, "savefig", lambda self, file, **_: (figures.append(self), save(self, file, dpi=60)))
 
-    def draw(axes, shown=(FORCE,), lose=None, points=None, **options):
+    def draw(axes, shown=(FORCE,), lose=None, points=None, columns=None, **options):
         del figures[:]
+        columns = columns_of(axes, lose, points) if columns is None else columns
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            files = sweep_plot.draw(tmp_path / "sweep.png", columns_of(axes, lose, points), axes, shown, **options)
+            files = sweep_plot.draw(tmp_path / "sweep.png", columns, axes, shown, **options)
         assert [file.name for file in files] == [
             f"sweep{f'-{k}' if k > 1 else ''}.png" for k in range(1, len(figures) + 1)
         ]
@@ -246,6 +247,27 @@ def test_failed_cases_are_crosses_at_the_lower_edge_with_count_and_cause(drawn):
     assert "1 of 3 cases failed (not_converged); most often: the press stopped at 62 % of its depth." in note(figure)
     # the points at both sides have no line, so that each has a marker
     assert all("None" not in str(line.get_marker()) for line in panels(figure)[0].get_lines())
+
+
+def test_errors_far_beyond_the_others_are_arrows_and_a_note(drawn):
+    axes = {"D_mm": [float(k) for k in range(6, 30)]}
+    columns = columns_of(axes)
+    columns["force_error_percent"][[4, 7]] = -900.0, 2500.0
+    (figure,) = drawn(axes, columns=columns)
+    check_texts(figure)
+    error = panels(figure)[1]
+    arrows = [(line.get_marker(), *line.get_xdata()) for line in error.get_lines() if line.get_label() == "_beyond"]
+    assert sorted(arrows) == [("^", 13.0), ("v", 10.0)]
+    assert error.get_ylim()[1] < 100
+    assert "2 errors of press force beyond the range of the picture: -900 % to 2500 %." in note(figure)
+
+
+def test_colours_mean_either_models_or_values_in_one_picture(drawn):
+    shown = [FORCE, Shown("ratio", "1", {"FEM": "ratio", "paper": "nu"}, {})]
+    axes = {"E_MPa": [1.0, 2.0], "depth_mm": [0.5, 1.0]}
+    columns = columns_of(axes) | {"ratio": columns_of(axes)["depth_mm"]}
+    figures = drawn(axes, shown, columns=columns)
+    assert [bool([text for text in legend(figure) if "$" in text]) for figure in figures] == [True, False]
 
 
 def test_cases_without_a_result_do_not_hide_those_with_one(drawn):

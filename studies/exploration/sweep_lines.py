@@ -19,8 +19,8 @@ MOST_WIDE = 3
 """Greatest number of columns with wide panels."""
 WIDE = 30.0
 """Ratio of the greatest to the least value from which a range over a logarithmic axis is logarithmic, too."""
-BEYOND = 4.0
-"""Ratio of the greatest error to that of 97 % of the cases from which a plot ends before it."""
+BEYOND = 5.0
+"""Ratio to the error that 90 % of the cases do not exceed beyond which a plot does not show errors."""
 STEP, FOOT = 0.05, 0.04
 """Distance of the crosses of two colours, and of the lowest ones from the edge, as parts of the panel's height."""
 
@@ -32,7 +32,7 @@ GREY = "#555555"
 def draw(panels: Mapping[Place, Any], block: Block, axes: Mapping[str, Axis], inches: float) -> None:
     """Draw a block of lines into the panels at its places; a panel is about `inches` wide."""
     section, x = block.section, axes[block.section.view.x]
-    limits = _error_limits(section) if section.error else None
+    limits = error_limits(section) if section.error else None
     for place, panel in panels.items():
         if section.error:
             table_plots.bands(panel)
@@ -64,20 +64,19 @@ def _curve(
     x, y = axis.positions, section.values[model][place]
     marked = len(x) <= MOST_MARKED
     colour, dashes, marker = look(section, model, place[-1])
+    style: dict[str, Any]
     if section.spread:
         low, high = (part[place] for part in section.spread[model])
         panel.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    if section.error and limits is not None:
-        for sign, arrow in ((1, "^"), (-1, "v")):
-            beyond = sign * y > (limits[1] if sign > 0 else -limits[0])
+    if limits is not None:
+        for beyond, height, arrow in ((y > limits[1], 0.96, "^"), (y < limits[0], 0.04, "v")):
             if beyond.any():
-                height = np.full(beyond.sum(), 0.96 if sign > 0 else 0.04)
-                panel.plot(
-                    x[beyond], height, arrow, color=colour, transform=panel.get_xaxis_transform(), label="_beyond"
-                )
+                style = {"color": colour, "transform": panel.get_xaxis_transform(), "label": "_beyond"}
+                panel.plot(x[beyond], np.full(beyond.sum(), height), arrow, **style)
+        y = np.where((y >= limits[0]) & (y <= limits[1]), y, np.nan)
     face = "white" if section.error or model else colour
     solid = model == 0 or section.error
-    style: dict[str, Any] = {"color": colour, "markerfacecolor": face}
+    style = {"color": colour, "markerfacecolor": face}
     every = marked and (solid or axis.texts or not section.view.second)
     panel.plot(x, y, linestyle="none" if axis.texts else dashes, marker=marker if every else "", **style)
     alone = isolated(y)
@@ -108,15 +107,12 @@ def isolated(y: Array) -> Any:
     return some & ~near
 
 
-def _error_limits(section: Section) -> tuple[float, float]:
-    """Return the range of errors that all panels share; it leaves out rare errors far beyond the others."""
-    every = [*section.values, *(part for both in section.spread for part in both)]
-    numbers = np.concatenate([values[np.isfinite(values)] for values in every])
-    numbers = np.append(numbers, [-10.0, 10.0])
-    usual = float(np.percentile(abs(numbers), 97))
-    if abs(numbers).max() > BEYOND * usual:
-        numbers = numbers[abs(numbers) <= 1.5 * usual]
-    low, high = float(numbers.min()), float(numbers.max())
+def error_limits(section: Section) -> tuple[float, float]:
+    """Return the range of errors that all panels share, %; it leaves out few errors far beyond the others."""
+    numbers = np.append(section.numbers, [-10.0, 10.0])
+    usual = BEYOND * float(np.percentile(abs(numbers), 90))
+    inside = numbers[abs(numbers) <= usual]
+    low, high = float(inside.min()), float(inside.max())
     return low - 0.06 * (high - low), high + 0.06 * (high - low)
 
 

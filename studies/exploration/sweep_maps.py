@@ -98,6 +98,12 @@ def _norm(section: Section) -> tuple[Any, str]:
     return Normalize(low, high if high > low else low + (abs(low) or 1.0)), "neither"
 
 
+def error_limits(section: Section) -> tuple[float, float]:
+    """Return the range of errors that the colours tell apart, %."""
+    norm, _ = error_norm(section.numbers)
+    return norm.vmin, norm.vmax
+
+
 def error_norm(errors: Array) -> tuple[Any, str]:
     """Return the scale of the colours of errors, symmetric about zero, and the ends with arrows."""
     from matplotlib.colors import Normalize
@@ -162,16 +168,17 @@ def _contours(panel: Any, axes: tuple[Axis, Axis], values: Array, levels: Sequen
 
 
 def _middles(lines: Any, panel: Any) -> list[tuple[float, float]]:
-    """Return the points for the labels of contours: the middles of the longest line of each level, if it is long."""
+    """Return the points for the labels of contours: near the middle of each level's longest line, if it is long."""
     points = []
-    for segments in lines.allsegs:
+    for k, segments in enumerate(lines.allsegs):
         longest = max(segments, key=len, default=np.zeros((0, 2)))
         if len(longest) < 2:
             continue
         at = panel.transAxes.inverted().transform(panel.transData.transform(longest))
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))])
         if along[-1] > LEAST_LENGTH:
-            x, y = longest[np.searchsorted(along, along[-1] / 2)]
+            # labels of neighbouring contours stand apart
+            x, y = longest[np.searchsorted(along, along[-1] * (0.4, 0.6)[k % 2])]
             points.append((float(x), float(y)))
     return points
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.exploration import sweep_lines, sweep_maps
 from studies.exploration.sweep_axes import symbol
 from studies.exploration.sweep_cube import Cube, failed
 from studies.exploration.sweep_views import Section
@@ -39,6 +40,12 @@ def of_picture(sections: Sequence[Section]) -> list[str]:
             names = _list([symbol(name) for name in section.view.folded])
             notes.append(f"{section.subject} over all values of {names}: {how}.")
     for section in (s for s in sections if s.error):
+        low, high = sweep_maps.error_limits(section) if section.view.maps else sweep_lines.error_limits(section)
+        beyond = section.numbers[(section.numbers < low) | (section.numbers > high)]
+        if len(beyond):
+            what = "1 error" if len(beyond) == 1 else f"{len(beyond)} errors"
+            ends = " to ".join(dict.fromkeys(f"{value:.0f} %" for value in (beyond.min(), beyond.max())))
+            notes.append(f"{what} of {section.label} beyond the range of the picture: {ends}.")
         values = [s for s in sections if not s.error and s.label == section.label]
         same = [name for name in (values[0].names if values else []) if name not in section.names]
         if same:

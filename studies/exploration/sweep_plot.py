@@ -171,9 +171,12 @@ def _height(blocks: Sequence[Block]) -> float:
 
 def _fit(page: Sequence[Block], more: Sequence[Block]) -> bool:
     """Return whether blocks can stand below those of a picture: there is room, and colours mean the same."""
-    colours = {b.section.view.second for b in (*page, *more) if b.section.view.second and not b.section.view.maps}
-    single = all(b.section.failures.shape[0] == 1 for b in (*page, *more))
-    models = {b.section.models for b in (*page, *more) if not b.section.error and not b.section.view.maps}
+    sections = [block.section for block in (*page, *more)]
+    lines = [section for section in sections if not section.view.maps]
+    colours = {section.view.second for section in lines if section.view.second}
+    colours |= {"model" for section in lines if section.colours}
+    single = all(section.failures.shape[0] == 1 for section in sections)
+    models = {section.models for section in lines if not section.error}
     return single and len(colours) <= 1 and len(models) <= 1 and _height([*page, *more]) <= MOST_HEIGHT
 
 

@@ -22,6 +22,8 @@ from studies.output.table_plots import COLOURS
 
 MOST_COLUMNS = 4
 """Greatest number of axes side by side."""
+MANY = 500
+"""Number of points beyond which they have no edges and show through each other."""
 BINS = 8
 """Number of parts of an axis between whose means the effect of the axis is measured."""
 MARKERS = "o^sDv<"
@@ -172,7 +174,14 @@ def _points(
         n = order.index(model) if model in order else 0
         face = COLOURS[n] if n == 0 else "none"
         style: dict[str, Any] = {"color": COLOURS[n], "markerfacecolor": face, "markersize": size, "mew": 0.7}
-        panel.plot(x, _numbers(columns, column), MARKERS[n % 6], rasterized=True, alpha=0.8, **style)
+        panel.plot(
+            x,
+            _numbers(columns, column),
+            MARKERS[n % 6],
+            rasterized=True,
+            alpha=0.8 if len(x) <= MANY else 0.4,
+            **style,
+        )
 
 
 def _map(
@@ -190,8 +199,9 @@ def _map(
     norm, extend = sweep_maps.error_norm(values)
     order = np.argsort(np.nan_to_num(abs(values)), kind="stable")
     order = order[np.isfinite(values[order])]
-    style: dict[str, Any] = {"cmap": sweep_maps.ERRORS, "norm": norm, "edgecolors": "#555555", "linewidths": 0.3}
-    size = (1.6 * _size(len(x))) ** 2
+    style: dict[str, Any] = {"cmap": sweep_maps.ERRORS, "norm": norm, "edgecolors": "#555555"}
+    style["linewidths"] = 0.3 if len(x) <= MANY else 0.0
+    size = float(np.clip(280 / math.sqrt(len(x)), 1.5, 8.0)) ** 2
     points = panel.scatter(x[order], y[order], s=size, c=values[order], rasterized=True, **style)
     panel.plot(x[lost], y[lost], "x", color="#555555", markersize=4, label="_failed")
     for way, axis in zip("xy", pair, strict=True):

@@ -61,8 +61,9 @@ def _label_outside(panel: Any, label: str) -> None:
 
 def _fitted(axis: Axis, index: int, inches: float) -> str:
     """Return name and value of an axis in as many lines as this length needs."""
-    full, short = wrapped(axis.text(index, full=True), inches), axis.text(index)
-    return full if "\n" not in full else wrapped(short, inches)
+    # all panels of an axis have the full name or none
+    full = all("\n" not in wrapped(axis.text(k, full=True), inches) for k in range(len(axis)))
+    return wrapped(axis.text(index, full=full), inches)
 
 
 def _columns(block: Block) -> tuple[str, int, tuple[int, ...]]:

@@ -94,6 +94,12 @@ class Section:
     colours: tuple[int, ...]
 
     @property
+    def numbers(self) -> Array:
+        """All values, with the least and greatest over folded axes, shape (n,)."""
+        every = [*self.values, *(part for both in self.spread for part in both)]
+        return np.concatenate([values[np.isfinite(values)] for values in every])
+
+    @property
     def names(self) -> list[str]:
         """Axes that are shown or folded."""
         return [*_shown(self.view), *self.view.folded]
