@@ -1,12 +1,14 @@
-"""The verb that measures computing time and memory: bench."""
+"""The verbs that measure computing time and memory: bench, trade."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
-from studies.inputs.exit_status import GOOD
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.option_groups import Whole
 from studies.output import atomic_files, console
 
 
@@ -53,3 +55,56 @@ def bench(
     if missed:
         console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
     return GOOD
+
+
+def trade(
+    *,
+    designs: Whole = 24,
+    confirm: bool = False,
+    quick: bool = False,
+    out: Path | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Measure cost and true error of every model over the range of designs; the rule of --tolerance follows.
+
+    Parameters
+    ----------
+    designs
+        Number of designs, 2 to 24.
+    confirm
+        Check the rule on 20 random designs that it has not seen; exit status 3 if a goal is missed.
+    quick
+        Use the section models at accuracy quick in presses and glued shears only: seconds instead of an hour.
+    out
+        Folder for trade.csv, TRADE.md, trade.png, model_choice.json and all solves; a run that was stopped continues
+        from there.
+    """
+    command_line = command(trade, locals())
+    from studies.benchmarks import trade_cases, trade_report, trade_rule
+    from studies.benchmarks import trade_study as study
+    from studies.output.provenance import versions
+
+    if not 2 <= designs <= trade_cases.STUDIED:
+        raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
+    origin = versions()
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        states = study.run(study.plan(designs, quick=quick), folder, progress)
+        rule = trade_rule.statements(states)
+        results = []
+        if confirm:
+            states += study.run(study.confirming_plan(quick=quick), folder, progress)
+            results = list(trade_rule.confirm(states, rule))
+        if folder is not None:
+            trade_report.write(folder, states, rule, results, origin, command_line)
+    first = ("kind", "model", "level", "force_p95_percent", "shift_p95_percent", "cpu_s", "cost")
+    table = [cell.row() for cell in trade_report.cells(states)]
+    console.report(table, as_json=as_json, title="Cost and error", first=first, wide=wide)
+    if not results:
+        return GOOD
+    confirmed = trade_rule.summary(results)
+    console.report([row.row() for row in confirmed], as_json=as_json, title="Confirmation", wide=wide)
+    missed = trade_rule.missed(confirmed)
+    if missed:
+        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
+    return FAILED if missed else GOOD

@@ -47,7 +47,7 @@ VERBS = {
     "Validation": {
         "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
         "claims_commands": "claims",
-        "benchmark_commands": "bench",
+        "benchmark_commands": "bench trade",
     },
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""

@@ -16,7 +16,19 @@ from studies.cli.printed_command import command
 from studies.inputs import user_input
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect
-from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, LawName, Method, Motion, Whole
+from studies.inputs.option_groups import (
+    ACCURACY,
+    DEPTH,
+    MAGNET,
+    SHEAR,
+    SHEAR_Y,
+    STANDARD,
+    TOLERANCE,
+    LawName,
+    Method,
+    Motion,
+    Whole,
+)
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
@@ -39,7 +51,8 @@ def solve(
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
-    If a solve stops early, the last converged state is printed and the exit status is 3.
+    If a solve stops early, the last converged state is printed and the exit status is 3. With --tolerance, formulas
+    may replace the finite elements, and all states are printed at the end.
 
     Parameters
     ----------
@@ -48,7 +61,7 @@ def solve(
     picture
         File (.png) for the deformed section of the last state.
     """
-    from studies.simulation import load_cases
+    from studies.simulation import load_cases, within_tolerance
 
     design = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
@@ -56,11 +69,22 @@ def solve(
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     title, keys = "Finite elements", load_cases.columns(loads)
+    chosen = None
+    if method.tolerance is not None:
+        chosen = within_tolerance.choose(design, loads, method, files=out is not None or picture is not None)
+        chosen.say()
+        title = "Formulas" if chosen.choice.model_kind == "formula" else title
     with console.progress(as_json=as_json) as progress:
-        reached = load_cases.solve(design, loads, method, out=out, picture=picture, progress=progress)
+        if chosen is None:
+            states = load_cases.solve(design, loads, method, out=out, picture=picture, progress=progress)
+            reached = load_cases.rows(states)
+        else:
+            reached = within_tolerance.solve(
+                design, loads, method, chosen, out=out, picture=picture, progress=progress
+            )
         with contextlib.closing(reached):
             records = console.stream(
-                (state.row() for state in reached),
+                reached,
                 as_json=as_json,
                 title=title,
                 keys=keys,
@@ -223,7 +247,8 @@ def compare(
     /,
     *,
     out: Path | None = None,
-    accuracy: AccuracyName = "standard",
+    accuracy: Annotated[AccuracyName | None, STANDARD] = None,
+    tolerance: Annotated[str | None, TOLERANCE] = None,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -237,20 +262,26 @@ def compare(
     ----------
     out
         Folder for tables and plots.
-    accuracy
-        Accuracy of the finite elements.
     """
     design = design_of(source, sets)
     from fem.accuracy import LEVELS
     from studies.exploration import sweep_request
     from studies.simulation import compare as study
+    from studies.simulation import within_tolerance
 
     say_if_without_magnet(design)
     atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
+    chosen: within_tolerance.Chosen | None = None
+    level: str = accuracy or "standard"
+    if tolerance is not None:
+        within_tolerance.check_alone({"--accuracy": accuracy})
+        chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
+        chosen.say()
+        level = chosen.choice.level_or_accuracy
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        summary = study.run(design, folder, accuracy=LEVELS[accuracy], progress=progress)
+        summary = study.run(design, folder, accuracy=LEVELS[level], progress=progress)
     if as_json:
-        console.report([summary], as_json=True)
+        console.report([summary | ({} if chosen is None else chosen.row())], as_json=True)
     else:
         for name in ("press", "shear"):
             sweep_request.show(summary[name], name.capitalize(), wide=wide)

@@ -36,6 +36,11 @@ LEVEL = Parameter(
     help="Model of the field: exact; paper, its equation (3); paper-printed, the same with its misprint; dipole."
 )
 ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
+STANDARD = Parameter(help="Accuracy of mesh and harmonics; default: standard.")
+TOLERANCE = Parameter(
+    help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in `magtip trade` meet "
+    "it, instead of --accuracy."
+)
 
 
 @Parameter(name="*")
@@ -109,7 +114,13 @@ class Method:
     model: Model = "auto"
     harmonics: Whole | None = None
     mesh: Path | None = None
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+    accuracy: Annotated[AccuracyName | None, STANDARD] = None
+    tolerance: Annotated[str | None, TOLERANCE] = None
+
+    @property
+    def level(self) -> AccuracyName:
+        """The accuracy, or its default."""
+        return self.accuracy or "standard"
 
 
 @Parameter(name="*")

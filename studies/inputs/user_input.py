@@ -51,6 +51,25 @@ def parse_numbers(name: str, text: str) -> list[float]:
     return [_number(f"each value of {name}", part) for part in parts]
 
 
+def parse_tolerance(text: str) -> float:
+    """Return the fraction in a text such as 1% or 0.01.
+
+    >>> parse_tolerance("1%"), parse_tolerance("0.01")
+    (0.01, 0.01)
+    """
+    number, sign, rest = text.strip().partition("%")
+    try:
+        value = float(number) / (100 if sign else 1)
+    except ValueError:
+        value = math.nan
+    if rest or not 0 < value < 1:
+        raise BadInput(
+            "--tolerance must be a percentage above 0% and below 100%, such as 1%, or a fraction such as 0.01; got "
+            f"{text!r}"
+        )
+    return value
+
+
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
     """Return fields of a dataclass from texts KEY=VALUE, as numbers where possible; the class checks their ranges."""
     names = [spec.name for spec in dataclasses.fields(kind)]

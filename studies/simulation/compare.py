@@ -103,15 +103,25 @@ def compare(
     shear_depth: float | None = None,
 ) -> Comparison:
     """Return the comparison of `run` without writing files."""
-    deepest = min(3 * design.D / 8, 0.6 * (design.L - design.magnet_height))
-    press = [Load(depth=d) for d in ([deepest * k / 12 for k in range(1, 13)] if depths is None else depths)]
-    under = deepest / 3 if shear_depth is None else shear_depth
-    shears = [design.D * k / 16 for k in range(7)] if shears is None else shears
-    shear = [Load(depth=under, shear_x=value, friction="stick") for value in shears]
+    press, shear = default_loads(design, depths, shears, shear_depth)
     pressed = _both(design, press, accuracy, part(progress, 0.0, 0.08, "press"))
     sheared = _both(design, shear, accuracy, part(progress, 0.08, 1.0, "shear"))
     rows = with_reading_errors(design, press_rows(design, press, *pressed), shear_rows(design, shear, *sheared))
     return Comparison(*rows, comparison_findings.findings(design, *rows), pressed[0], sheared[0])
+
+
+def default_loads(
+    design: Design,
+    depths: Sequence[float] | None = None,
+    shears: Sequence[float] | None = None,
+    shear_depth: float | None = None,
+) -> tuple[list[Load], list[Load]]:
+    """Return the loads of press and shear, with the defaults of `run`."""
+    deepest = min(3 * design.D / 8, 0.6 * (design.L - design.magnet_height))
+    press = [Load(depth=d) for d in ([deepest * k / 12 for k in range(1, 13)] if depths is None else depths)]
+    under = deepest / 3 if shear_depth is None else shear_depth
+    shears = [design.D * k / 16 for k in range(7)] if shears is None else shears
+    return press, [Load(depth=under, shear_x=value, friction="stick") for value in shears]
 
 
 def write(folder: Path, design: Design, comparison: Comparison) -> None:

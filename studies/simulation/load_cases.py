@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import replace
@@ -15,6 +16,7 @@ from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
 from studies.output import atomic_files, console, vtk_files
+from studies.output.records import FlatRow
 from studies.sensing import field_readings
 from studies.simulation import state_rows
 from studies.simulation.state_rows import FormulaRow, StateRow
@@ -70,7 +72,7 @@ def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]
     options = []
     if motion.friction == "stick" and not (motion.shear or motion.shear_y):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
-    if method.mesh is not None and method.accuracy != "standard" and motion.grip is None:
+    if method.mesh is not None and method.level != "standard" and motion.grip is None:
         options.append(("--accuracy", "the mesh comes from --mesh"))
     return options
 
@@ -181,6 +183,13 @@ def solve(
     return _rows(design, loads, method, states, vtu, png)
 
 
+def rows(states: Generator[StateRow]) -> Generator[FlatRow]:
+    """Yield the flat rows of states; closing this generator closes `states`."""
+    with contextlib.closing(states):
+        for state in states:
+            yield state.row()
+
+
 def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
     """Return the method with the model that suits the mesh in its file, and the mesh over D; None without a file."""
     if method.mesh is None:
@@ -205,7 +214,7 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
     from fem import accuracy as accuracy_levels
     from fem.scene import MOST_HARMONICS, choose_model
 
-    level, harmonics = accuracy_levels.LEVELS[method.accuracy], method.harmonics
+    level, harmonics = accuracy_levels.LEVELS[method.level], method.harmonics
     if harmonics is None:
         return level
     if not 0 <= harmonics <= MOST_HARMONICS:

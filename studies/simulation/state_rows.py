@@ -155,6 +155,29 @@ def solved_row(state: Solution, made_for: Fields) -> StateRow:
     )
 
 
+def formula_state_row(load: Load, response: Response, model: str, seconds: float, made_for: Fields) -> StateRow:
+    """Return the row of a state by formulas, in the columns of finite elements; `model` names their level."""
+    return StateRow(
+        status="ok",
+        message="",
+        model=model,
+        load=_load_columns(load),
+        response=_response_columns(response),
+        slip_share=None,
+        dissipated_mJ=None,
+        error_estimate=None,
+        shift_error_estimate=None,
+        tilt_error_estimate=None,
+        sideways_error_estimate=None,
+        dofs=0,
+        newton_iterations=0,
+        seconds=seconds,
+        facts=FactColumns(),
+        digest=design_digest.digest(made_for),
+        made_for=made_for,
+    )
+
+
 def unsolved_row(load: Load, model: str, message: str, made_for: Fields) -> StateRow:
     """Return the row of a load that has no solution because its mesh cannot be made."""
     return StateRow(

@@ -149,7 +149,7 @@ def _comparison(
     )
 
 
-def richardson(meshes: Sequence[int], values: Sequence[float]) -> tuple[float, float]:
+def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
     """Return limit f and order p of f + C / n^p through the three finest meshes; NaN if no p in (0.2, 8) fits.
 
     >>> f, p = richardson((2, 4, 6), [1 + n**-1.5 for n in (2, 4, 6)])

@@ -1,0 +1,219 @@
+"""Designs, loads, models and reference meshes of the study of cost and error (verb trade).
+
+Twenty-four chosen designs span the range: the paper's, L/D from 0.6 to 6, magnets from none to the largest that
+fits, nu from 0.45 to 0.4999, four laws; six of them lie inside the range of the formulas. The rule of
+`studies.simulation.model_choice` follows from them. Further designs, drawn at random in the same range, confirm the
+rule.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from typing import Any, Literal
+
+from analytic import beam
+from fem.accuracy import LEVELS, Accuracy
+from fem.error_estimate_rules import press_limits
+from fem.scene import Model
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load, Magnet
+from studies.validation.error_study_cases import THINNEST, Trial, rounded
+
+Kind = Literal["press", "glued shear", "friction"]
+KINDS: tuple[Kind, ...] = ("press", "glued shear", "friction")
+
+FORMULAS = beam.LEVELS
+MODELS: dict[Kind, tuple[Model, ...]] = {
+    "press": ("axisymmetric", "harmonic", "half", "full"),
+    "glued shear": ("harmonic", "half", "full"),
+    "friction": ("harmonic", "half"),
+}
+"""Finite-element models of each kind; `full` carries friction too, but a solve takes many minutes."""
+SECTION: dict[Kind, Model] = {"press": "axisymmetric", "glued shear": "harmonic", "friction": "harmonic"}
+"""Model of the reference, and at level standard the unit of cost."""
+
+STUDIED, CONFIRMED, SEED = 24, 20, 2018
+"""Number of chosen designs, number and seed of the random ones."""
+
+PRESSES, DEEP = (0.12, 0.4, 1.0), 0.5
+"""Depths of a press over the largest depth of the rules "press" of `fem.error_estimate_rules` (D/4 or less); and one
+deep press, as a share of the way from there to the largest depth of the rules "deep"."""
+UNDER, SHEARS = (0.1, 0.06, 0.2), (0.05, 0.15, 0.3)
+"""Depths under a shear, one for each design by turns, and shears of the glued plate, all over D."""
+SLIDES, COEFFICIENTS = (0.04, 0.25), (0.3, 0.6)
+"""Shears with Coulomb friction over D, for partial and full slip; coefficients, by turns."""
+
+RUNS: dict[tuple[Kind, Model, str], int] = {
+    ("press", "harmonic", "standard"): 6,
+    ("press", "harmonic", "fine"): 3,
+    ("press", "half", "quick"): 4,
+    ("press", "half", "standard"): 2,
+    ("press", "half", "fine"): 1,
+    ("press", "full", "quick"): 2,
+    ("press", "full", "standard"): 1,
+    ("press", "full", "fine"): 0,
+    ("glued shear", "harmonic", "fine"): 4,
+    ("glued shear", "half", "quick"): 4,
+    ("glued shear", "half", "standard"): 2,
+    ("glued shear", "half", "fine"): 0,
+    ("glued shear", "full", "quick"): 1,
+    ("glued shear", "full", "standard"): 0,
+    ("glued shear", "full", "fine"): 0,
+    ("friction", "harmonic", "quick"): 4,
+    ("friction", "harmonic", "standard"): 4,
+    ("friction", "harmonic", "fine"): 0,
+    ("friction", "half", "quick"): 0,
+    ("friction", "half", "standard"): 0,
+    ("friction", "half", "fine"): 0,
+}
+"""Number of designs on which a model is run, by kind and level; default: all. Chosen by measured cost, so that the
+whole study takes less than an hour on one core."""
+ORDER = (0, 5, 10, 3, 14, 6, 1, 12, 8, 2, 4, 7, 9, 11, 13, 15, *range(16, STUDIED))
+"""Order in which designs are chosen for cells that run on a few only: the first ones span the range."""
+SLENDER, COMMON = 3.2, 16
+"""References have meshes one step coarser beyond this L/D, where these have as many elements, and, to save time, from
+this design on."""
+FRICTION_CONFIRMED = 3
+"""Number of random designs that also confirm the rule of friction, the kind with the costliest reference."""
+
+
+def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
+    """Return the numbers of the chosen designs on which a model is run."""
+    chosen = [number for number in ORDER if number < count]
+    return sorted(chosen[: RUNS.get((kind, model, level), count)])
+
+
+def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Trial:
+    """Return the path of loads of a kind on a design, in proportion to the design."""
+    design = (confirming_designs() if confirm else designs())[number]
+    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
+    scene = {"press": "press", "glued shear": "stick", "friction": "friction"}[kind]
+    return Trial(number, design, magnet, scene, model, _loads(number, kind, design, magnet))
+
+
+def _loads(number: int, kind: Kind, design: Design, magnet: Magnet) -> tuple[Load, ...]:
+    first, most = press_limits(design, magnet)
+    if kind == "press":
+        depths = [share * first for share in PRESSES] + [first + DEEP * (most - first)]
+        return tuple(Load(depth=rounded(depth)) for depth in depths)
+    D, depth = design.D, rounded(min(UNDER[number % len(UNDER)] * design.D, first))
+    if kind == "glued shear":
+        return tuple(Load(depth=depth, shear_x=rounded(x * D), friction="stick") for x in SHEARS)
+    mu = COEFFICIENTS[number % len(COEFFICIENTS)]
+    return tuple(Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in (0.0, *SLIDES))
+
+
+@functools.cache
+def designs() -> tuple[Design, ...]:
+    """Return the chosen designs, the paper's first."""
+    mooney, yeoh, ogden = _laws()
+    return (
+        paper(),
+        _design(8, 0.6, 0.0, 0.0, 0.4998),
+        _design(6, 0.8, 0.25, 0.1, 0.49),
+        _design(10, 1.0, 0.6, 0.35, 0.4999),
+        _design(8, 1.125, 0.0, 0.0, 0.45),
+        _design(12, 1.25, 0.4, 0.4, 0.4995, yeoh),
+        _design(5, 1.5, 0.2, 0.15, 0.47, mooney),
+        _design(8, 1.75, 0.7, 0.1, 0.499),
+        _design(16, 2.0, 0.0, 0.0, 0.4998, ogden),
+        _design(8, 2.0, 0.6, 0.5, 0.45),
+        _design(6, 2.5, 0.2, 0.2, 0.4999),
+        _design(10, 3.0, 0.5, 0.25, 0.495),
+        _design(8, 3.5, 0.0, 0.0, 0.4998),
+        _design(20, 4.0, 0.55, 0.55, 0.4999),
+        _design(6, 5.0, 0.5, 0.25, 0.499, mooney),
+        _design(8, 6.0, 0.3, 0.3, 0.4998),
+        # little silicone below the magnet
+        _design(8, 0.7, 0.3, 0.1, 0.4998),
+        _design(10, 0.9, 0.6, 0.45, 0.499),
+        # inside the range of the formulas
+        _design(8, 1.2, 0.0, 0.0, 0.4998),
+        _design(12, 1.6, 0.0, 0.0, 0.495),
+        _design(6, 2.2, 0.0, 0.0, 0.4995),
+        _design(10, 1.3, 0.4, 0.3, 0.4999),
+        _design(5, 1.8, 0.5, 0.2, 0.493),
+        _design(16, 2.3, 0.3, 0.4, 0.4998),
+    )
+
+
+def _laws() -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Return fields of a Mooney-Rivlin, a Yeoh and an Ogden law that are stable in the presses of the study."""
+    return (
+        {"law": "mooney-rivlin", "mooney_share": 0.2},
+        {"law": "yeoh", "yeoh_2": 0.05},
+        {"law": "ogden", "ogden_share": 0.25},
+    )
+
+
+def _design(
+    D: float, ratio: float, diameter: float, height: float, nu: float, law: dict[str, Any] | None = None
+) -> Design:
+    """Return a design from D and lengths over D; its Hall elements lie as in the paper's sensor, over D."""
+    L = rounded(ratio * D)
+    magnet: dict[str, Any] = {
+        "magnet_diameter": rounded(diameter * D),
+        "magnet_height": rounded(height * D),
+        "magnet_edge_radius": rounded(0.1 * height * D),
+    }
+    elements: dict[str, Any] = {"l0": rounded(L - D / 2 + 0.275 * D), "f": rounded(0.625 * D), "c": rounded(0.25 * D)}
+    return Design(D=D, L=L, nu=nu, **magnet, **elements, **(law or {}))
+
+
+@functools.cache
+def confirming_designs() -> tuple[Design, ...]:
+    """Return the random designs: L/D and 1/2 - nu uniform in their logarithm; a third has no magnet."""
+    import numpy as np
+
+    random, chosen = np.random.default_rng(SEED), list[Design]()
+    while len(chosen) < CONFIRMED:
+        D, ratio = 4 * 5 ** random.random(), 0.6 * 10 ** random.random()
+        nu = float(f"{0.5 - 0.05 * 2e-3 ** random.random():.4g}")
+        diameter, height = 0.15 + 0.55 * random.random(), 0.1 + 0.5 * random.random()
+        if len(chosen) % 3 == 2:
+            diameter = height = 0.0
+        law = _laws()[len(chosen) % 3] if random.random() < 0.3 else None
+        try:
+            design = _design(rounded(D), rounded(ratio), diameter, height, nu, law)
+        except BadInput:
+            continue
+        if design.shape.wall >= THINNEST * design.D:
+            chosen.append(design)
+    return tuple(chosen)
+
+
+def references(kind: Kind, *, finer: bool = False, coarser: bool = False) -> tuple[Accuracy, Accuracy, Accuracy]:
+    """Return three meshes of which each is sqrt(2) times finer than the one before, with harmonics in step.
+
+    Parameters
+    ----------
+    finer : one step finer than usual, for designs that are also run at level fine.
+    coarser : one step coarser, which is enough for tolerances of 0.5 % and more.
+    """
+    steps = {
+        "press": [(0.045, 0.001, 0, 1.0), (0.032, 0.001, 0, 1.0), (0.0225, 0.001, 0, 1.0), (0.016, 0.001, 0, 1.0)],
+        "glued shear": [
+            (0.128, 0.0056, 3, 1.0),
+            (0.09, 0.004, 3, 1.0),
+            (0.064, 0.0028, 4, 1.0),
+            (0.045, 0.002, 5, 1.0),
+        ],
+        "friction": [
+            (0.128, 0.001, 3, 1.4),
+            (0.09, 0.001, 4, 1.0),
+            (0.064, 0.001, 5, 0.7),
+            (0.045, 0.001, 6, 0.5),
+        ],
+    }[kind]
+    usual = {"press": 1, "glued shear": 0, "friction": 0}[kind]
+    begin = min(max(usual + finer - coarser, 0), len(steps) - 3)
+    first, second, third = (
+        replace(LEVELS["fine"], name=f"reference {size:g}", section_size=size, section_patch=patch)
+        for size, patch, _, _ in steps[begin : begin + 3]
+    )
+    a, b, c = (
+        replace(mesh, harmonics=harmonics, friction_step_factor=factor)
+        for mesh, (_, _, harmonics, factor) in zip((first, second, third), steps[begin : begin + 3], strict=True)
+    )
+    return a, b, c

@@ -1,0 +1,225 @@
+"""The rule that follows from costs and errors, and its confirmation on designs that it has not seen.
+
+ABOUT, which the report prints, says how a bound follows from errors.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from geometry.design import BadInput
+from studies.benchmarks import trade_cases
+from studies.benchmarks.trade_cases import Kind
+from studies.benchmarks.trade_study import TradeState
+from studies.output import records
+from studies.output.records import FlatRow
+from studies.simulation import model_choice
+from studies.simulation.model_choice import Choice, Statement
+
+ABOUT = """\
+A bound is 1.1 times the 95th percentile of the errors of all states of a region, but at least the largest error over
+1.3, so that no studied state exceeds its bound by more than that. An error that is smaller than the error bar of its
+reference counts as large as the bar.
+"""
+
+SAFETY, WORST = 1.1, 1.3
+"""Factor on the 95th percentile; largest factor by which a studied state may exceed its bound."""
+COUNTED = ("force", "shift", "tilt", "readings")
+"""Quantities that a tolerance bounds."""
+TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
+SHARE, FACTOR = 0.95, 1.5
+"""Goals of the confirmation: share of the cases within the tolerance, largest error over the tolerance."""
+FEWEST = 3
+"""Least number of states from which a bound follows."""
+
+
+def statements(states: Sequence[TradeState]) -> list[Statement]:
+    """Return the statements that follow from the states of the chosen designs."""
+    groups: dict[tuple[str, str, str, str], list[TradeState]] = {}
+    for state in states:
+        if state.errors and not state.confirming and (state.model != "formula" or not state.outside):
+            groups.setdefault((state.kind, _region(state), state.model, state.level), []).append(state)
+    return [_statement(members) for members in groups.values() if len(members) >= FEWEST]
+
+
+def _region(state: TradeState) -> str:
+    trial = trade_cases.trial(state.design, state.kind, "auto", confirm=state.confirming)
+    name = model_choice.region(trial.design, state.load, trial.magnet).name
+    return model_choice.formula_region(trial.design, name) if state.model == "formula" else name
+
+
+def _statement(members: Sequence[TradeState]) -> Statement:
+    first = members[0]
+    bounds = {name: _bound([_counted(state, name) for state in members if name in state.errors]) for name in COUNTED}
+    costs = [state.cost for state in members if state.cost is not None]
+    force, shift = bounds.pop("force"), bounds.pop("shift")
+    assert force is not None
+    assert shift is not None
+    return Statement(
+        kind=first.kind,
+        region=_region(first),
+        model=first.model,
+        level=first.level,
+        designs=len({state.design for state in members}),
+        states=len(members),
+        cost=float(f"{statistics.median(costs):.3g}") if costs else math.nan,
+        force=force,
+        shift=shift,
+        **bounds,
+    )
+
+
+def _counted(state: TradeState, name: str) -> float:
+    """Return an error of a state, a fraction; at least the error bar of the reference."""
+    error = state.errors[name]
+    return max(error.percent, error.bar_percent) / 100
+
+
+def _bound(errors: Sequence[float]) -> float | None:
+    """Return the bound that follows from errors, rounded up to three digits; None without errors."""
+    if not errors:
+        return None
+    bound = max(SAFETY * percentile(errors), max(errors) / WORST)
+    return model_choice.rounded_up(bound, 3)
+
+
+def percentile(values: Sequence[float], share: float = 0.95) -> float:
+    """Return the least value that a share of the values does not exceed.
+
+    >>> percentile([3.0, 1.0, 2.0, 4.0], 0.5)
+    2.0
+    """
+    return sorted(values)[max(math.ceil(share * len(values)) - 1, 0)]
+
+
+def as_json(rule: Sequence[Statement], origin: str) -> dict[str, Any]:
+    """Return the content of model_choice.json."""
+    return {"made": origin, "statements": [records.known(asdict(each)) for each in rule]}
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """A tolerance on a random design under one load: which model the rule chooses, and its true error.
+
+    Attributes
+    ----------
+    model : chosen model; empty if the rule refuses.
+    error : largest true error of the counted quantities, a fraction; None if refused or without a reference.
+    """
+
+    kind: str
+    design: int
+    depth_mm: float
+    shear_mm: float
+    tolerance: float
+    model: str
+    status: str
+    expected: float | None = None
+    error: float | None = None
+
+    def row(self) -> FlatRow:
+        """Return the columns of confirm.csv."""
+        return records.flat(self)
+
+
+def confirm(states: Sequence[TradeState], rule: Sequence[Statement]) -> Iterator[Confirmation]:
+    """Yield a result for each tolerance, random design and load."""
+    cases: dict[tuple[Kind, int, float, float], dict[tuple[str, str], TradeState]] = {}
+    for state in states:
+        if state.confirming:
+            place = state.kind, state.design, state.load.depth, state.load.shear_x
+            cases.setdefault(place, {})[state.model, state.level] = state
+    for place, models in cases.items():
+        some = next(iter(models.values()))
+        trial = trade_cases.trial(some.design, some.kind, "auto", confirm=True)
+        for tolerance in TOLERANCES:
+            try:
+                choice = model_choice.choose(trial.design, [some.load], tolerance, trial.magnet, rule=rule)
+            except BadInput:
+                yield Confirmation(*place, tolerance, "", "refused")
+                continue
+            yield _judged(place, tolerance, choice, models)
+
+
+def _judged(
+    place: tuple[Kind, int, float, float],
+    tolerance: float,
+    choice: Choice,
+    models: Mapping[tuple[str, str], TradeState],
+) -> Confirmation:
+    state = models.get((choice.model, choice.level_or_accuracy))
+    if state is None:
+        return Confirmation(*place, tolerance, choice.name, "not run", choice.bound)
+    if not state.errors:
+        return Confirmation(*place, tolerance, choice.name, state.status, choice.bound)
+    error = max(state.errors[name].percent for name in COUNTED if name in state.errors) / 100
+    status = "within" if error <= tolerance else "exceeded"
+    return Confirmation(*place, tolerance, choice.name, status, choice.bound, error)
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """Results of one tolerance and kind.
+
+    Attributes
+    ----------
+    refused : cases for which the rule knows no model that meets the tolerance.
+    unjudged : cases without a reference, or whose chosen model was not run.
+    worst : largest error over the tolerance.
+    """
+
+    kind: str
+    tolerance_percent: float
+    cases: int
+    refused: int
+    unjudged: int
+    formulas: int
+    within: int
+    share_percent: float
+    worst: float
+
+    def row(self) -> FlatRow:
+        """Return the columns of the table of TRADE.md."""
+        return records.flat(self)
+
+
+def summary(results: Sequence[Confirmation]) -> list[Confirmed]:
+    """Return the results by kind and tolerance, and by tolerance over all kinds."""
+    table = []
+    for kind in (*trade_cases.KINDS, "all"):
+        for tolerance in TOLERANCES:
+            own = [each for each in results if each.tolerance == tolerance and kind in ("all", each.kind)]
+            judged = [each for each in own if each.error is not None]
+            if not own:
+                continue
+            within = sum(each.status == "within" for each in judged)
+            table.append(
+                Confirmed(
+                    kind,
+                    100 * tolerance,
+                    len(own),
+                    sum(each.status == "refused" for each in own),
+                    len(own) - len(judged) - sum(each.status == "refused" for each in own),
+                    sum(each.model.startswith("formula") for each in own),
+                    within,
+                    100 * within / len(judged) if judged else math.nan,
+                    max((each.error / tolerance for each in judged if each.error is not None), default=math.nan),
+                )
+            )
+    return table
+
+
+def missed(table: Sequence[Confirmed]) -> list[str]:
+    """Return one sentence for each row that misses a goal of the confirmation."""
+    sentences = []
+    for row in table:
+        where = f"{row.kind}, tolerance {row.tolerance_percent:g} %"
+        if row.share_percent < 100 * SHARE:
+            sentences.append(f"{where}: {row.share_percent:.0f} % of the cases are within it, goal {SHARE:.0%}")
+        if row.worst > FACTOR:
+            sentences.append(f"{where}: the largest error is {row.worst:.2g} times it, goal {FACTOR:g}")
+    return sentences

@@ -1,0 +1,241 @@
+"""Cost and error of every model on designs over the whole range (verb trade).
+
+ABOUT, which the report prints, describes the measurements.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fem.accuracy import LEVELS
+from geometry.loads import Load
+from geometry.messages import Progress
+from studies.benchmarks import trade_cases, trade_reference, trade_solves
+from studies.benchmarks.trade_cases import KINDS, MODELS, SECTION, Kind
+from studies.benchmarks.trade_reference import QUANTITIES, Components, Reference, TrueError
+from studies.benchmarks.trade_solves import Run, Solved
+from studies.output import checkpoint, records
+from studies.output.records import FlatRow
+from studies.validation.error_study_cases import Trial
+from studies.validation.error_study_records import JUMP
+
+ABOUT = """\
+Every model follows the same paths of loads: four presses (one of them deep), three shears of a glued plate, and a
+press and two slides with Coulomb friction. Depths and shears are in proportion to the design. Each solve runs in a
+process of its own on one thread, without error estimates. `cpu_s` are the CPU seconds of a whole path without
+imports, the mesher of tetrahedra included; `peak_MB` is the memory beyond that of the imported modules. Other
+programs ran on the same machine, which inflates CPU seconds; `cost` is therefore the ratio to the press or shear of
+the same design by the section model at level standard, in the same run.
+
+The true error of force, shift and tilt is the norm of the difference between the vector and that of the reference,
+over the norm of the reference; `sideways` is the force along the shear alone. The error of the readings is the
+largest of S1, S2 and S3, in percent of full scale: the largest change from rest of the element on the path, for S2
+and S3 together. The reference is extrapolated from three meshes of the section, each finer by sqrt(2), with
+harmonics in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed; its error bar
+is the last step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the spread of the
+three meshes. `unclear` is the share of errors that are less than three bars of their reference: these errors may be
+those of the reference.
+"""
+
+SOLIDS = ("half", "full")
+"""Models of tetrahedra."""
+QUICK_KINDS: tuple[Kind, ...] = ("press", "glued shear")
+"""Kinds of a quick study: a reference with friction takes a minute."""
+
+
+@dataclass(frozen=True, slots=True)
+class TradeState:
+    """One state of a path by one model.
+
+    Attributes
+    ----------
+    confirming : whether the design is one of those that confirm the rule.
+    model, level : finite-element model and accuracy, or "formula" and its level.
+    outside : reason why a formula is outside its range, or why a model has no answer; else empty.
+    errors : true errors by quantity; none where the model or the reference has no answer.
+    cpu_s, peak_MB : of the whole path.
+    cost : CPU seconds over those of the section model at level standard on the same path; None if not run.
+    """
+
+    design: int
+    confirming: bool
+    kind: Kind
+    model: str
+    level: str
+    load: Load
+    status: str
+    outside: str
+    errors: Mapping[str, TrueError]
+    cpu_s: float
+    peak_MB: float
+    cost: float | None = None
+
+    def row(self) -> FlatRow:
+        """Return the columns of trade.csv."""
+        row: FlatRow = {
+            "design": self.design,
+            "confirming": self.confirming,
+            "kind": self.kind,
+            "model": self.model,
+            "level": self.level,
+            "depth_mm": self.load.depth,
+            "shear_mm": self.load.shear_x,
+            "friction": self.load.friction,
+            "status": self.status,
+        }
+        for name in QUANTITIES:
+            error = self.errors.get(name)
+            row[f"{name}_error_percent"] = None if error is None else error.percent
+            row[f"{name}_bar_percent"] = None if error is None else error.bar_percent
+        return row | {"cpu_s": self.cpu_s, "peak_MB": self.peak_MB, "cost": self.cost, "message": self.outside}
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The runs of a study.
+
+    Attributes
+    ----------
+    confirming : whether these are the random designs.
+    references : runs of the reference of each design and kind, coarse mesh first.
+    runs : runs whose cost and errors are measured.
+    """
+
+    confirming: bool
+    references: Mapping[tuple[int, Kind], tuple[Run, Run, Run]]
+    runs: tuple[tuple[Kind, str, str, Run], ...] = field(default=())
+
+
+def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool = True) -> Plan:
+    """Return the runs of the chosen designs: section models first, tetrahedra last.
+
+    Parameters
+    ----------
+    count : number of designs.
+    quick : presses and glued shears by the section models at level quick only, with coarser references.
+    solids : run the models of tetrahedra as well.
+    """
+    references: dict[tuple[int, Kind], tuple[Run, Run, Run]] = {}
+    runs: list[tuple[Kind, str, str, Run]] = []
+    levels = ("quick",) if quick else tuple(LEVELS)
+    for kind in QUICK_KINDS if quick else KINDS:
+        fine = trade_cases.runs_on(kind, SECTION[kind], "fine", count) if kind == "glued shear" else []
+        for number in trade_cases.runs_on(kind, SECTION[kind], "quick", count):
+            finer = number in fine and not quick
+            references[number, kind] = _references(number, kind, finer=finer, coarser=quick)
+            runs += _formulas(number, kind)
+        models = (SECTION[kind],) if quick else MODELS[kind]
+        for model in models if solids else [m for m in models if m not in SOLIDS]:
+            for level in levels:
+                for number in trade_cases.runs_on(kind, model, level, count):
+                    trial = trade_cases.trial(number, kind, model)
+                    runs.append((kind, model, level, Run(trial, LEVELS[level])))
+    return Plan(False, references, tuple(sorted(runs, key=lambda one: one[1] in SOLIDS)))
+
+
+def confirming_plan(count: int = trade_cases.CONFIRMED, *, quick: bool = False) -> Plan:
+    """Return the runs of the random designs: all that the rule can choose for them, except fine shears."""
+    references, runs = {}, []
+    for kind in QUICK_KINDS if quick else KINDS:
+        most = trade_cases.FRICTION_CONFIRMED if kind == "friction" else 2 if quick else count
+        levels = ("quick",) if quick else tuple(LEVELS) if kind == "press" else ("quick", "standard")
+        for number in range(min(most, count)):
+            references[number, kind] = _references(number, kind, confirm=True, coarser=True)
+            runs += _formulas(number, kind, confirm=True)
+            trial = trade_cases.trial(number, kind, SECTION[kind], confirm=True)
+            runs += [(kind, SECTION[kind], level, Run(trial, LEVELS[level])) for level in levels]
+    return Plan(True, references, tuple(runs))
+
+
+def _references(
+    number: int, kind: Kind, *, confirm: bool = False, finer: bool = False, coarser: bool = False
+) -> tuple[Run, Run, Run]:
+    trial = trade_cases.trial(number, kind, SECTION[kind], confirm=confirm)
+    coarser = coarser or number >= trade_cases.COMMON or trial.design.L > trade_cases.SLENDER * trial.design.D
+    first, second, third = trade_cases.references(kind, finer=finer, coarser=coarser)
+    return Run(trial, first), Run(trial, second), Run(trial, third)
+
+
+def _formulas(number: int, kind: Kind, *, confirm: bool = False) -> list[tuple[Kind, str, str, Run]]:
+    trial = trade_cases.trial(number, kind, "auto", confirm=confirm)
+    return [(kind, "formula", level, Run(trial, level)) for level in trade_cases.FORMULAS]
+
+
+def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[TradeState]:
+    """Return all states with costs and errors; solves that the folder's solves.jsonl holds are not repeated."""
+    # the key of a run holds the version of its model's physics
+    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 1")
+    runs = [one for three in planned.references.values() for one in three] + [one for *_, one in planned.runs]
+    needed = {one.key: one for one in runs}
+    for i, (key, one) in enumerate(needed.items()):
+        if key not in store.known:
+            if progress is not None:
+                progress(i / len(needed), one.name)
+            store.keep(key, trade_solves.measure(one))
+    solves = {key: trade_solves.solved(one.trial, store.known[key]) for key, one in needed.items()}
+    return list(_states(planned, solves))
+
+
+def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[TradeState]:
+    """Yield the states of all runs with their errors."""
+    references = {place: _reference(three, solves) for place, three in planned.references.items()}
+    for kind, model, level, one in planned.runs:
+        trial, solved = one.trial, solves[one.key]
+        reference = references[trial.number, kind]
+        scales = trade_reference.full_scales(trial.design, [each for each in reference if each is not None])
+        unit = solves.get(Run(_by_section(trial, kind), LEVELS["standard"]).key)
+        for i, load in enumerate(trial.loads):
+            state = solved.states[min(i, len(solved.states) - 1)]
+            lost = i >= len(solved.states)
+            status, message, errors = "lost" if lost else state.status, state.message, {}
+            truth = reference[i]
+            if status == "ok" and truth is None:
+                status, message = "no_reference", "a mesh of the reference has no stable answer"
+            elif status == "ok" and truth is not None and state.response is not None:
+                answer = trade_reference.components(trial.design, load, state.response)
+                errors = dict(trade_reference.true_errors(answer, truth, scales))
+                if model != "formula" and max(errors["force"].percent, errors["shift"].percent) > 100 * JUMP:
+                    status, message, errors = "jump", f"an error exceeds {JUMP:g}: another equilibrium", {}
+            yield TradeState(
+                trial.number,
+                planned.confirming,
+                kind,
+                model,
+                level,
+                load,
+                status,
+                message,
+                errors,
+                solved.cpu_s,
+                solved.peak_MB,
+                None if unit is None or not unit.cpu_s else solved.cpu_s / unit.cpu_s,
+            )
+
+
+def _by_section(trial: Trial, kind: Kind) -> Trial:
+    """Return the trial by the section model, whose cost is the unit."""
+    return dataclasses.replace(trial, model=SECTION[kind])
+
+
+def _reference(three: Sequence[Run], solves: Mapping[str, Solved]) -> list[Reference | None]:
+    """Return the reference of each state of a path; None where a mesh has no answer or an unstable one."""
+    references: list[Reference | None] = []
+    trial = three[0].trial
+    for i, load in enumerate(trial.loads):
+        answers: list[Components] = []
+        for one in three:
+            states = solves[one.key].states
+            state = states[i] if i < len(states) else None
+            if state is not None and state.status == "ok" and state.response is not None:
+                answers.append(trade_reference.components(trial.design, load, state.response))
+        sizes = [one.method.section_size for one in three if not isinstance(one.method, str)]
+        references.append(trade_reference.extrapolate(sizes, answers) if len(answers) == len(three) else None)
+    return references
+
+
+def trade_rows(states: Sequence[TradeState]) -> list[FlatRow]:
+    """Return the rows of trade.csv."""
+    return [records.known(state.row()) for state in states]

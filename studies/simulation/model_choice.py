@@ -1,0 +1,316 @@
+"""The cheapest model whose measured error meets a tolerance, for a design and its loads (option --tolerance).
+
+The errors come from `magtip trade`: every model on twenty-four designs against extrapolated references, by kind of
+scene and by region of the loads. They are frozen in model_choice.json beside this module. Force, shift and tilt
+count as vectors, relative to the reference; readings in percent of full scale. A choice meets the tolerance in all
+of them.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from analytic import beam
+from fem.error_estimate_rules import press_limits
+from fem.scene import choose_model
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet
+
+Kind = Literal["press", "glued shear", "friction"]
+
+DATA = Path(__file__).with_name("model_choice.json")
+"""Statements of the rule, written by `magtip trade` and copied here by hand after a look at its report."""
+LIGHT, NEAR = 0.06, 0.15
+"""Depth of a light press and largest shear of region "near", over D."""
+SHALLOWEST, FARTHEST, DEEPEST = 0.01, 0.3, 0.5
+"""Least depth and largest shear of the study over D; its deep press, as a share of the way to the deepest one."""
+THIN = 0.2
+"""Thickness over D of the silicone between magnet and base, below which the base is thin: the magnet then moves so
+little that its shift is hard to resolve."""
+LENGTHS, LEAST_NU = (0.6, 6.0), 0.45
+"""Range of L/D, and least Poisson's ratio, of the study."""
+BEYOND = 2.0
+"""Factor on a bound for designs, loads or scenes that the study does not contain."""
+CONTACT_POWER = 0.75
+"""Power of the depth with which the error of a light press grows: as in the rules of `fem.error_estimate_rules`, it
+grows about with the contact radius to the power -1.5."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """Bounds of the errors of one model, for one kind of scene in one region; fractions.
+
+    Attributes
+    ----------
+    model, level : finite-element model and its accuracy, or "formula" and its level.
+    cost : CPU seconds over those of the section model at level standard, median.
+    force, shift, tilt, readings : bounds of the errors; None where the scene has no such quantity.
+    """
+
+    kind: Kind
+    region: str
+    model: str
+    level: str
+    designs: int
+    states: int
+    cost: float
+    force: float
+    shift: float
+    tilt: float | None = None
+    readings: float | None = None
+
+    def bound(self, *, readings: bool) -> float:
+        """Return the largest bound; that of the readings counts only for a design with a magnet."""
+        others = (self.tilt, self.readings if readings else None)
+        return max(self.force, self.shift, *(value for value in others if value is not None))
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The model that a tolerance asks for.
+
+    Attributes
+    ----------
+    model_kind : formulas or finite elements.
+    level_or_accuracy : level of the formulas, or accuracy of the finite elements.
+    model : model of the finite elements, "formula" for formulas.
+    bound : largest expected error of force, shift, tilt and readings, a fraction.
+    reason : one sentence.
+    """
+
+    model_kind: Literal["formula", "fem"]
+    level_or_accuracy: str
+    model: str
+    bound: float
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """Model and level, as tables and JSON show them."""
+        return f"{self.model} {self.level_or_accuracy}"
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Where a load lies in the study.
+
+    Attributes
+    ----------
+    growth : factor on the bounds for what lies beyond the study; 1 inside.
+    beyond : what lies beyond the study, in words; empty inside.
+    """
+
+    kind: Kind
+    name: str
+    growth: float = 1.0
+    beyond: str = ""
+
+
+@functools.cache
+def statements() -> tuple[Statement, ...]:
+    """Return the statements of the rule."""
+    return tuple(Statement(**each) for each in json.loads(DATA.read_text("utf-8"))["statements"])
+
+
+def choose(
+    design: Design,
+    loads: Sequence[Load],
+    tolerance: float,
+    magnet: Magnet = "rigid",
+    *,
+    formulas: bool = True,
+    rule: Sequence[Statement] | None = None,
+) -> Choice:
+    """Return the cheapest model whose measured errors meet a tolerance under all loads of a path.
+
+    Parameters
+    ----------
+    tolerance : largest relative error of force, shift, tilt and readings, between 0 and 1.
+    formulas : whether formulas may be chosen.
+    rule : default: the shipped one.
+
+    Raises
+    ------
+    BadInput
+        No model meets the tolerance; the sentence names the smallest one that is met, and by which model.
+    """
+    if not 0 < tolerance < 1:
+        raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")
+    choices = _choices(rule or statements(), design, loads, magnet, formulas=formulas)
+    for choice in choices:
+        if choice.bound <= tolerance:
+            return choice
+    if not choices:
+        raise BadInput(
+            f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}: choose "
+            "--accuracy instead of a tolerance"
+        )
+    best = min(choices, key=lambda choice: choice.bound)
+    raise BadInput(
+        f"no model is known to meet the tolerance {percent(tolerance)} for these loads: the smallest tolerance "
+        f"that is met is {percent(rounded_up(best.bound, 2))}, by model {best.name}"
+    )
+
+
+def _choices(
+    rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
+) -> list[Choice]:
+    """Return every model that can carry the loads with its largest bound, the cheapest first."""
+    fem = choose_model(loads, "auto")
+    kind = kind_of(loads)
+    places = [(load, region(design, load, magnet, kind)) for load in loads]
+    costs: dict[tuple[str, str], float] = {}
+    for each in rule:
+        if each.kind == kind:
+            costs[each.model, each.level] = max(costs.get((each.model, each.level), 0.0), each.cost)
+    cheap: list[Choice] = []
+    costly: list[Choice] = []
+    for model, level in sorted(costs, key=lambda name: costs[name]):
+        if model == "formula" and formulas:
+            bounds = [_formula_bound(rule, design, load, place, magnet, level) for load, place in places]
+        elif model == fem:
+            bounds = [_fem_bound(rule, place, model, level, design, magnet) for _, place in places]
+        else:
+            continue
+        known = [bound for bound in bounds if bound is not None]
+        if len(known) == len(bounds):
+            choice = _choice(model, level, max(known), [place for _, place in places])
+            (cheap if model == "formula" else costly).append(choice)
+    # all formulas take milliseconds: of these the most accurate one counts
+    return sorted(cheap, key=lambda choice: choice.bound)[:1] + costly
+
+
+def _choice(model: str, level: str, bound: float, places: Sequence[Region]) -> Choice:
+    beyond = list(dict.fromkeys(place.beyond for place in places if place.beyond))
+    names = list(dict.fromkeys(place.name for place in places))
+    where = f"{places[0].kind} ({', '.join(names)})"
+    reason = f"this is the cheapest model whose measured error for {where} is within {percent(rounded_up(bound, 2))}"
+    if beyond:
+        reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
+    if model == "formula":
+        return Choice("formula", level, model, bound, reason)
+    return Choice("fem", level, model, bound, reason)
+
+
+def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:
+    """Return kind and region of a load, with a factor for what lies beyond the study.
+
+    Parameters
+    ----------
+    kind : of the whole path; default: that of the load.
+
+    >>> from geometry.design import paper
+    >>> region(paper(), Load(depth=0.4), "rigid").name
+    'depth to 0.06 D'
+    """
+    first, most = press_limits(design, magnet)
+    deepest = first + DEEPEST * (most - first)
+    kind = kind or kind_of([load])
+    # loads of the study are rounded to four digits
+    slack = 1 + 1e-3
+    factors = {
+        f"L/D = {design.L / design.D:.3g}": 1.0
+        if LENGTHS[0] <= design.L / design.D * slack and LENGTHS[1] * slack >= design.L / design.D
+        else BEYOND,
+        f"nu = {design.nu:g}": 1.0 if design.nu >= LEAST_NU else BEYOND,
+        "grips": 1.0 if load.grip is None else BEYOND,
+        "tilted plates": BEYOND if load.plate_tilt else 1.0,
+        "imperfections": BEYOND if load.imperfection else 1.0,
+        f"depths below {SHALLOWEST:g} D": 1.0
+        if load.depth == 0
+        else max(SHALLOWEST * design.D / load.depth / slack, 1.0) ** CONTACT_POWER,
+        f"depths beyond {deepest / design.D:.2g} D": max(load.depth / deepest / slack, 1.0),
+        f"shears beyond {FARTHEST:g} D": max(load.shear / (FARTHEST * design.D) / slack, 1.0)
+        if load.shears_tip
+        else 1.0,
+    }
+    growth = math.prod(factors.values())
+    beyond = ", ".join(name for name, factor in factors.items() if factor > 1)
+    return Region(kind, _region_name(design, load, magnet, kind, slack), growth, beyond)
+
+
+def kind_of(loads: Sequence[Load]) -> Kind:
+    """Return the kind of scene of a path of loads; grips count as glued shears.
+
+    >>> kind_of([Load(depth=1.0, shear_x=1.0, friction=0.3)]), kind_of([Load(depth=1.0, shear_x=1.0)])
+    ('friction', 'press')
+    """
+    if any(load.coulomb is not None for load in loads):
+        return "friction"
+    return "glued shear" if any(load.shears_tip for load in loads) else "press"
+
+
+def _region_name(design: Design, load: Load, magnet: Magnet, kind: Kind, slack: float) -> str:
+    """Return the name of a load's region, see `region`."""
+    D = design.D
+    if kind == "friction":
+        return "friction"
+    height = design.magnet_height if magnet == "rigid" and design.shape.has_magnet else 0.0
+    if design.H - height / 2 < THIN * D:
+        return "thin base"
+    if kind == "glued shear":
+        return f"shear to {NEAR if load.shear <= NEAR * D * slack else FARTHEST:g} D"
+    if load.depth > press_limits(design, magnet)[0] * slack:
+        return "deep"
+    return f"depth to {LIGHT:g} D" if load.depth <= LIGHT * D * slack else "depth to D/4"
+
+
+def _fem_bound(
+    rule: Sequence[Statement], place: Region, model: str, level: str, design: Design, magnet: Magnet
+) -> float | None:
+    """Return the bound of a finite-element model; None if the study has no such run.
+
+    A model that the study ran on a few designs only may lack a region: then the largest bound of the kind holds.
+    """
+    own = [each for each in rule if (each.kind, each.model, each.level) == (place.kind, model, level)]
+    exact = [each for each in own if each.region == place.name] or own
+    if not exact:
+        return None
+    readings = magnet == "rigid" and design.shape.has_magnet
+    return place.growth * max(each.bound(readings=readings) for each in exact)
+
+
+def _formula_bound(
+    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
+) -> float | None:
+    """Return the bound of a level of the formulas; None outside its range, where its error has no bound."""
+    if magnet == "ignored" and design.shape.has_magnet:
+        return None
+    if place.beyond or beam.outside(design, load, level):
+        return None
+    readings = design.shape.has_magnet
+    wanted = place.kind, formula_region(design, place.name), "formula", level
+    for each in rule:
+        if (each.kind, each.region, each.model, each.level) == wanted:
+            return each.bound(readings=readings)
+    return None
+
+
+def formula_region(design: Design, name: str) -> str:
+    """Return the region of a formula: that of the load, with or without a magnet."""
+    return f"{name}, magnet" if design.shape.has_magnet else f"{name}, no magnet"
+
+
+def rounded_up(value: float, digits: int) -> float:
+    """Return a positive number rounded up to some significant digits, so that it holds as printed.
+
+    >>> rounded_up(0.01231, 2)
+    0.013
+    """
+    places = digits - 1 - math.floor(math.log10(value))
+    return round(math.ceil(value * math.pow(10, places) - 1e-9) / math.pow(10, places), 12)
+
+
+def percent(value: float) -> str:
+    """Return a fraction in percent.
+
+    >>> percent(0.0123), percent(0.2)
+    ('1.2 %', '20 %')
+    """
+    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"

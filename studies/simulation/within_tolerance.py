@@ -1,0 +1,147 @@
+"""Solutions within a tolerance: the model that `model_choice` chooses, checked by its own error estimates.
+
+Finite elements whose estimate exceeds the tolerance are solved again at the next finer accuracy.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+from geometry import design_digest
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet
+from geometry.messages import Progress
+from studies.inputs.option_groups import Method
+from studies.inputs.user_input import AccuracyName, parse_tolerance
+from studies.output import console
+from studies.output.records import FlatRow
+from studies.simulation import load_cases, model_choice, state_rows
+from studies.simulation.model_choice import Choice, percent
+from studies.simulation.state_rows import StateRow
+
+FINER: dict[str, AccuracyName] = {"quick": "standard", "standard": "fine"}
+"""Next finer accuracy of the finite elements."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """A tolerance and the model that is chosen for it; added to every row."""
+
+    tolerance: float
+    choice: Choice
+
+    def row(self) -> FlatRow:
+        """Return the columns that a tolerance adds."""
+        return {
+            "chosen_model": self.choice.name,
+            "tolerance": self.tolerance,
+            "expected_error": self.choice.bound,
+        }
+
+    def say(self) -> None:
+        """Print on standard error which model is chosen, and why."""
+        choice = self.choice
+        name = f"formulas of level {choice.level_or_accuracy}" if choice.model_kind == "formula" else choice.name
+        console.say(f"magtip: tolerance {percent(self.tolerance)}: {name}, because {choice.reason}")
+
+
+def check_alone(options: dict[str, Any]) -> None:
+    """Refuse options that --tolerance decides; `options` holds their values by name, None where one is not used."""
+    for name, value in options.items():
+        if value is not None:
+            raise BadInput(
+                f"--tolerance chooses model and accuracy and excludes {name} {value}: give only one of them"
+            )
+
+
+def choose(design: Design, loads: Sequence[Load], method: Method, *, files: bool) -> Chosen:
+    """Return the choice for the loads of `magtip solve`.
+
+    Parameters
+    ----------
+    files : whether the deformed body is to be written, which formulas do not compute.
+    """
+    assert method.tolerance is not None
+    check_alone(
+        {
+            "--accuracy": method.accuracy,
+            "--model": None if method.model == "auto" else method.model,
+            "--harmonics": method.harmonics,
+            "--mesh": method.mesh,
+        }
+    )
+    tolerance = parse_tolerance(method.tolerance)
+    return Chosen(tolerance, model_choice.choose(design, loads, tolerance, method.magnet, formulas=not files))
+
+
+def solve(
+    design: Design,
+    loads: list[Load],
+    method: Method,
+    chosen: Chosen,
+    *,
+    out: Path | None,
+    picture: Path | None,
+    progress: Progress,
+) -> Generator[FlatRow]:
+    """Yield the rows of the states by the chosen model, each with the columns of `chosen`.
+
+    The rows of finite elements come when the whole path is solved, because its error estimates may require another
+    one.
+    """
+    if chosen.choice.model_kind == "formula":
+        for load in loads:
+            yield _formula_row(design, load, method, chosen.choice).row() | chosen.row()
+        return
+    accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
+    while True:
+        at_level = replace(method, accuracy=accuracy, tolerance=None)
+        rows = list(load_cases.solve(design, loads, at_level, out=out, picture=picture, progress=progress))
+        estimate = largest_estimate(rows)
+        if estimate is None or estimate <= chosen.tolerance:
+            break
+        exceeds = f"the error estimate {percent(estimate)} exceeds the tolerance {percent(chosen.tolerance)}"
+        if accuracy not in FINER:
+            console.warn(f"{exceeds}, and there is no finer accuracy than {accuracy}")
+            break
+        accuracy = FINER[accuracy]
+        console.say(f"magtip: at accuracy {at_level.level} {exceeds}: solved again at accuracy {accuracy}")
+        chosen = replace(chosen, choice=replace(chosen.choice, level_or_accuracy=accuracy))
+    for row in rows:
+        yield row.row() | chosen.row()
+
+
+def largest_estimate(rows: Sequence[StateRow]) -> float | None:
+    """Return the largest error estimate of force, shift and tilt in the states that are solved; None without one."""
+    estimates = [
+        estimate
+        for row in rows
+        if row.status in ("ok", "unstable")
+        for estimate in (row.error_estimate, row.shift_error_estimate, row.tilt_error_estimate)
+        if estimate is not None
+    ]
+    return max(estimates, default=None)
+
+
+def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> StateRow:
+    from analytic import beam
+
+    begin = time.perf_counter()
+    response = beam.solve(design, load, choice.level_or_accuracy)
+    made_for = design_digest.of_mechanics(design, method.magnet)
+    return state_rows.formula_state_row(load, response, choice.name, time.perf_counter() - begin, made_for)
+
+
+def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Chosen:
+    """Return the coarsest accuracy of the finite elements that meets a tolerance on several paths of loads."""
+    tolerance = parse_tolerance(text)
+    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
+    choices = [model_choice.choose(design, path, tolerance, magnet, formulas=False) for path in paths]
+    names: list[str] = ["quick", *FINER.values()]
+    # both paths are solved at one accuracy: the path that needs the finer one, or has the larger errors, decides
+    hardest = max(choices, key=lambda choice: (names.index(choice.level_or_accuracy), choice.bound))
+    return Chosen(tolerance, hardest)

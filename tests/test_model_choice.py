@@ -1,0 +1,110 @@
+"""The rule that chooses a model for a tolerance."""
+
+import dataclasses
+import json
+
+import pytest
+
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+from studies.simulation import model_choice
+from studies.simulation.model_choice import choose, region, statements
+
+PRESS, SHEAR = Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick")
+RUB, TILTED = Load(depth=0.8, shear_x=0.8, friction=0.4), Load(depth=0.8, plate_tilt=0.1)
+TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+
+
+def allowed(load, **options):
+    """The choices for all tolerances that are met, from the largest to the smallest."""
+    choices = []
+    for tolerance in reversed(TOLERANCES):
+        try:
+            choices.append(choose(paper(), [load], tolerance, **options))
+        except BadInput:
+            break
+    return choices
+
+
+@pytest.mark.parametrize("load", [PRESS, SHEAR, RUB])
+def test_a_smaller_tolerance_never_chooses_a_less_accurate_model(load):
+    choices = allowed(load)
+    assert len(choices) >= 4
+    bounds = [choice.bound for choice in choices]
+    assert bounds == sorted(bounds, reverse=True)
+
+
+@pytest.mark.parametrize("load", [PRESS, SHEAR, RUB])
+def test_the_bound_of_a_choice_meets_the_tolerance(load):
+    assert all(choice.bound <= t for choice, t in zip(allowed(load), reversed(TOLERANCES), strict=False))
+
+
+def test_a_large_tolerance_chooses_formulas_for_a_press_inside_their_range():
+    choice = choose(paper(), [PRESS], 0.2)
+    assert (choice.model_kind, choice.name) == ("formula", "formula finite")
+
+
+def test_formulas_are_not_chosen_outside_their_range():
+    stubby = Design(L=7.0, l0=6.0)
+    assert choose(stubby, [PRESS], 0.2).model_kind == "fem"
+
+
+def test_formulas_are_not_chosen_where_the_magnet_is_ignored_but_exists():
+    assert choose(paper(), [PRESS], 0.2, "ignored").model_kind == "fem"
+
+
+def test_formulas_can_be_excluded():
+    assert choose(paper(), [PRESS], 0.2, formulas=False).model == "axisymmetric"
+
+
+@pytest.mark.parametrize(
+    ("load", "model"), [(SHEAR, "harmonic"), (RUB, "harmonic"), (TILTED, "half"), (Load(depth=1.0), "axisymmetric")]
+)
+def test_finite_elements_are_the_smallest_model_that_carries_the_load(load, model):
+    assert choose(paper(), [load], 0.3, formulas=False).model == model
+
+
+def test_the_hardest_load_of_a_path_decides():
+    far = dataclasses.replace(SHEAR, shear_x=2.4)
+    bounds = [choose(paper(), [load], 0.3, formulas=False).bound for load in (SHEAR, far)]
+    assert choose(paper(), [SHEAR, far], 0.3, formulas=False).bound == max(bounds)
+
+
+def test_a_tolerance_that_no_model_meets_is_refused_with_the_smallest_one_that_is_met():
+    with pytest.raises(BadInput, match=r"smallest tolerance that is met is 0\.\d+ %, by model axisymmetric fine"):
+        choose(paper(), [PRESS], 1e-5)
+
+
+def test_the_tolerance_that_a_refusal_names_is_met():
+    with pytest.raises(BadInput) as refusal:
+        choose(paper(), [SHEAR], 1e-5)
+    least = float(str(refusal.value).split(" is met is ")[1].split(" %")[0]) / 100
+    assert choose(paper(), [SHEAR], least).bound <= least
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, float("nan")])
+def test_a_tolerance_outside_0_to_1_is_refused(tolerance):
+    with pytest.raises(BadInput, match="between 0 and 1"):
+        choose(paper(), [PRESS], tolerance)
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [(Load(grip=1.0, shear_x=0.5), "grips"), (TILTED, "tilted plates"), (Load(depth=0.01), "depths below 0.01 D")],
+)
+def test_bounds_grow_beyond_the_study(load, words):
+    place = region(paper(), load, "rigid")
+    assert words in place.beyond
+    assert place.growth > 1
+    assert words in choose(paper(), [load], 0.5, formulas=False).reason
+
+
+def test_every_kind_has_statements_of_all_three_accuracies():
+    levels = {(each.kind, each.level) for each in statements() if each.model != "formula"}
+    kinds = ("press", "glued shear")
+    assert {(kind, level) for kind in kinds for level in ("quick", "standard", "fine")} <= levels
+    assert {("friction", level) for level in ("quick", "standard")} <= levels
+
+
+def test_the_data_file_names_its_origin():
+    assert json.loads(model_choice.DATA.read_text("utf-8"))["made"]
