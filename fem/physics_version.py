@@ -8,7 +8,16 @@ or of a package, a new message, or a faster solver. A change of a model's answer
 
 from __future__ import annotations
 
+from typing import Literal
+
 from fem.scene import Model
 
-PHYSICS: dict[Model, int] = {"axisymmetric": 1, "harmonic": 1, "half": 1, "full": 1}
-"""Version of each model, counted from 1."""
+PHYSICS: dict[Model | Literal["critical depth", "modes"], int] = {
+    "axisymmetric": 1,
+    "harmonic": 1,
+    "half": 1,
+    "full": 1,
+    "critical depth": 1,
+    "modes": 1,
+}
+"""Version of each model, and of the critical depth and the natural frequencies, counted from 1."""

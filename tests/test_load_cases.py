@@ -14,7 +14,6 @@ from analytic import beam
 from geometry import design_digest
 from geometry.design import paper
 from geometry.loads import Load
-from studies.exploration import store, sweep_rows
 from studies.inputs import option_groups
 from studies.inputs.option_groups import Method, Motion
 from studies.simulation import load_cases
@@ -277,38 +276,6 @@ def fake(monkeypatch):
         return calls
 
     return replace
-
-
-def row_of(D, status, message):
-    """The row of a sweep whose solve ended so."""
-    values = {"D": D, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 1.0}
-    solved = sweep_rows.Solved(None, status, message, math.nan, 1, 0.0)
-    return sweep_rows.sweep_row(paper(), sweep_rows.Case(values, None, ""), solved)
-
-
-def test_sweep_of_a_study(run, fake, tmp_path, strict):
-    from fem.accuracy import FINE, QUICK
-
-    (tmp_path / "study.toml").write_text('depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n')
-    calls = fake("exploration.sweep", [row_of(3.0, "not_converged", "stopped at 2 mm"), row_of(8.0, "ok", "")])
-    status, out, err = run("sweep", "study.toml", "--set", "E=2", "--out", "rows", "--json")
-    assert (status, err) == (0, "magtip: D 3 mm: stopped at 2 mm\nmagtip: 1 of 2 cases failed\n")
-    assert [row["status"] for row in strict(out)] == ["not_converged", "ok"]
-    design, axes, folder, options = calls[0]
-    assert (design.E, axes, folder.name) == (2.0, {"D": [3.0, 8.0]}, "rows")
-    assert options == {"depth": 1.0, "magnet": "ignored", "accuracy": FINE, "kept": options["kept"]}
-    assert options["kept"].file == store.default()
-    run("sweep", "study.toml", "--depth", 2, "--accuracy", "quick", "--magnet", "rigid")
-    assert [calls[1][3][name] for name in ("depth", "magnet", "accuracy")] == [2.0, "rigid", QUICK]
-
-
-def test_sweep_of_axes(run, fake, tmp_path):
-    (tmp_path / "sensor.toml").write_text("D = 10\nL = 12\n")
-    calls = fake("exploration.sweep", [row_of(8.0, "not_converged", "stopped at 2 mm")])
-    for flags in (("sensor.toml",), ("--design", "sensor.toml")):
-        assert run("sweep", *flags, "--axis", "E=1,2", "--axis", "depth=1", "--json")[0] == 3
-    assert [call[0].D for call in calls] == [10.0, 10.0]
-    assert calls[0][1] == {"E": [1.0, 2.0], "depth": [1.0]}
 
 
 def test_compare(run, fake, strict):

@@ -13,8 +13,10 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
+from fem.modes import modes
 from fem.physics_version import PHYSICS
 from fem.scene import Model
+from fem.stability import critical
 from geometry.design import paper
 from geometry.loads import Load
 
@@ -70,5 +72,22 @@ def test_answers_change_only_with_the_version(name):
     assert found == pytest.approx(wanted, rel=tolerance, abs=tolerance), "raise the version in fem.physics_version"
 
 
+def test_the_critical_depth_changes_only_with_the_version():
+    slender = replace(paper(), L=24.0)
+    state = critical(slender, "ignored", accuracy=ROUGH, estimate=False)
+    assert PHYSICS["critical depth"] == 1, "write the answer of the new version here"
+    found = state.depth / slender.D, state.force / (slender.E * slender.D**2)
+    assert found == pytest.approx((0.12118004507224332, 0.020737021644350852), rel=1e-5), "raise the version"
+
+
+def test_frequencies_change_only_with_the_version():
+    lowest = modes(paper(), "rigid", 3, depth=0.5, accuracy=ROUGH, estimate=False)
+    assert PHYSICS["modes"] == 1, "write the answer of the new version here"
+    assert lowest.shape == ("bending", "torsion", "axial")
+    wanted = (557.7296435720395, 629.9584526367387, 1109.2485122074859)
+    assert lowest.frequency == pytest.approx(wanted, rel=1e-6), "raise the version in fem.physics_version"
+
+
 def test_every_model_has_a_version():
-    assert set(PHYSICS) == {model for model in get_args(Model) if model != "auto"}
+    models = {model for model in get_args(Model) if model != "auto"}
+    assert set(PHYSICS) == models | {"critical depth", "modes"}

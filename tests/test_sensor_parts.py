@@ -20,7 +20,7 @@ from geometry.design import BadInput, paper
 from geometry.fabrication.printability import Check
 from geometry.mold import Mold
 from studies.exploration import worker_process
-from studies.exploration.sweep import varied
+from studies.exploration.study_cases import varied
 from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import console
@@ -377,7 +377,7 @@ def test_the_elements_of_a_batch_stay_in_the_base():
         (("--process", "cnc"), '"fdm"'),
         (("--tolerance", "0"), "tolerance must lie between"),
         (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),
-        (("--axis", "depth=1"), "cad has no axis 'depth'"),
+        (("--axis", "depth=1"), "there is no axis 'depth'"),
         (("--axis", "D=nan"), "must be a finite number"),
     ],
 )

@@ -1,5 +1,7 @@
 """Axes and study files: what is accepted, and one sentence for everything else."""
 
+import math
+
 import pytest
 
 from geometry.design import Design, paper
@@ -22,9 +24,19 @@ def test_axes():
         (["D=6,6.0"], ["axis D lists a value twice"]),
         (["D=6", "D=7"], ["axis D is given twice"]),
         (["dephts=1"], ["'dephts'", "did you mean depth"]),
-        (["zzz=1"], ["choose one of D, L, f, E, depth"]),
-        (["law=yeoh,ogden"], ["law cannot be an axis", "is a list of numbers for D, L, f", "--set"]),
-        (["nu=0.4,0.49"], ["nu cannot be an axis", "is a list of numbers"]),
+        (["zzz=1"], ["there is no axis 'zzz'", "such as D, L, f, E, depth, shear"]),
+        (
+            ["law=yeoh,steel"],
+            ["every value of axis law must be neo-hookean, mooney-rivlin, yeoh or ogden", "'steel'"],
+        ),
+        (["law=1"], ["every value of axis law must be neo-hookean", "got 1"]),
+        (["friction=glue"], ["every value of axis friction must be none, stick or a number", "'glue'"]),
+        (["friction=-1"], ["every value of axis friction must be at least 0", "-1"]),
+        (["plate_tilt=50"], ["axis plate_tilt must lie between -40 and 40"]),
+        (["D=lin:6:10"], ["axis D must read a,b,c or lin:START:STOP:COUNT", "'lin:6:10'"]),
+        (["D=lin:6:10:2.5"], ["the count of linspace must be a whole number from 2"]),
+        (["D=log:0:10:3"], ["start and stop of logspace must be more than 0"]),
+        (["D=lin:6:nan:3"], ["start and stop of linspace must be finite"]),
         (["D=6,-1"], ["axis D must lie between 0.1 and 200", "-1"]),
         (["depth=0"], ["axis depth must be more than 0 mm"]),
     ],
@@ -41,7 +53,7 @@ def test_study(toml):
     path = toml(STUDY, "study.toml")
     study = read_study(path)
     assert study.axes == {"D": [6.0, 8.0, 10.0], "E": [0.5, 1.0, 2.0], "depth": [0.5, 1.0, 2.0]}
-    assert (study.design, study.magnet, study.depth, study.accuracy) == ("paper", "rigid", None, None)
+    assert (study.design, study.magnet, study.load, study.accuracy) == ("paper", "rigid", {}, None)
     assert all(isinstance(value, float) for values in study.axes.values() for value in values)
     assert study_design(study) == paper()
     assert is_study(path)
@@ -52,7 +64,7 @@ def test_study_finds_its_design_beside_it(toml):
     toml("D = 10\nL = 12", "sensor.toml")
     study = read_study(toml('design = "sensor.toml"\ndepth = 1\n[axes]\nf = [5, 6]', "study.toml"))
     assert study_design(study, ["E=2"]) == Design(D=10.0, L=12.0, E=2.0)
-    assert study.depth == 1.0
+    assert study.load == {"depth": 1.0}
 
 
 def test_study_with_a_table_as_design(toml):
@@ -66,12 +78,33 @@ def test_study_with_a_table_as_design(toml):
         ("depth = 1", ["needs a table"]),
         ("[axes]", ["needs an axis"]),
         ("axes = 3", ["axes must be a table"]),
-        ("[axes]\nD = 3", ["axis D must be a list of numbers"]),
-        ("[axes]\nD = [3, true]", ["axis D must be a number"]),
+        ("[axes]\nD = 3", ["axis D must be a list of values"]),
+        ("[axes]\nD = [3, true]", ["axis D must be a list of numbers"]),
         ("[axes]\nD = [3, nan]", ["axis D must be a finite number"]),
         ("[axes]\nD = []", ["axis D is empty"]),
         ("[axes]\nd = [1]", ["'d'", "did you mean"]),
-        ('[axes]\nlaw = ["yeoh"]', ["law cannot be an axis", "is a list of numbers for D, L, f"]),
+        ('[axes]\nlaw = ["steel"]', ["every value of axis law must be neo-hookean", "'steel'"]),
+        ("[axes]\nD = {steps = [1, 2, 3]}", ["axis D: a table has one key, linspace or logspace"]),
+        ("[axes]\nD = {linspace = [1, 2]}", ["linspace takes three numbers, start, stop and count"]),
+        (
+            "version = 3\n[axes]\nD = [3]",
+            ["the study has version 3", "reads versions 1 to 2", "install a newer magtip"],
+        ),
+        ("[load]\ndepht = 1\n[axes]\nD = [3]", ["'depht'", "did you mean depth"]),
+        ("[load]\ndepth = [1, 2]\n[axes]\nD = [3]", [r"depth in \[load\] must be one value", "several make an axis"]),
+        ("depth = 1\n[load]\ndepth = 1\n[axes]\nD = [3]", [r"depth is given twice, alone and in \[load\]"]),
+        ('quantities = ["forces"]\n[axes]\nD = [3]', ["there is no quantity 'forces'", "force, shift"]),
+        ("[[zipped]]\nL = [9, 12]\nl0 = [7]", ["the same number of values", "L has 2, l0 has 1"]),
+        ("[[zipped]]", ["the same number of values", "there is none"]),
+        ("[[zipped]]\nL = [9, 9]\nD = [7, 7]", ["the zipped axes L, D list a point twice"]),
+        ("[axes]\nL = [9]\n[[zipped]]\nL = [9, 12]", ["L varies twice"]),
+        ("[sample]\ncount = 4", ["there are no ranges", r"\[sample.ranges\]"]),
+        ("[sample]\ncount = 6\n[sample.ranges]\nD = [6, 8]", ["a power of 2 as count; got 6: take 4 or 8"]),
+        ('[sample]\nmethod = "grid"\ncount = 4\n[sample.ranges]\nD = [6, 8]', ["latin-hypercube or sobol", "'grid'"]),
+        ("[sample]\ncount = 4\n[sample.ranges]\nD = [8, 6]", ["low < high"]),
+        ("[sample]\ncount = 4\n[sample.ranges]\nlaw = [1, 2]", ["law has names, not numbers"]),
+        ('[sample]\ncount = 4\nlog = ["shear"]\n[sample.ranges]\nshear = [0, 1]', ["must begin above 0"]),
+        ("[sample]\ncount = 0\n[sample.ranges]\nD = [6, 8]", ["count must be a whole number from 1"]),
         ("axis = 3\n[axes]\nD = [3]", ["'axis'", "did you mean axes"]),
         ('magnet = "soft"\n[axes]\nD = [3]', ["magnet must be 'rigid' or 'ignored'", "soft"]),
         ('accuracy = "best"\n[axes]\nD = [3]', ["accuracy must be 'quick', 'standard' or 'fine'"]),
@@ -90,3 +123,56 @@ def test_bad_studies(toml, text, parts, refused):
 def test_law_of_a_study(toml):
     study = toml('[design]\nlaw = "mooney-rivlin"\nmooney_share = 0.125\n[axes]\nE = [1, 2]\n', "study.toml")
     assert study_design(read_study(study)).law_numbers == (0.125,)
+
+
+def test_spaced_axes_have_exact_ends():
+    axes = parse_axes(["depth=log:0.1:3:4", "D=lin:0.1:0.7:7"])
+    assert axes["depth"] == pytest.approx([0.1, 0.310723250595, 0.965489384606, 3.0])
+    assert (axes["depth"][0], axes["depth"][-1]) == (0.1, 3.0)
+    assert axes["D"] == [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+
+
+FULL = """
+version = 2
+models = ["quick", "finite"]
+quantities = ["tilt", "force"]
+[load]
+friction = "stick"
+depth = 1
+[axes]
+law = ["neo-hookean", "yeoh"]
+E = { linspace = [0.5, 1.5, 3] }
+[[zipped]]
+L = [9, 12, 12]
+l0 = [7.2, 7.2, 10.2]
+[sample]
+method = "latin-hypercube"
+count = 5
+seed = 3
+log = ["shear"]
+[sample.ranges]
+shear = [0.1, 1]
+nu = [0.45, 0.4998]
+"""
+
+
+def test_a_study_of_everything(toml):
+    study = read_study(toml(FULL, "study.toml"))
+    assert (study.models, study.quantities) == (("quick", "finite"), ("force", "tilt"))
+    assert study.load == {"friction": "stick", "depth": 1.0}
+    assert [factor.names for factor in study.factors] == [("law",), ("E",), ("L", "l0"), ("shear", "nu")]
+    assert [factor.count for factor in study.factors] == [2, 3, 3, 5]
+    assert study.axes["E"] == [0.5, 1.0, 1.5]
+    assert study.axes["l0"] == [7.2, 7.2, 10.2]
+    # one point of a Latin hypercube lies in each fifth of each range, on a log scale for the shear
+    fifths = [int(5 * (math.log10(shear) + 1)) for shear in study.axes["shear"]]
+    assert sorted(fifths) == [0, 1, 2, 3, 4]
+    assert sorted(int((nu - 0.45) / 0.0498 * 5) for nu in study.axes["nu"]) == [0, 1, 2, 3, 4]
+    assert read_study(toml(FULL, "study.toml")).axes == study.axes
+
+
+def test_sobol_points_fill_every_cell_of_a_grid(toml):
+    text = "[sample]\ncount = 16\n[sample.ranges]\nD = [6, 10]\nL = [9, 13]"
+    axes = read_study(toml(text, "study.toml")).axes
+    cells = {(int(D) - 6, int(L) - 9) for D, L in zip(axes["D"], axes["L"], strict=True)}
+    assert len(cells) == 16

@@ -1,8 +1,12 @@
+"""Sweeps: every case is a row, in order; alike problems share a solve; what is solved or has failed is kept."""
+
 import csv
-import dataclasses
 import itertools
 import math
+import os
+import signal
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,15 +17,31 @@ from fem.accuracy import QUICK
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load, Response
-from studies.exploration import solved_paths, store, sweep, sweep_request, sweep_rows
+from geometry.loads import Load
+from studies.exploration import needed_paths, solved_paths, store, sweep, sweep_request
+from studies.exploration.needed_paths import Processes
+from studies.exploration.study_cases import FemModel, Plan, varied
+from studies.exploration.study_rows import flat_rows
+from studies.inputs.study_axes import Factor
+from studies.inputs.study_input import grid
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
+PRESS = ("force", "shift", "contact_radius", "readings")
 
 
-def run(*args, **options):
+def plan_of(design, axes, load=None, *, magnet="rigid", fem=(FemModel("quick", QUICK),), formulas=("paper",), **more):
+    """A study over a grid, or over factors."""
+    factors = grid(axes) if isinstance(axes, dict) else axes
+    return Plan(design, factors, load or {}, magnet, fem, formulas, more.get("quantities", PRESS))
+
+
+def run(design, axes, load=None, folder=None, kept=None, processes=Processes(0), **more):
     """The flat rows of a sweep."""
-    return [row.row() for row in sweep.run(*args, **options)]
+    plan = plan_of(design, axes, load, **more)
+    if kept is not None:
+        return [row for table in sweep.run(plan, folder, kept, processes=processes) for row in flat_rows(table)]
+    with store.in_memory() as memory:
+        return run(design, axes, load, folder, memory, processes, **more)
 
 
 @pytest.fixture
@@ -40,7 +60,7 @@ def traced(monkeypatch):
 
 def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(traced, tmp_path):
     axes = {"D": [4.0, 8.0], "L": [4.5, 9.0], "E": [1.0, 3.0], "depth": [0.25, 0.5]}
-    rows = run(BARE, axes, tmp_path, depth=9.9, magnet="ignored", accuracy=QUICK)
+    rows = run(BARE, axes, folder=tmp_path, magnet="ignored")
     columns = ("D_mm", "L_mm", "E_MPa", "depth_mm")
     assert [tuple(row[name] for name in columns) for row in rows] == list(itertools.product(*axes.values()))
     assert {row["status"] for row in rows} == {"ok"}
@@ -57,24 +77,24 @@ def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(tr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.csv", "sweep.png"]
 
 
-def test_what_a_solve_lends_to_a_similar_case_is_what_that_case_gives_itself(traced):
+def test_similar_designs_have_the_answers_of_their_own_solves(traced):
+    """Twice the size: all lengths, and with them the magnet and the depth, vary together."""
     big = Design(D=16.0, L=18.0, E=2.5, magnet_diameter=8.0, magnet_height=4.0, magnet_edge_radius=0.2, l0=14.4, f=9)
-    depths = [1.0, 2.0]
-    own = equilibrium.trace(big, [Load(depth=depth) for depth in depths], QUICK)
+    own = equilibrium.trace(big, [Load(depth=2.0)], QUICK)[0].response
     del traced[:]
-    case = sweep_rows.Case({"D": 16.0, "L": 18.0, "f": 9.0, "E": 2.5, "depth": 2.0}, big, "")
-    small = sweep_rows.Case({"D": 8.0, "L": 9.0, "f": 5.0, "E": 1.0, "depth": 0.5}, paper(), "")
-    solved = list(sweep._solve([small, case], "rigid", QUICK, None, None))
+    names = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius", "l0", "f", "E", "depth")
+    small = [getattr(paper(), name) for name in names[:-1]]
+    both = tuple(zip([*small, 1.0], [getattr(big, name) for name in names[:-1]] + [2.0], strict=True))
+    one, other = run(paper(), (Factor(names, both),))
     assert len(traced) == 1
-    for got, want in ((solved[1].response, own[1].response),):
-        assert got.force == pytest.approx(want.force, rel=1e-9)
-        assert got.shift == pytest.approx(want.shift, rel=1e-9)
-        assert got.contact_radius == pytest.approx(want.contact_radius, rel=1e-9)
-    assert solved[0].response.force[2] * 2.5 * 4 == pytest.approx(own[0].response.force[2], rel=1e-9)
+    assert other["fem_force_N"] == pytest.approx(own.force[2], rel=1e-9)
+    assert other["fem_shift_z_mm"] == pytest.approx(own.shift[2], rel=1e-9)
+    assert other["fem_contact_radius_mm"] == pytest.approx(own.contact_radius, rel=1e-9)
+    assert one["fem_force_N"] * 2.5 * 4 == pytest.approx(own.force[2], rel=1e-9)
 
 
 def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
-    rows = run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, None, depth=1.0, accuracy=QUICK)
+    rows = run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, {"depth": 1.0})
     assert len(traced) == 1
     soft, soft_far, hard, _ = rows
     assert hard["fem_force_N"] == pytest.approx(4 * soft["fem_force_N"], rel=1e-12)
@@ -94,19 +114,19 @@ def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
 def test_the_hall_elements_stay_where_they_are():
     base = paper()
     for fields in ({"L": 11.0}, {"D": 7.0}, {"D": 10.0, "L": 9.5}):
-        before, after = hall.elements(base)[0], hall.elements(sweep.varied(base, fields))[0]
+        before, after = hall.elements(base)[0], hall.elements(varied(base, fields))[0]
         assert np.allclose(before, after, atol=1e-12)
 
 
 def test_a_refusal_speaks_of_what_was_given():
     for fields, reason in (({"D": 50.0}, "L must exceed"), ({"D": 8.0, "L": 4.5}, "S1")):
         with pytest.raises(BadInput, match=reason):
-            sweep.varied(replace(BARE, l0=2.0), fields)
+            varied(replace(BARE, l0=2.0), fields)
 
 
 def test_cases_that_cannot_be_solved_stay_rows():
     axes = {"D": [3.0, 8.0], "depth": [1.0, 7.0]}
-    rows = run(paper(), axes, None, depth=1.0, accuracy=QUICK)
+    rows = run(paper(), axes)
     assert [row["status"] for row in rows] == ["bad_input", "bad_input", "ok", "bad_input"]
     assert "magnet" in rows[0]["message"]
     assert "depth" in rows[3]["message"]
@@ -118,7 +138,7 @@ def test_cases_that_cannot_be_solved_stay_rows():
 
 
 def test_the_formulas_end_at_the_tip_radius():
-    rows = run(BARE, {"depth": [1.0, 4.2]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+    rows = run(BARE, {"depth": [1.0, 4.2]}, magnet="ignored")
     assert [row["status"] for row in rows] == ["ok", "ok"]
     assert math.isfinite(rows[1]["fem_force_N"])
     assert math.isnan(rows[1]["analytic_force_N"])
@@ -126,59 +146,40 @@ def test_the_formulas_end_at_the_tip_radius():
     assert "D/2" in rows[1]["message"]
 
 
-def test_a_solve_that_stops_keeps_what_it_reached(monkeypatch):
-    real = equilibrium.trace
-
-    def stops(design, loads, *args, **kwargs):
-
-        found = real(design, loads[:2], *args, **kwargs)
-        return [found[0], dataclasses.replace(found[1], status="not_converged", message="stopped at depth 0.7 mm")]
-
-    monkeypatch.setattr(equilibrium, "trace", stops)
-    rows = run(BARE, {"depth": [1.5, 0.5, 1.0]}, None, depth=0.0, magnet="ignored", accuracy=QUICK)
+def test_a_solve_that_stops_keeps_what_it_reached():
+    """This law loses its stability under a small press."""
+    softening = replace(BARE, law="yeoh", yeoh_2=-5.0)
+    rows = run(softening, {"depth": [2.0, 0.1, 1.0]}, magnet="ignored")
     assert [row["status"] for row in rows] == ["not_converged", "ok", "not_converged"]
     assert math.isnan(rows[0]["fem_force_N"])
     assert math.isfinite(rows[0]["analytic_force_N"])
-    assert "stopped" in rows[0]["message"]
-
-
-def test_unknown_axes_are_refused():
-    for axes in ({}, {"nu": [0.4]}):
-        with pytest.raises(BadInput, match="axes"):
-            run(paper(), axes, None, depth=1.0)
+    assert "0.2" in rows[0]["message"]
 
 
 def test_progress_never_falls_and_stays_within_its_range():
-    seen = []
-    axes = {"L": [9.0, 10.0]}
-    run(BARE, axes, None, depth=0.5, magnet="ignored", accuracy=QUICK, progress=lambda f, _: seen.append(f))
-    assert seen == sorted(seen)
-    assert 0 <= seen[0] <= seen[-1] <= 1
+    shares = []
+    plan = plan_of(BARE, {"L": [9.0, 10.0]}, {"depth": 0.5}, magnet="ignored")
+    with store.in_memory() as kept:
+        list(sweep.run(plan, None, kept, processes=Processes(0), progress=lambda f, _: shares.append(f)))
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] <= shares[-1] <= 1
 
 
-def test_designs_of_different_laws_do_not_share_a_solve():
-    keys = {
-        store.key(solved_paths.content(Scene(design, (Load(depth=0.5),), QUICK)))
-        for design in (
-            paper(),
-            Design(E=2.0),
-            Design(yeoh_2=1.0),
-            Design(law="yeoh"),
-            Design(law="yeoh", yeoh_2=1.0),
-            Design(law="yeoh", yeoh_3=1.0),
-        )
-    }
-    assert len(keys) == 4
+def test_designs_of_different_laws_do_not_share_a_solve(traced):
+    """Numbers of a law that the design does not have make no difference."""
+    points = [("neo-hookean", 0.0, 0.0), ("neo-hookean", 1.0, 0.0), ("yeoh", 0.0, 0.0), ("yeoh", 1.0, 0.0)]
+    points += [("yeoh", 1.0, 1.0)]
+    run(BARE, (Factor(("law", "yeoh_2", "yeoh_3"), tuple(zip(*points, strict=True))),), {"depth": 0.2})
+    assert len(traced) == 4
 
 
 def test_a_sweep_of_too_many_cases_is_refused_before_it_starts():
-    many = [0.5 + k / 1e4 for k in range(200)]
-    with pytest.raises(BadInput, match="40000"):
-        run(paper(), {"D": many, "depth": many}, None, depth=1.0)
+    many = [0.5 + k / 1e5 for k in range(20_000)]
+    with pytest.raises(BadInput, match="400000000"):
+        run(paper(), {"D": many, "depth": many})
 
 
 AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
-GIVEN = {"depth": 0.0, "magnet": "ignored", "accuracy": QUICK}
 
 
 @pytest.fixture
@@ -192,61 +193,58 @@ def interrupted(*args, **kwargs):
 
 
 def test_a_sweep_that_was_interrupted_continues(traced, kept, monkeypatch):
-    going = sweep.run(BARE, AXES, None, **GIVEN, kept=kept)
-    reached = [next(going), next(going)]
+    batches = sweep.run(plan_of(BARE, AXES), None, kept, processes=Processes(0))
+    reached = list(flat_rows(next(batches)))
     with monkeypatch.context() as patch:
         patch.setattr(equilibrium, "trace", interrupted)
-        with pytest.raises(KeyboardInterrupt, match=r"2 of 4 cases are kept in .*solved.sqlite; the same command"):
-            next(going)
-    again = run(BARE, AXES, None, **GIVEN, kept=kept)
+        with pytest.raises(KeyboardInterrupt, match=r"1 of 2 solves are kept in .*solved.sqlite; the same command"):
+            next(batches)
+    again = run(BARE, AXES, kept=kept)
     assert len(traced) == 2
-    assert str(again[:2]) == str([row.row() for row in reached])
+    assert str(again[:2]) == str(reached)
 
 
 def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(traced, kept):
-    first = run(BARE, AXES, None, **GIVEN, kept=kept)
+    first = run(BARE, AXES, kept=kept)
     # another order, another length, another depth: of the beam of 10 mm only the depth of 1.5 mm is missing
-    other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.5, 1.0]}, None, **GIVEN, kept=kept)
+    other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.5, 1.0]}, kept=kept)
     assert [len(args[1]) for args in traced] == [2, 2, 1, 3]
     figures = [name for name in first[0] if name not in ("solve", "seconds")]
     assert [str(other[2][name]) for name in figures] == [str(first[3][name]) for name in figures]
 
 
 def test_a_state_of_a_path_does_not_depend_on_the_other_depths_of_its_solve(kept):
-    alone = run(BARE, {"depth": [1.5]}, None, **GIVEN, kept=kept)
-    among = run(BARE, {"depth": [0.5, 1.0, 1.5]}, None, **GIVEN)
+    alone = run(BARE, {"depth": [1.5]}, kept=kept)
+    among = run(BARE, {"depth": [0.5, 1.0, 1.5]})
     assert alone[0]["fem_force_N"] == pytest.approx(among[2]["fem_force_N"], rel=1e-8)
 
 
 def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_nothing(kept, monkeypatch):
     monkeypatch.setattr(equilibrium, "trace", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^no case is solved yet: the same command starts"):
-        run(BARE, AXES, None, **GIVEN, kept=kept)
+    with pytest.raises(KeyboardInterrupt, match=r"^nothing new is solved yet: the same command starts"):
+        run(BARE, AXES, kept=kept)
     assert kept.counts() == (0, 0)
 
 
 def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
-    """This law loses its stability under a small press."""
-    deep, softening = {"depth": [0.1, 2.0]}, replace(BARE, law="yeoh", yeoh_2=-5.0)
-    first = run(softening, deep, None, **GIVEN, kept=kept)
+    """It is tried twice: the second time in smaller steps from the nearest solved state."""
+    softening = replace(BARE, law="yeoh", yeoh_2=-5.0)
+    first = run(softening, {"depth": [0.1, 2.0]}, kept=kept)
     assert [row["status"] for row in first] == ["ok", "not_converged"]
-    again = run(softening, deep, None, **GIVEN, kept=kept)
-    assert len(traced) == 1
+    assert [[load.depth for load in args[1]] for args in traced] == [
+        [0.1, 2.0],
+        pytest.approx([0.1, 0.575, 1.05, 1.525, 2.0]),
+    ]
+    again = run(softening, {"depth": [0.1, 2.0]}, kept=kept)
+    assert len(traced) == 2
     assert str(again) == str(first)
 
 
 def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
-    run(BARE, {"depth": [0.5]}, None, **GIVEN, kept=kept)
+    run(BARE, {"depth": [0.5]}, kept=kept)
     monkeypatch.setitem(PHYSICS, "axisymmetric", PHYSICS["axisymmetric"] + 1)
-    run(BARE, {"depth": [0.5]}, None, **GIVEN, kept=kept)
+    run(BARE, {"depth": [0.5]}, kept=kept)
     assert len(traced) == 2
-
-
-@pytest.mark.parametrize("load", [Load(depth=0.5, shear_x=1.0, friction="stick"), Load(depth=0.5, friction=0.3)])
-def test_only_frictionless_presses_are_stored(load):
-    """States of other paths depend on more than a position."""
-    with pytest.raises(ValueError, match="only frictionless presses"):
-        solved_paths.content(Scene(paper(), (load,), QUICK))
 
 
 def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):
@@ -260,17 +258,127 @@ def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):
 
 
 def test_another_accuracy_or_magnet_is_another_solve(traced, kept):
-    axes = {"depth": [0.5]}
-    for change in ({}, {"accuracy": replace(QUICK, section_size=0.2)}, {"magnet": "rigid"}):
-        run(paper(), axes, None, **GIVEN | change, kept=kept)
+    rough = FemModel("rough", replace(QUICK, section_size=0.2))
+    for change in ({}, {"fem": (rough,)}, {"magnet": "rigid"}):
+        run(paper(), {"depth": [0.5]}, **{"magnet": "ignored"} | change, kept=kept)
     assert len(traced) == 3
 
 
-def test_a_scaled_answer_keeps_both_tilts():
-    """A state solved at D = 8 mm and E = 1 MPa, at twice the size and half the modulus."""
-    pose = Response((0.2, 0.4, 3.0), (0.1, 0.3, -0.5), 0.02, 1.0, 0.06)
-    answer = solved_paths.Answer(8.0, 1.0, pose, "ok", "", 0.01, 1.0).of(16.0, 0.5)
-    assert answer.response == Response((0.4, 0.8, 6.0), (0.2, 0.6, -1.0), 0.02, 2.0, 0.06)
+SIDE = {"quantities": ("force", "shift", "tilt", "readings")}
+
+
+def test_a_shear_is_solved_along_x_and_turned(traced):
+    points = (Factor(("shear", "shear_y"), ((0.5, 0.0, -0.3, 0.0), (0.0, 0.5, 0.4, -0.5))),)
+    x, y, oblique, back = run(paper(), points, {"depth": 0.5}, **SIDE)
+    assert len(traced) == 1
+    own = equilibrium.solve(paper(), Load(0.5, -0.3, 0.4, "stick"), QUICK).response
+    assert (oblique["fem_force_x_N"], oblique["fem_force_y_N"]) == pytest.approx(own.force[:2], rel=1e-6)
+    assert (oblique["fem_shift_x_mm"], oblique["fem_shift_y_mm"]) == pytest.approx(own.shift[:2], rel=1e-6)
+    assert (oblique["fem_tilt_rad"], oblique["fem_tilt_y_rad"]) == pytest.approx((own.tilt, own.tilt_y), rel=1e-6)
+    assert (y["fem_force_y_N"], y["fem_force_x_N"]) == (x["fem_force_x_N"], 0.0)
+    assert back["fem_tilt_y_rad"] == -x["fem_tilt_rad"]
+    # S3 stands along y as S2 along x
+    assert y["fem_S3_mT"] == pytest.approx(x["fem_S2_mT"], rel=1e-9)
+
+
+def test_a_sheared_path_solves_only_the_missing_shears(traced, kept):
+    first = run(paper(), {"shear": [0.2, 0.4]}, {"depth": 0.5}, **SIDE, kept=kept)
+    again = run(paper(), {"shear": [0.4, 0.0, 0.6]}, {"depth": 0.5}, **SIDE, kept=kept)
+    solved = [[(load.depth, round(load.shear_x, 12)) for load in args[1]] for args in traced]
+    assert solved[:2] == [[(0.5, 0.2), (0.5, 0.4)], [(0.5, 0.6)]]
+    # without a shear the plate does not stick: an axisymmetric press
+    assert solved[2:] == [[(0.5, 0.0)]]
+    assert again[0]["fem_force_x_N"] == first[1]["fem_force_x_N"]
+    assert again[1]["fem_force_x_N"] == 0.0
+
+
+def test_loads_of_all_kinds_have_rows_of_their_own():
+    cases = {
+        "coulomb": {"depth": 0.3, "shear": 0.2, "friction": 0.3},
+        "grip": {"grip": 2.0, "shear": 0.2},
+        "imperfection": {"depth": 0.3, "imperfection": 0.001},
+    }
+    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
+    for load in cases.values():
+        (row,) = run(paper(), {"E": [0.5]}, load, fem=rough, formulas=(), **SIDE)
+        own_load = {"shear_x" if name == "shear" else name: value for name, value in load.items()}
+        own = equilibrium.solve(replace(paper(), E=0.5), Load(**own_load), rough[0].accuracy).response
+        assert row["status"] == "ok"
+        assert [row["fem_force_x_N"], row["fem_force_N"]] == pytest.approx([own.force[0], own.force[2]], rel=1e-9)
+        assert row["fem_tilt_rad"] == pytest.approx(own.tilt, rel=1e-9)
+
+
+def test_models_stand_side_by_side(traced):
+    fem = (FemModel("quick", replace(QUICK, section_size=0.3)), FemModel("standard", QUICK))
+    (row,) = run(BARE, {"depth": [0.5]}, fem=fem, formulas=("paper", "finite"), magnet="ignored")
+    assert len(traced) == 2
+    truth = row["fem_standard_force_N"]
+    for model in ("fem_quick", "analytic_paper", "analytic_finite"):
+        error = 100 * (row[f"{model}_force_N"] / truth - 1)
+        assert row[f"{model}_force_error_percent"] == pytest.approx(error, rel=1e-9)
+    assert row["analytic_finite_force_N"] == beam.solve(BARE, Load(depth=0.5), "finite").force[2]
+    assert "fem_standard_force_error_percent" not in row
+
+
+def test_critical_depth_and_modes_scale_with_the_design(traced, kept):
+    from fem.modes import modes
+    from fem.stability import critical
+
+    slender = replace(BARE, L=24.0)
+    quantities = {"quantities": ("critical_depth", "modes"), "magnet": "ignored"}
+    small = replace(slender, D=4.0, L=12.0, l0=4.0, E=4.0, density=540.0)
+    names = ("D", "L", "l0", "E", "density")
+    values = [(getattr(slender, name), getattr(small, name)) for name in names]
+    points = (Factor((*names, "depth"), (*values, (0.5, 0.25))),)
+    one, other = run(slender, points, **quantities, kept=kept)
+    depth = critical(slender, "ignored", accuracy=QUICK).depth
+    assert one["critical_depth_mm"] == pytest.approx(depth, rel=1e-9)
+    assert other["critical_depth_mm"] == pytest.approx(depth / 2, rel=1e-9)
+    assert other["critical_force_N"] == pytest.approx(one["critical_force_N"], rel=1e-9)
+    own = modes(small, "ignored", 3, depth=0.25, accuracy=QUICK)
+    assert [other[f"mode{k}_Hz"] for k in (1, 2, 3)] == pytest.approx(own.frequency, rel=1e-6)
+    assert (other["mode1_shape"], one["status"]) == (own.shape[0], "ok")
+    # a path of states, the critical state and the modes, each once
+    assert kept.counts() == (3, 3)
+
+
+def test_decoded_forces_follow_the_modulus():
+    soft, hard = run(
+        paper(), {"E": [0.5, 2.0]}, {"depth": 0.5}, formulas=("finite",), quantities=("force", "decoded_force_error")
+    )
+    assert hard["decoded_force_N"] == pytest.approx(4 * soft["decoded_force_N"], rel=1e-12)
+    assert soft["decoded_force_error_percent"] == pytest.approx(
+        100 * abs(soft["decoded_force_N"] / soft["fem_force_N"] - 1), rel=1e-2
+    )
+    assert soft["decoded_force_error_percent"] < 10
+
+
+def test_a_model_that_cannot_carry_the_load_says_so_in_its_row():
+    fem = (FemModel("axisymmetric-quick", QUICK, "axisymmetric"),)
+    (row,) = run(paper(), {"shear": [0.5]}, {"depth": 0.5}, fem=fem, **SIDE)
+    assert row["status"] == "bad_input"
+    assert "model axisymmetric cannot carry a shear" in row["message"]
+
+
+def dies(task):
+    """A solve whose process dies for beams of 10 mm."""
+    if task.scene.design.L == 10.0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    from studies.exploration.solved_paths import solve_task
+
+    return solve_task(task)
+
+
+def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(needed_paths, "solve_task", dies)
+        patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{Path(__file__).parent.parent}")
+        rows = run(BARE, AXES, kept=kept, processes=Processes(2))
+    assert [row["status"] for row in rows] == ["ok", "ok", "worker_died", "worker_died"]
+    assert "signal 9" in rows[2]["message"]
+    assert [row["status"] for row in run(BARE, AXES, kept=kept)] == ["ok", "ok", "worker_died", "worker_died"]
+    again = run(BARE, AXES, kept=kept, processes=Processes(0, retry_failed=True))
+    assert {row["status"] for row in again} == {"ok"}
 
 
 def cases(axes, **figures):
@@ -285,16 +393,17 @@ def cases(axes, **figures):
 def test_an_axis_that_changes_nothing_is_named():
     axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
     rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
-    assert sweep_request.idle_axes(rows, axes, whole=True) == [("f", "the results are the same for all its values")]
+    plan = plan_of(paper(), axes)
+    assert sweep_request.idle_axes(rows, plan, whole=True) == [("f", "the results are the same for all its values")]
     rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
-    assert sweep_request.idle_axes(rows, axes, whole=True) == []
-    assert sweep_request.idle_axes(rows, axes, whole=False) == [
+    assert sweep_request.idle_axes(rows, plan, whole=True) == []
+    assert sweep_request.idle_axes(rows, plan, whole=False) == [
         ("f", "it changes only columns that --wide, --json and --out show")
     ]
     # a single case tells nothing, nor do cases that failed
-    assert sweep_request.idle_axes(rows[:1], axes, whole=True) == sweep_request.idle_axes([], axes, whole=True) == []
+    assert sweep_request.idle_axes(rows[:1], plan, whole=True) == sweep_request.idle_axes([], plan, whole=True) == []
     failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
-    assert sweep_request.idle_axes(failed, axes, whole=True) == []
+    assert sweep_request.idle_axes(failed, plan, whole=True) == []
 
 
 def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
@@ -309,3 +418,13 @@ def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
     axes = ("--axis", "D=8,100", "--axis", "E=0.5,1", "--axis", "depth=1")
     err = run("sweep", "paper", *axes, "--magnet", "ignored", "--accuracy", "quick", "--json")[2]
     assert "magtip: D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: L must exceed the tip radius D/2 = 50 mm" in err
+
+
+def test_a_scene_of_several_paths_is_answered_from_the_store(kept, traced):
+    """A press, which needs the axisymmetric model, and shears along two axes, which are one path."""
+    loads = (Load(depth=0.5), Load(0.5, 0.3, 0.0, "stick"), Load(0.5, 0.0, 0.3, "stick"))
+    scene = Scene(paper(), tuple(replace(load, friction="stick") for load in loads), QUICK)
+    for _ in range(2):
+        (press, x, y), trouble = solved_paths.solved(scene, kept)
+        assert (press.response.force[0], trouble, len(traced)) == (0.0, "", 2)
+        assert y.response.force[1] == pytest.approx(x.response.force[0], rel=1e-12)

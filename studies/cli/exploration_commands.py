@@ -12,13 +12,18 @@ from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, warn_of_values
+from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
+from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from studies.exploration.sweep_rows import SweepRow
+    from studies.exploration.study_cases import Plan
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
+
+MOST_SHOWN = 1000
+"""Largest number of rows of a table on the screen."""
 
 
 def sweep(
@@ -26,25 +31,35 @@ def sweep(
     /,
     *,
     axis: list[str] | None = None,
+    load: list[str] | None = None,
     design: str | None = None,
     depth: float | None = None,
     magnet: Magnet | None = None,
     accuracy: AccuracyName | None = None,
+    models: str | None = None,
+    quantities: str | None = None,
     out: Path | None = None,
     store: Path | None = None,
+    workers: Whole | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Run finite elements and formulas over a grid of D, L, f, E and depth, one row per case.
+    """Run finite elements and formulas over many designs and loads, one row per case.
 
     Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
-    override the values of a study.
+    override the values of a study. Solved states are kept: no sweep solves a state again.
 
     Parameters
     ----------
     axis
-        Values NAME=a,b,c of D, L, f, depth (mm) or E (MPa); repeatable.
+        Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
+        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection) or of magnet;
+        repeatable.
+    load
+        Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable.
     design
         Design to vary, a preset or a TOML file; default: paper.
     depth
@@ -53,36 +68,79 @@ def sweep(
         Rigid body, or ignored (the whole beam is silicone); default: rigid.
     accuracy
         Accuracy of the finite elements; default: standard.
+    models
+        Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
+        another model than auto) and levels of the formulas; default: standard,paper.
+    quantities
+        Any of force, shift, tilt, contact_radius, readings, decoded_force_error, critical_depth, modes; default:
+        force, shift, contact_radius, readings, and tilt if a load acts sideways.
     out
-        Folder for the table and the plot.
+        Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.
     store
-        File that keeps all solved states; a sweep continues from there, and never solves one twice; default: one of
-        the user, which the environment variable MAGTIP_STORE can name.
+        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
+        name.
+    workers
+        Number of processes that solve; default: one for each core, or none if all solves take only seconds.
+    scheduler
+        Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve.
+    retry_failed
+        Solve again the cases whose process died.
     """
     from studies.exploration import sweep_request
+    from studies.exploration.needed_paths import Processes
+    from studies.exploration.study_rows import flat_rows
 
-    case = sweep_request.grid_of(source, axis or [], design, depth, magnet, accuracy, sets or [])
-    warn_of_values(case.design)
+    processes = Processes(workers, scheduler, retry_failed)
+    plan = sweep_request.plan_of(
+        source,
+        sweep_request.Options(
+            axis or [], design, depth, load or [], magnet, accuracy, models, quantities, sets or []
+        ),
+    )
+    warn_of_values(plan.design)
     atomic_files.check_apart([*atomic_files.inside(out, sweep_request.FILES), store], [source, design])
-    if case.magnet == "rigid":
-        say_if_without_magnet(case.design)
-    rows: list[SweepRow] = []
+    if plan.magnet == "rigid" and plan.fem:
+        say_if_without_magnet(plan.design)
+    case = sweep_request.case_columns(plan)
+    rows: list[FlatRow] = []
+    failures: list[FlatRow] = []
+    count = failed = 0
     try:
-        with console.progress(as_json=as_json) as progress:
-            for row in sweep_request.sweep(case, out, progress, store):
-                rows.append(row)
-                if as_json:
-                    console.report([row.row()], as_json=True)
+        with (
+            console.progress(as_json=as_json) as progress,
+            sweep_request.sweep(plan, out, progress, processes, store) as batches,
+        ):
+            for table in batches:
+                for row in flat_rows(table):
+                    count += 1
+                    if as_json:
+                        console.report([row], as_json=True)
+                    if row["status"] != "ok":
+                        failed += 1
+                        failures += [row] if len(failures) < MOST_SHOWN else []
+                    rows += [row] if len(rows) <= MOST_SHOWN else []
     finally:
-        table = [row.row() for row in rows]
         if not as_json:
-            sweep_request.show(table, "Sweep", wide=wide)
-            print_remarks([row.row() for row in rows if row.status == "ok"], sweep_request.CASE, table)
-    for name, reason in sweep_request.idle_axes(table, case.axes, whole=as_json or wide or out is not None):
-        say_no_effect(f"axis {name}", reason)
-    failed = [row.row() for row in rows if row.status != "ok"]
-    for reason in console.remarks(failed, sweep_request.CASE, table):
+            _show(rows, count, case, plan, wide=wide)
+    if count <= MOST_SHOWN:
+        whole = as_json or wide or out is not None
+        for name, reason in sweep_request.idle_axes(rows, plan, whole=whole, case=case):
+            say_no_effect(f"axis {name}", reason)
+    for reason in console.remarks(failures, case, rows):
         console.say(f"magtip: {reason}")
     if failed:
-        console.say(f"magtip: {len(failed)} of {len(rows)} cases failed")
-    return GOOD if len(failed) < len(rows) else FAILED
+        console.say(f"magtip: {failed} of {count} cases failed")
+    return GOOD if failed < count else FAILED
+
+
+def _show(rows: list[FlatRow], count: int, case: tuple[str, ...], plan: Plan, *, wide: bool) -> None:
+    """Print the rows as a table with their remarks, or their number if there are many."""
+    from studies.exploration import sweep_request
+
+    if count > MOST_SHOWN:
+        console.note(
+            f"{count} of {plan.count} rows; --out FOLDER or --json has them, a table on the screen does not."
+        )
+        return
+    sweep_request.show(rows, "Sweep", wide=wide, case=case)
+    print_remarks([row for row in rows if row["status"] == "ok"], case, rows)

@@ -1,12 +1,7 @@
-"""States of frictionless presses: read from the store of solved states, or solved and added to it.
+"""Answers of stored states, and the solves of missing ones.
 
-The finite elements use lengths over D and stresses over E, so geometrically similar designs of one material law share
-a path (see `fem.scene.Scene.dimensionless`). An answer holds the D and E of the design that was solved, and
-`Answer.of` scales it to another one. Only depths that the store lacks are solved, from the undeformed state: a press
-does not depend on the other depths of its path (see `fem.solvers.depth_ranges`).
-
-Other paths are refused, because their states depend on more than a position: those of a shear on its direction, and
-on the mesh that is fine where its contact ends; those with Coulomb friction on all loads before.
+An answer holds the D and E of the design that was solved, and `Answer.of` scales it to a similar one. A `Task` is all
+that is missing of one path (see `path_keys`); a worker process solves it, and returns its states for the store.
 """
 
 from __future__ import annotations
@@ -14,20 +9,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from fem.physics_version import PHYSICS
-from fem.scene import Scene
-from geometry.design import Design
+from fem.scene import Scene, choose_model
 from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies.exploration.store import Outcome, Position, State, Store, position
+from studies.exploration.path_keys import MODES, Kind, Place, place, position_of, unit_vector
+from studies.exploration.store import Outcome, Position, State, Store, key, position
 from studies.output.provenance import versions
-from studies.simulation.compare import follow
 
 NAN = math.nan
+SMALLER_STEPS = 4
+"""Number of increments, from the nearest solved state, in which a load is tried again on which a solve has failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +35,7 @@ class Answer:
     response : None if the solve did not reach the state; `status` and `message` give the reason.
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
+    values : results of other kinds than states; lengths, forces and frequencies in the units of `scaled_values`.
     """
 
     D: float
@@ -49,58 +45,166 @@ class Answer:
     message: str
     error_estimate: float
     seconds: float
+    values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
-    def of(self, D: float, E: float) -> Answer:
-        """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2."""
+    def of(self, D: float, E: float, direction: tuple[float, float] = (1.0, 0.0)) -> Answer:
+        """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2.
+
+        Parameters
+        ----------
+        direction : unit vector of the shear; the answer is turned from x to it.
+        """
         message = self.message
         if message and D != self.D:
             message = f"solved at D = {self.D:g} mm: {message}"
         if self.response is None:
-            return dataclasses.replace(self, D=D, E=E, message=message)
+            return replace(self, D=D, E=E, message=message)
         length = D / self.D
-        response = self.response.scaled(length, E / self.E * length**2)
-        return dataclasses.replace(self, D=D, E=E, response=response, message=message)
+        response = _turned(self.response.scaled(length, E / self.E * length**2), direction)
+        return replace(self, D=D, E=E, response=response, message=message)
 
 
-def content(scene: Scene) -> dict[str, Any]:
-    """Return everything on which presses depend except their depth, with the model's physics version.
+def _turned(response: Response, direction: tuple[float, float]) -> Response:
+    """Return a response to a shear along x, turned to a shear in another direction."""
+    if direction == (1.0, 0.0):
+        return response
+    c, s = direction
+    (fx, fy, fz), (x, y, z) = response.force, response.shift
+    return replace(
+        response,
+        force=(c * fx - s * fy, s * fx + c * fy, fz),
+        shift=(c * x - s * y, s * x + c * y, z),
+        tilt=c * response.tilt - s * response.tilt_y,
+        tilt_y=s * response.tilt + c * response.tilt_y,
+    )
 
-    Raises
-    ------
-    ValueError
-        A load is no press by an upright, frictionless plate, or the model is not axisymmetric.
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A solve for a worker: the missing states of a path.
+
+    Attributes
+    ----------
+    number : number of the path in its study, from 1.
+    scene : the missing states as loads, in rising order; their design is that of the path's first case.
+    solved : positions of the path that are stored already, from which smaller steps can start.
     """
-    if scene.model != "axisymmetric" or scene.coulomb is not None:
-        raise ValueError(f"only frictionless presses of the axisymmetric model are stored; got model {scene.model}")
-    values = scene.dimensionless()
-    del values["loads"]
-    return values | {"load": "press", "physics": PHYSICS[scene.model]}
+
+    number: int
+    scene: Scene
+    kind: Kind
+    solved: tuple[Position, ...] = ()
 
 
-def place(design: Design, load: Load) -> Position:
-    """Return the position of a press over D."""
-    return position(load.depth / design.D, 0.0)
+def answers(path: Place, store: Store) -> dict[Position, Answer]:
+    """Return the stored answers of a path by their positions."""
+    return {at: answer(state) for at, state in store.states(path.content).items()}
 
 
-def answers(
-    scene: Scene, store: Store | None, progress: Progress | None = None
-) -> tuple[dict[Position, Answer], str]:
-    """Return the answers at all loads of a scene by position, and a warning if the store could not take new ones.
+def missing(
+    path: Place, wanted: Sequence[Position], store: Store, *, retry: bool
+) -> tuple[list[Position], list[Position]]:
+    """Return the positions of a path that are to be solved, in rising order, and those that are solved.
 
     Parameters
     ----------
-    store : source and destination of solved states; None solves all of them and stores nothing.
+    retry : solve again the states whose process has died or has run out of memory.
     """
-    known = store.states(content(scene)) if store is not None else {}
-    wanted = {place(scene.design, load): load for load in scene.loads}
-    missing = [load for at, load in wanted.items() if at not in known]
+    states = store.states(path.content)
+    kept = {at for at, state in states.items() if not (retry and state.outcome == "transient")}
+    reached = [at for at, state in states.items() if state.outcome == "ok"]
+    return sorted(set(wanted) - kept), sorted(reached)
+
+
+def task(number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = ()) -> Task:
+    """Return the solve of some positions of a path, of which others have been `reached` before."""
+    if path.kind != "states":
+        return Task(number, path.scene, path.kind)
+    D, load = path.scene.design.D, path.scene.loads[0]
+    scene = replace(path.scene, loads=tuple(_at(load, at, D) for at in positions))
+    return Task(number, scene, path.kind, tuple(reached))
+
+
+def _at(load: Load, at: Position, D: float) -> Load:
+    """Return the load of a path's position."""
+    depth, shear = at[0] * D, at[1] * D
+    # the same load to the last bit if it is the path's own
+    if position(load.depth / D, 0.0)[0] == at[0]:
+        depth = load.depth
+    if not load.shears_tip:
+        return replace(load, depth=depth)
+    if position_of(load, D)[1] == at[1]:
+        return replace(load, depth=depth)
+    x, y = unit_vector(load)
+    return replace(load, depth=depth, shear_x=shear * x, shear_y=shear * y)
+
+
+def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
+    """Solve a task and return its states for the store."""
+    if task.kind == "critical depth":
+        return [_critical(task.scene)]
+    if task.kind == "modes":
+        return [_modes(task.scene)]
+    from studies.simulation.compare import Outcome as Reached
+    from studies.simulation.compare import follow
+
+    scene = task.scene
+    D = scene.design.D
+
+    def followed(loads: Sequence[Load]) -> list[Reached]:
+        return follow(scene.design, loads, scene.accuracy, scene.magnet, progress, model=scene.model)
+
+    outcomes = dict(zip(scene.loads, followed(scene.loads), strict=True))
+    failed = [load for load, outcome in outcomes.items() if outcome.status == "not_converged"]
+    if failed:
+        reached = [position_of(load, D) for load, outcome in outcomes.items() if outcome.status == "ok"]
+        between = _smaller_steps(failed[0], [*task.solved, *reached], D)
+        again = followed([*between, *failed])[len(between) :] if between else []
+        for load, outcome in zip(failed, again, strict=False):
+            if outcome.status == "ok":
+                outcomes[load] = replace(outcome, message=outcome.message or "reached by smaller steps")
+    return [_state(scene, load, outcome) for load, outcome in outcomes.items()]
+
+
+def solved(scene: Scene, store: Store, progress: Progress | None = None) -> tuple[list[Answer], str]:
+    """Return the answers to all loads of a scene, on whatever paths they lie; what the store lacks is solved here.
+
+    Returns
+    -------
+    An answer for each load, and a warning if the store could not take new states, else "".
+    """
+    # each load by itself takes the smallest model that can carry it, unless the scene has another one on purpose
+    model = "auto" if scene.model == choose_model(scene.loads, "auto") else scene.model
+    places = [place(replace(scene, loads=(load,), model=model)) for load in scene.loads]
+    paths: dict[str, list[Place]] = {}
+    for one in places:
+        paths.setdefault(key(one.content), []).append(one)
+    found: dict[str, dict[Position, Answer]] = {}
     trouble = ""
-    if missing:
-        solved = _solve(scene, missing, progress)
-        if store is not None:
-            trouble = store.add(content(scene), solved)
-        known |= {state.position: state for state in solved}
-    return {at: _answer(known[at]) for at in wanted}, trouble
+    for k, (name, members) in enumerate(paths.items()):
+        report = None if progress is None else functools.partial(_report, progress, k, len(paths))
+        positions, reached = missing(members[0], [one.at for one in members], store, retry=False)
+        states = solve_task(task(k + 1, members[0], positions, reached), report) if positions else []
+        if states:
+            trouble = store.add(members[0].content, states) or trouble
+        found[name] = answers(members[0], store) | {state.position: answer(state) for state in states}
+    D, E = scene.design.D, scene.design.E
+    return [found[key(one.content)][one.at].of(D, E, one.direction) for one in places], trouble
+
+
+def _report(progress: Progress, done: int, count: int, share: float, text: str) -> None:
+    """Report the progress of one of several paths."""
+    progress((done + share) / count, text)
+
+
+def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:
+    """Return the nearest solved state below a failed one, and loads in small steps from there to the failed one."""
+    end = position_of(load, D)
+    along = 1 if load.shears_tip else 0
+    start = max((at[along] for at in solved if at[along] < end[along]), default=0.0)
+    steps = [start + (end[along] - start) * k / SMALLER_STEPS for k in range(SMALLER_STEPS)]
+    positions = [(end[0], step) if along else (step, 0.0) for step in steps if step > 0]
+    return [_at(load, at, D) for at in positions]
 
 
 @functools.cache
@@ -109,27 +213,83 @@ def _origin() -> str:
     return versions()
 
 
-def _solve(scene: Scene, loads: Sequence[Load], progress: Progress | None) -> list[State]:
-    """Solve a path to these loads and return its states for the store."""
-    design, origin = scene.design, _origin()
-    outcomes = follow(design, loads, scene.accuracy, scene.magnet, progress)
-    states = []
-    for load, outcome in zip(loads, outcomes, strict=True):
-        response, error = outcome.response, outcome.error_estimate
-        answer = {
-            "D_mm": design.D,
-            "E_MPa": design.E,
-            "response": None if response is None else dataclasses.asdict(response),
-            "error_estimate": None if math.isnan(error) else error,
-            "message": outcome.message,
-        }
-        reached: Outcome = "ok" if response is not None else "failed"
-        seconds = outcome.solution.seconds if outcome.solution else 0.0
-        states.append(State(*place(design, load), reached, outcome.status, answer, seconds, origin))
-    return states
+def _state(scene: Scene, load: Load, outcome: Any) -> State:
+    """Return the outcome of a load as a state for the store."""
+    response, error = outcome.response, outcome.error_estimate
+    result: Outcome = "ok" if response is not None else "failed"
+    seconds = outcome.solution.seconds if outcome.solution else 0.0
+    values = {
+        "response": None if response is None else dataclasses.asdict(response),
+        "error_estimate": None if math.isnan(error) else error,
+        "message": outcome.message,
+    }
+    at = position_of(load, scene.design.D)
+    return State(*at, result, outcome.status, _units(scene) | values, seconds, _origin())
 
 
-def _answer(state: State) -> Answer:
+def _units(scene: Scene) -> dict[str, Any]:
+    return {"D_mm": scene.design.D, "E_MPa": scene.design.E}
+
+
+def unsolved(task: Task, reason: str, *, died: bool) -> list[State]:
+    """Return the states of a task that has no answer because its process died, or because of an error in magtip."""
+    D = task.scene.design.D
+    loads = task.scene.loads if task.kind == "states" else ()
+    positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
+    status = "worker_died" if died else "error"
+    values = {"response": None, "error_estimate": None, "message": reason}
+    return [State(*at, "transient", status, _units(task.scene) | values, 0.0, _origin()) for at in positions]
+
+
+def _critical(scene: Scene) -> State:
+    """Return the critical depth of a frictionless press as a state: lengths over D, force over E D^2."""
+    import time
+
+    from fem import stability
+
+    begin, design = time.perf_counter(), scene.design
+    D, unit = design.D, design.E * design.D**2
+    try:
+        state = stability.critical(design, scene.magnet, accuracy=scene.accuracy)
+    except RuntimeError as error:
+        return _other(scene, "failed", "not_converged", {}, str(error), time.perf_counter() - begin)
+    found = {
+        "critical_depth_over_D": None if state.depth is None else state.depth / D,
+        "critical_force_over_ED2": None if state.force is None else state.force / unit,
+        "stable_to_over_D": state.stable_to / D,
+    }
+    return _other(scene, "ok", "ok", found, state.message, time.perf_counter() - begin)
+
+
+def _modes(scene: Scene) -> State:
+    """Return the lowest natural frequencies about a press as a state: f D (rho / E)^(1/2), with rho in kg/m^3."""
+    import time
+
+    from fem.modes import modes
+    from geometry.design import BadInput
+
+    begin, design = time.perf_counter(), scene.design
+    try:
+        lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
+    except (BadInput, RuntimeError) as error:
+        return _other(scene, "failed", "failed", {}, str(error), time.perf_counter() - begin)
+    unit = frequency_unit(design.D, design.E, design.density)
+    values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
+    return _other(scene, "ok", "ok", values, "", time.perf_counter() - begin)
+
+
+def frequency_unit(D: float, E: float, density: float) -> float:
+    """Return (E / rho)^(1/2) / D, to which frequencies are proportional; mm, MPa, kg/m^3."""
+    return math.sqrt(E / density) / D
+
+
+def _other(scene: Scene, result: Outcome, status: str, values: dict[str, Any], message: str, seconds: float) -> State:
+    """Return a state of another kind than states of a path."""
+    answer = _units(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
+    return State(0.0, 0.0, result, status, answer, seconds, _origin())
+
+
+def answer(state: State) -> Answer:
     """Return the answer of a stored state."""
     values = state.answer
     estimate = values["error_estimate"]
@@ -141,4 +301,5 @@ def _answer(state: State) -> Answer:
         message=values["message"],
         error_estimate=NAN if estimate is None else estimate,
         seconds=state.seconds,
+        values=values.get("values", {}),
     )

@@ -1,117 +1,190 @@
-"""The grid of `magtip sweep`, from a study or from options, and the columns that its tables show."""
+"""A sweep as options and a study file ask for it, and the columns that its tables on the screen show."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
+from geometry.design import BadInput, closest
+from geometry.loads import Magnet
 from geometry.messages import Progress
-from studies.inputs import study_input, user_input
+from studies.inputs import study_axes, study_input, user_input
+from studies.inputs.user_input import Value
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
-    from studies.exploration.sweep_rows import SweepRow
+    from studies.exploration.needed_paths import Processes
+    from studies.exploration.study_cases import Columns, FemModel, Plan
 
-FILES = ("sweep.csv", "sweep.png")
-"""Files that a sweep writes into its folder."""
+FILES = ("sweep.csv", "sweep.parquet", "sweep.png")
+"""Files that a sweep may write into its folder."""
+DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
+"""Quantities of a study that names none; with loads to the side also the tilt."""
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
-    """Designs, depths and models of a sweep.
+class Options:
+    """Options of `magtip sweep` that replace values of a study; None where they are not given."""
 
-    Attributes
-    ----------
-    design : base design.
-    axes : values of each axis.
-    depth : depth of the press if it is not an axis, mm; else 0.
-    magnet, accuracy : of the finite elements.
+    axes: Sequence[str] = ()
+    design: str | None = None
+    depth: float | None = None
+    load: Sequence[str] = ()
+    magnet: Magnet | None = None
+    accuracy: str | None = None
+    models: str | None = None
+    quantities: str | None = None
+    sets: Sequence[str] = ()
+
+
+def plan_of(source: str | None, options: Options) -> Plan:
+    """Return the study of a file, or of a design with axes, ready to run; options replace the study's values.
+
+    Raises
+    ------
+    BadInput
+        Something is given twice or contradicts something else, or is missing or unknown.
     """
+    from studies.exploration.study_cases import Plan
 
-    design: Design
-    axes: dict[str, list[float]]
-    depth: float
-    magnet: Magnet
-    accuracy: str
+    study = _study(source, options)
+    magnet = options.magnet or study.magnet or "rigid"
+    design = study_input.study_design(study, options.sets, magnet=magnet)
+    names = tuple(name for factor in study.factors for name in factor.names)
+    _check_twice(names, options, study.load)
+    load = _load(study, options, names)
+    fem, formulas = _models(options, study)
+    asked = tuple(part.strip() for part in options.quantities.split(",")) if options.quantities else study.quantities
+    quantities = study_input.checked_quantities(asked)
+    plan = Plan(design, study.factors, load, magnet, fem, formulas, quantities)
+    if not quantities:
+        sideways = ("tilt",) if plan.loads_sideways else ()
+        quantities = study_input.checked_quantities((*DEFAULT_QUANTITIES, *sideways))
+    _check_quantities(quantities, fem, formulas)
+    return Plan(design, study.factors, load, magnet, fem, formulas, quantities)
 
 
-def grid_of(
-    source: str | None,
-    axes: list[str],
-    design: str | None,
-    depth: float | None,
-    magnet: Magnet | None,
-    accuracy: str | None,
-    sets: list[str],
-) -> Grid:
-    """Return the grid of a study, or of a design with axes; options replace the study's values."""
-    if source is not None and design is not None:
-        raise BadInput(f"the design is given twice, {source!r} and --design {design!r}: give one of them")
+def _study(source: str | None, options: Options) -> study_input.Study:
+    """Return the study of a file, or of a design and axes."""
+    if source is not None and options.design is not None:
+        raise BadInput(f"the design is given twice, {source!r} and --design {options.design!r}: give one of them")
     if source is not None and study_input.is_study(source):
-        if axes:
+        if options.axes:
             raise BadInput(f"the study {source!r} has its own axes: leave --axis out, or give a design instead")
-        study = study_input.read_study(source)
-        depth, accuracy = depth if depth is not None else study.depth, accuracy or study.accuracy
-        magnet, values = magnet or study.magnet or "rigid", study.axes
-        base = study_input.study_design(study, sets, magnet=magnet)
-    else:
-        if not axes:
-            raise BadInput(
-                "a sweep needs at least one axis: add --axis NAME=a,b,c, or give a study file with a table [axes]"
-            )
-        magnet, values = magnet or "rigid", study_input.parse_axes(axes)
-        base = user_input.read_design(source or design or "paper", sets, magnet=magnet)
-    for name, _, value in (text.partition("=") for text in sets):
-        if name.strip() in values:
+        return study_input.read_study(source)
+    if not options.axes:
+        raise BadInput(
+            "a sweep needs at least one axis: add --axis NAME=a,b,c, or give a study file with a table [axes]"
+        )
+    factors = study_input.grid(study_input.parse_axes(options.axes))
+    return study_input.Study(source or options.design or "paper", {}, factors, {})
+
+
+def _check_twice(names: Sequence[str], options: Options, load: Mapping[str, Value]) -> None:
+    """Refuse a value that is both an axis and fixed."""
+    for name, _, value in (text.partition("=") for text in options.sets):
+        if name.strip() in names:
             raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
-    if "depth" in values and depth is not None:
+    if "depth" in names and (options.depth is not None or "depth" in load):
         raise BadInput(
             "depth is given twice, as an axis and as a single value (--depth or the study's): leave one of them out"
         )
-    if "depth" not in values and depth is None:
+    for name in (text.partition("=")[0].strip() for text in options.load):
+        if name in names:
+            raise BadInput(f"{name} is given twice, as an axis and by --load: leave one of them out")
+    for name in load:
+        if name in names:
+            raise BadInput(f"{name} is given twice, as an axis and in [load]: leave one of them out")
+    if "magnet" in names and options.magnet is not None:
+        raise BadInput("magnet is given twice, as an axis and by --magnet: leave one of them out")
+
+
+def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> dict[str, Value]:
+    """Return the fields of the load that do not vary."""
+    load = dict(study.load)
+    for name, text in user_input.pairs("--load", options.load, "shear=1").items():
+        user_input.check_keys("--load", [name], study_axes.LOAD)
+        load[name] = study_axes.parse(name, text)[0]
+    if options.depth is not None:
+        load["depth"] = study_axes.checked("depth", [options.depth])[0]
+    gripped = "grip" in names or "grip" in load
+    if "depth" not in load and "depth" not in names and not gripped:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
-    if depth is not None:
-        Load(depth=depth)
-    return Grid(base, values, depth or 0.0, magnet, accuracy or "standard")
+    return load
 
 
-def sweep(grid: Grid, out: Path | None, progress: Progress, kept: Path | None = None) -> Iterator[SweepRow]:
-    """Yield the rows of a sweep as soon as they are solved; `kept` is the file of the store, default: the user's."""
+def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
+    """Return the finite-element models, coarsest first, and the levels of the formulas."""
+    from analytic.beam import LEVELS as FORMULAS
     from fem.accuracy import LEVELS
-    from studies.exploration import store
+    from studies.exploration.study_cases import FemModel
+
+    given = tuple(part.strip() for part in options.models.split(",")) if options.models else study.models
+    accuracy = options.accuracy or study.accuracy
+    if given and accuracy:
+        raise BadInput(
+            f"models and accuracy both choose finite elements ({', '.join(given)}; {accuracy}): leave one of them out"
+        )
+    given = given or (accuracy or "standard", "paper")
+    fem, formulas = [], []
+    for name in given:
+        model, _, level = name.rpartition("-")
+        if name in FORMULAS:
+            formulas.append(name)
+        elif level in LEVELS and model in ("", "axisymmetric", "harmonic", "half", "full"):
+            fem.append(FemModel(name, LEVELS[level], model or "auto"))  # type: ignore[arg-type]
+        else:
+            known = [*LEVELS, *FORMULAS]
+            close = closest(name, known)
+            hint = f"did you mean {close}?" if close else f"choose from {', '.join(known)}, or such as half-quick"
+            raise BadInput(f"there is no model {name!r}: {hint}")
+        if given.count(name) > 1:
+            raise BadInput(f"model {name} is given twice: give each model once")
+    fem.sort(key=lambda one: (one.model in ("half", "full"), -one.accuracy.section_size))
+    return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
+
+
+def _check_quantities(quantities: Sequence[str], fem: Sequence[Any], formulas: Sequence[str]) -> None:
+    """Refuse quantities that the models cannot give."""
+    for name in ("decoded_force_error", "critical_depth", "modes"):
+        if name in quantities and not fem:
+            raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
+    if "decoded_force_error" in quantities and not formulas:
+        raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
+
+
+@contextlib.contextmanager
+def sweep(
+    plan: Plan, out: Path | None, progress: Progress, processes: Processes, store: Path | None = None
+) -> Iterator[Iterator[Columns]]:
+    """Yield the batches of a sweep's rows, see `sweep.run`; `store` is the store's file, default: the user's."""
+    from studies.exploration import store as stores
     from studies.exploration import sweep as sweep_study
 
-    with store.opened(kept or store.default()) as states, atomic_files.results(out) as folder:
-        yield from sweep_study.run(
-            grid.design,
-            grid.axes,
-            folder,
-            depth=grid.depth,
-            magnet=grid.magnet,
-            accuracy=LEVELS[grid.accuracy],
-            progress=progress,
-            kept=states,
-        )
+    with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
+        yield sweep_study.run(plan, folder, states, processes=processes, progress=progress)
 
 
 CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
-"""Columns that identify the case of a row, in a comparison or a sweep."""
-COLUMNS = {key.rpartition("_")[0]: key for key in CASE}
-"""These columns by the name of their axis."""
+"""Columns that identify the case of a row, in a comparison or a sweep over the usual axes."""
 
 
-def show(rows: Sequence[FlatRow], title: str, *, wide: bool) -> None:
+def case_columns(plan: Plan) -> tuple[str, ...]:
+    """Return the columns that identify the case of a row of a sweep."""
+    return tuple(dict.fromkeys((*CASE, *(study_axes.column(name) for name in plan.axes))))
+
+
+def show(rows: Sequence[FlatRow], title: str, *, wide: bool, case: Sequence[str] = CASE) -> None:
     """Print the main results of both models; files and a wide table have all columns."""
     if not rows:
         return
     results, errors = _compared(rows[0])
-    keys = _main_columns(rows[0])
-    varying = [key for key in CASE if len({row.get(key) for row in rows}) > 1]
+    keys = _main_columns(rows[0], case)
+    varying = [key for key in case if len({row.get(key) for row in rows}) > 1]
     first = ("status", *varying, f"fem_{results[0]}", f"analytic_{results[0]}", errors[0])
     brief = [key for key in rows[0] if key not in keys]
     console.report(rows, as_json=False, title=title, brief=brief, first=first, wide=wide)
@@ -119,18 +192,23 @@ def show(rows: Sequence[FlatRow], title: str, *, wide: bool) -> None:
 
 def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
     """Return the columns' names of the compared results, and the columns of their errors."""
-    results = ("force_x_N", "shift_x_mm") if "shear_mm" in row else ("force_N", "shift_z_mm")
+    sheared = any(key.endswith("force_x_N") for key in row)
+    results = ("force_x_N", "shift_x_mm") if sheared else ("force_N", "shift_z_mm")
     return results, tuple(name.replace("_N", "_error_percent").replace("_mm", "_error_percent") for name in results)
 
 
-def _main_columns(row: FlatRow) -> tuple[str, ...]:
+def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     """Return the main columns."""
     results, errors = _compared(row)
-    answers = [f"{model}_{name}" for name in results for model in ("fem", "fem_homogeneous", "analytic")]
-    return (*CASE, *answers, *errors, "fem_tilt_rad", "status")
+    answers = [key for name in results for key in row if key.endswith(f"_{name}")]
+    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_"))]
+    judged = [key for error in errors for key in row if key.endswith(error)]
+    return (*case, *answers, *judged, *others, "fem_tilt_rad", "status")
 
 
-def idle_axes(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], *, whole: bool) -> list[tuple[str, str]]:
+def idle_axes(
+    rows: Sequence[FlatRow], plan: Plan, *, whole: bool, case: Sequence[str] = CASE
+) -> list[tuple[str, str]]:
     """Return the axes of a sweep that change no column of the output, each with the reason.
 
     Parameters
@@ -139,16 +217,21 @@ def idle_axes(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], *, w
     """
     if not rows:
         return []
+    # axes that vary together are judged together, by the first of them
+    groups = [factor.names for factor in plan.factors if not factor.sampled]
+    axes = {names[0]: names for names in groups if len(plan.factors) == len(groups)}
     idle = _idle(rows, axes, rows[0])
     reasons = [(name, "the results are the same for all its values") for name in idle]
-    hidden = [] if whole else [name for name in _idle(rows, axes, _main_columns(rows[0])) if name not in idle]
+    main = _main_columns(rows[0], case)
+    hidden = [] if whole else [name for name in _idle(rows, axes, main) if name not in idle]
     return reasons + [(name, "it changes only columns that --wide, --json and --out show") for name in hidden]
 
 
-def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[float]], keys: Iterable[str]) -> list[str]:
+def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
     """Return the axes along which none of the columns changes, from solved cases that differ in one axis only."""
-    columns = {name: COLUMNS[name] for name in axes}
-    figures = [key for key in keys if key not in (*columns.values(), "solve", "seconds")]
+    columns = {name: study_axes.column(name) for name in axes}
+    own = {study_axes.column(name) for names in axes.values() for name in names}
+    figures = [key for key in keys if key not in (*own, "solve", "seconds")]
     idle = []
     for name in axes:
         others = [column for axis, column in columns.items() if axis != name]

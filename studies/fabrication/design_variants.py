@@ -17,19 +17,21 @@ from studies.exploration.worker_process import WorkerDied, cores
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
-from studies.inputs import study_input
+from studies.inputs import study_axes, study_input
 from studies.output import atomic_files, console
 
 Job = tuple[Design, dict[str, float], Path, FabricationChoices, str]
 """Base design, the fields that the variant replaces, its folder, the fabrication choices, and the command line."""
 
 
+AXES = {name: study_axes.DESIGN[name] for name in ("D", "L", "f", "E")}
+"""Axes of a batch."""
+
+
 def axes_of(texts: Sequence[str]) -> dict[str, list[float]]:
     """Return the axes of a batch from texts NAME=a,b,c; no texts give no axes."""
-    axes = study_input.parse_axes(texts) if texts else {}
-    if "depth" in axes:
-        raise BadInput("cad has no axis 'depth': choose from D, L, f, E")
-    return axes
+    axes = study_input.parse_axes(texts, AXES) if texts else {}
+    return {name: [float(value) for value in values] for name, values in axes.items()}
 
 
 def idle(design: Design, axes: Mapping[str, Sequence[float]]) -> list[tuple[str, str]]:
@@ -119,7 +121,7 @@ def _clean_up(folders: Sequence[Path]) -> Iterator[None]:
 
 def fabricate(job: Job) -> FabricationRow:
     """Fabricate one variant of a batch; an impossible one gives a row with status bad_input."""
-    from studies.exploration.sweep import varied
+    from studies.exploration.study_cases import varied
 
     design, fields, folder, choices, command = job
     try:

@@ -1,57 +1,100 @@
-"""Axes of a sweep, from options NAME=a,b,c, and study files in TOML.
+"""Study files in TOML, and the same study from options: the design, the axes and samples, the models and quantities.
 
 Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
+
+A study file of version 2 has these keys; all but `axes`, `zipped` and `sample` (one of them is needed) are optional.
+Files of version 1 have the same keys except `load`, `zipped`, `sample`, `models` and `quantities`.
+
+    version = 2                          # of this format
+    design = "paper"                     # a preset, a file, or a table of fields
+    magnet = "rigid"
+    models = ["standard", "paper"]       # accuracies of the finite elements, levels of the formulas
+    quantities = ["force", "shift"]
+    [load]                               # fields of the load that do not vary
+    depth = 1.0
+    [axes]                               # every combination of their values is a case
+    D = [6, 8, 10]
+    E = { linspace = [0.5, 2, 4] }
+    [[zipped]]                           # axes of equal length that vary together
+    L = [9, 12]
+    l0 = [7.2, 10.2]
+    [sample]                             # points in a box
+    method = "sobol"
+    count = 64
+    [sample.ranges]
+    nu = [0.49, 0.4998]
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from geometry.design import PRESETS, BadInput, Design, nearest
+from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Magnet
+from studies.inputs import study_axes, study_samples
+from studies.inputs.study_axes import LOAD, Factor
 from studies.inputs.user_input import (
-    FIELDS,
     AccuracyName,
     Value,
     check_keys,
     design_from,
     design_table,
     overrides,
-    parse_numbers,
     preset_or_file,
     toml_table,
     validated,
 )
 
-AXES = ("D", "L", "f", "E", "depth")
-"""Names that can be axes of a sweep: fields of `Design`, and the depth of the press, mm."""
-
-AN_AXIS = "an axis is a list of numbers for D, L, f (mm), E (MPa) or, in a sweep, depth (mm)"
-"""Description of an axis, for messages."""
+VERSION = 2
+"""Newest version of the format of study files that can be read; older ones are subsets of it."""
+QuantityName = Literal[
+    "force",
+    "shift",
+    "tilt",
+    "contact_radius",
+    "readings",
+    "decoded_force_error",
+    "critical_depth",
+    "modes",
+]
+QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
+"""Quantities of a study, in the order of their columns."""
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A sweep as a TOML file describes it; None where the file does not state a value.
+    """A study as a TOML file describes it; None or empty where the file does not state a value.
 
     Attributes
     ----------
     design : name of a preset, or path of a design's TOML file, relative to the current folder.
     fields : fields of the design that the study replaces.
-    axes : values of each axis, one or more.
-    depth : depth of the press where it is not an axis, mm.
+    factors : what varies; every combination of the factors' points is a case.
+    load : fields of the load that do not vary.
+    models : accuracies and formula levels.
+    quantities : what the rows have.
     """
 
     design: str
     fields: dict[str, Value]
-    axes: dict[str, list[float]]
-    depth: float | None
-    magnet: Magnet | None
-    accuracy: AccuracyName | None
+    factors: tuple[Factor, ...]
+    load: dict[str, Value]
+    magnet: Magnet | None = None
+    accuracy: AccuracyName | None = None
+    models: tuple[str, ...] = ()
+    quantities: tuple[QuantityName, ...] = ()
+
+    @property
+    def axes(self) -> dict[str, list[Value]]:
+        """All axes with their values."""
+        return {
+            name: list(values)
+            for factor in self.factors
+            for name, values in zip(factor.names, factor.values, strict=True)
+        }
 
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
@@ -60,28 +103,37 @@ def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "ri
     return design_from(base, {**values, **study.fields, **overrides(sets)}, magnet)
 
 
-def parse_axes(axes: Sequence[str]) -> dict[str, list[float]]:
-    """Return the axes of a sweep from texts NAME=a,b,c.
+def parse_axes(
+    axes: Sequence[str], among: Mapping[str, study_axes.Quantity] = study_axes.AXES
+) -> dict[str, list[Value]]:
+    """Return the axes of a study from texts NAME=a,b,c, NAME=lin:... or NAME=log:..., see `study_axes`.
 
     >>> parse_axes(["D=6,8,10", "depth=0.5,1"])
     {'D': [6.0, 8.0, 10.0], 'depth': [0.5, 1.0]}
     """
-    parsed: dict[str, list[float]] = {}
+    parsed: dict[str, list[Value]] = {}
     for text in axes:
         name, equals, values = text.partition("=")
         name = name.strip()
         if not equals:
             raise BadInput(f"an axis must read NAME=a,b,c, such as D=6,8,10; got {text!r}")
-        _check_axis(name)
+        study_axes.check_name(name, among)
         if name in parsed:
             raise BadInput(f"axis {name} is given twice: give all its values at once, {name}=a,b,c")
-        parsed[name] = parse_numbers(f"axis {name}", values)
-    return _checked_axes(parsed)
+        parsed[name] = study_axes.parse(name, values)
+    if not parsed:
+        raise BadInput("a sweep needs an axis, such as D=6,8,10: add --axis NAME=a,b,c")
+    return parsed
+
+
+def grid(axes: Mapping[str, Sequence[Value]]) -> tuple[Factor, ...]:
+    """Return a factor for each axis, so that every combination of values is a case."""
+    return tuple(Factor((name,), (tuple(values),)) for name, values in axes.items())
 
 
 def is_study(source: str) -> bool:
     """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
-    return source not in PRESETS and "axes" in toml_table(source, "preset or file")
+    return source not in PRESETS and bool({"axes", "zipped", "sample"} & set(toml_table(source, "preset or file")))
 
 
 def read_study(path: str) -> Study:
@@ -90,21 +142,30 @@ def read_study(path: str) -> Study:
     Raises
     ------
     BadInput
-        The file cannot be read, a key is unknown, or a value has the wrong type or is out of range.
+        The file cannot be read, has a newer version, a key is unknown, or a value has the wrong type or is out of
+        range.
     """
     table = toml_table(path, "file")
     kinds: dict[str, Any] = {
+        "version": int,
         "design": str | dict[str, Any],
-        "axes": dict[str, list[float]],
+        "axes": dict[str, Any],
+        "zipped": list[dict[str, Any]],
+        "sample": dict[str, Any],
+        "load": dict[str, Any],
         "depth": float | None,
         "magnet": Literal["rigid", "ignored"] | None,
         "accuracy": AccuracyName | None,
+        "models": list[str],
+        "quantities": list[str],
     }
+    version = table.get("version", VERSION)
+    if isinstance(version, int) and not 1 <= version <= VERSION:
+        raise BadInput(
+            f"{path}: the study has version {version}, and this version of magtip reads versions 1 to {VERSION}: "
+            "install a newer magtip, or write the study anew"
+        )
     check_keys(path, table, kinds)
-    for name in table["axes"] if isinstance(table.get("axes"), dict) else ():
-        _check_axis(name)
-    if "axes" not in table:
-        raise BadInput(f"{path}: a study needs a table [axes], with one or more of {', '.join(AXES)}")
     values = validated(path, table, kinds)
     design: Any = values.get("design", "paper")
     fields: dict[str, Value] = {}
@@ -112,34 +173,77 @@ def read_study(path: str) -> Study:
         design, fields = design_table(f"{path}: design", design)
     elif design not in PRESETS:
         design = str(Path(path).parent / design)
+    return Study(
+        design,
+        fields,
+        _factors(path, values),
+        _load(path, values),
+        values.get("magnet"),
+        values.get("accuracy"),
+        tuple(values.get("models", ())),
+        checked_quantities(values.get("quantities", ()), f"{path}: "),
+    )
+
+
+def checked_quantities(names: Sequence[str], where: str = "") -> tuple[QuantityName, ...]:
+    """Return quantities in the order of their columns, each once; an unknown one raises BadInput."""
+    for name in names:
+        if name not in QUANTITIES:
+            raise BadInput(f"{where}there is no quantity {name!r}: choose from {', '.join(QUANTITIES)}")
+    return tuple(name for name in QUANTITIES if name in names)
+
+
+def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:
+    """Return the fields of the load that do not vary."""
+    load: dict[str, Value] = {}
+    for name, value in values.get("load", {}).items():
+        check_keys(f"{path}: load", [name], LOAD)
+        if isinstance(value, (dict, list)):
+            raise BadInput(f"{path}: {name} in [load] must be one value; got {value!r:.60}: several make an axis")
+        load[name] = study_axes.from_table(name, [value])[0]
     depth = values.get("depth")
-    if depth is not None and not depth > 0:
+    if depth is None:
+        return load
+    if not depth > 0:
         raise BadInput(f"{path}: depth must be more than 0 mm; got {depth:g} mm")
-    return Study(design, fields, _checked_axes(values["axes"]), depth, values.get("magnet"), values.get("accuracy"))
+    if "depth" in load:
+        raise BadInput(f"{path}: depth is given twice, alone and in [load]: leave one of them out")
+    return {"depth": float(depth), **load}
 
 
-def _check_axis(name: str) -> None:
-    """Raise BadInput unless the name is one of `AXES`; for other fields of the design the remedy is --set."""
-    if name in AXES:
-        return
-    if name not in FIELDS:
-        raise BadInput(f"there is no axis {name!r}: {nearest(name, AXES)}; {AN_AXIS}")
-    raise BadInput(f"{name} cannot be an axis: {AN_AXIS}; use --set {name}=VALUE, one command for each value")
+def _factors(path: str, values: Mapping[str, Any]) -> tuple[Factor, ...]:
+    """Return what varies: axes, then zipped groups, then the sample."""
+    for name in values.get("axes", {}):
+        study_axes.check_name(name)
+    factors = list(grid({name: study_axes.from_table(name, v) for name, v in values.get("axes", {}).items()}))
+    factors += [_zipped(path, group) for group in values.get("zipped", ())]
+    if "sample" in values:
+        factors.append(study_samples.sample(path, values["sample"]))
+    if not factors:
+        what = "an axis in its table [axes]" if "axes" in values else "a table [axes]"
+        raise BadInput(f"{path}: a study needs {what}, with one or more of {', '.join(study_axes.COMMON)}, ...")
+    names = [name for factor in factors for name in factor.names]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"{path}: {name} varies twice, in two of axes, zipped and sample: leave one of them out")
+    return tuple(factors)
 
 
-def _checked_axes(axes: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
-    """Return the axes after a check of their names and of the ranges of their values."""
-    if not axes:
-        raise BadInput(f"a sweep needs an axis, such as D=6,8,10: choose from {', '.join(AXES)}")
-    for name, values in axes.items():
-        _check_axis(name)
-        if not values:
-            raise BadInput(f"axis {name} is empty: give numbers, such as {name}=1,2,3")
-        if len(set(values)) < len(values):
-            raise BadInput(f"axis {name} lists a value twice: give each value once")
-        low, high = (FIELDS[name].metadata[end] for end in ("low", "high")) if name in FIELDS else (0.0, math.inf)
-        for value in values:
-            if not low <= value <= high or (name == "depth" and not value > 0):
-                bound = "be more than 0 mm" if name == "depth" else f"lie between {low:g} and {high:g}"
-                raise BadInput(f"every value of axis {name} must {bound}; got {value:g}")
-    return {name: [float(value) for value in values] for name, values in axes.items()}
+def _zipped(path: str, group: Mapping[str, Any]) -> Factor:
+    """Return a group of axes that vary together. A value may repeat, but no point."""
+    columns: dict[str, tuple[Value, ...]] = {}
+    for name, value in group.items():
+        study_axes.check_name(name)
+        if isinstance(value, list):
+            # each value by itself, because an axis of a group may repeat a value
+            columns[name] = tuple(study_axes.from_table(name, [one])[0] for one in value)
+        else:
+            columns[name] = tuple(study_axes.from_table(name, value))
+    lengths = {name: len(column) for name, column in columns.items()}
+    if not lengths or len(set(lengths.values())) > 1 or not all(lengths.values()):
+        counts = ", ".join(f"{name} has {count}" for name, count in lengths.items()) or "there is none"
+        raise BadInput(f"{path}: axes in [[zipped]] need the same number of values, one or more; {counts}")
+    points = list(zip(*columns.values(), strict=True))
+    if len(set(points)) < len(points):
+        raise BadInput(f"{path}: the zipped axes {', '.join(columns)} list a point twice: give each point once")
+    return Factor(tuple(columns), tuple(columns.values()))

@@ -20,6 +20,7 @@ from typing import Any
 from analytic import beam
 from fem import equilibrium
 from fem.accuracy import STANDARD, Accuracy
+from fem.scene import Model
 from fem.solution import Solution
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
@@ -145,13 +146,23 @@ def part(progress: Progress | None, low: float, high: float, name: str = "") -> 
 
 
 def follow(
-    design: Design, loads: Sequence[Load], accuracy: Accuracy, magnet: Magnet, progress: Progress | None = None
+    design: Design,
+    loads: Sequence[Load],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    progress: Progress | None = None,
+    *,
+    model: Model = "auto",
 ) -> list[Outcome]:
     """Return the outcome of each load of a path; a refused load does not stop the others."""
     refused = [_refusal(design, load, magnet) for load in loads]
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
     try:
-        states = equilibrium.trace(design, possible, accuracy, magnet=magnet, progress=progress) if possible else []
+        states = (
+            equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
+            if possible
+            else []
+        )
         failed = Outcome(None, states[-1].status, states[-1].message) if states else None
     except RuntimeError as error:
         states, failed = [], Outcome(None, "not_converged", str(error))

@@ -1,0 +1,98 @@
+"""Readings of the Hall elements in a study's cases, and the forces that the formulas decode from them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from analytic.batch_readings import batch_readings
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from studies.exploration.model_results import NAN, Results, error_prefix, percents, prefixes, ratio
+from studies.exploration.study_cases import Batch, Columns, Plan, Recent
+from studies.sensing.field_readings import columns as element_columns
+
+MOST_DECODERS = 16
+"""Number of decoders that are kept, some MB each."""
+
+
+class StudyReadings:
+    """Computes the readings of batches of one study."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.prefixes = prefixes(plan)
+        self._decoders: Recent[Any] = Recent(MOST_DECODERS)
+
+    def columns(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+        """Return fields and outputs of the elements by all models, and errors in % of the change from rest."""
+        names, unit = element_columns(self.plan.design)
+        shown = names if self.plan.loads_sideways else names[:2]
+        size = 1.0 if unit == "V" else 1e3
+        n = len(batch)
+        rest = self._read(batch, np.zeros((n, 3)), np.zeros((n, 2)))[0]
+        read = {name: self._read(batch, result.shift, result.rotation) for name, result in results.items()}
+        table: Columns = {}
+        for k, element in enumerate(shown):
+            for name, (field, _) in read.items():
+                table[f"{self.prefixes[name]}{element}_mT"] = 1e3 * field[:, k]
+            for name, (_, output) in read.items():
+                table[f"{self.prefixes[name]}{element}_{unit}"] = size * output[:, k]
+            if self.plan.reference is None:
+                continue
+            truth = read[self.plan.reference.name][0][:, k] - rest[:, k]
+            for name, (field, _) in read.items():
+                if name != self.plan.reference.name:
+                    column = f"{error_prefix(self.plan, name)}{element}_error_percent_of_change"
+                    table[column] = percents(field[:, k] - rest[:, k], truth)
+        return table
+
+    def _read(self, batch: Batch, shift: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return fields, T, and outputs of the elements in the cases, shape (n, 3)."""
+        if not any(design is not None and design.shape.has_magnet for design in batch.sensors):
+            return np.full((len(batch), 3), NAN), np.full((len(batch), 3), NAN)
+        possible = np.array([design is not None for design in batch.sensors])
+        designs = [design or self.plan.design for design in batch.sensors]
+        shift = np.where(possible[batch.sensor][:, None], shift, NAN)
+        readings = batch_readings(designs, batch.sensor, shift, rotation)
+        return readings.field_T, readings.output
+
+    def decoded(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
+        """Return the forces that each formula level decodes from the reference's readings, and their errors."""
+        table: Columns = {}
+        reference = self.plan.reference
+        assert reference is not None
+        truth = results[reference.name]
+        output = self._read(batch, truth.shift, truth.rotation)[1]
+        for level in self.plan.formulas:
+            force = np.full((len(batch), 3), NAN)
+            for k, design in enumerate(batch.sensors):
+                rows = np.flatnonzero((batch.sensor == k) & np.isfinite(output).all(axis=1))
+                decoder = self._decoder(level, design) if design is not None and len(rows) else None
+                if decoder is not None:
+                    from analytic.decode import decode, field_of
+
+                    force[rows] = decode(decoder, field_of(decoder.forward.elements, output[rows])).force
+            force = force * (batch.E / self.plan.design.E)[:, None]
+            difference = np.linalg.norm(force - truth.force, axis=1)
+            prefix = f"decoded_{level}_" if len(self.plan.formulas) > 1 else "decoded_"
+            table[f"{prefix}force_N"] = force[:, 2]
+            table[f"{prefix}force_error_N"] = difference
+            size = np.linalg.norm(truth.force, axis=1)
+            table[f"{prefix}force_error_percent"] = 100 * ratio(difference, size)
+        return table
+
+    def _decoder(self, level: str, design: Design) -> Any:
+        """Return the decoder of a sensor at the base design's E, or None if it cannot be made."""
+        from analytic.decode import decoder
+        from studies.sensing.decode_readings import of_level
+
+        def make() -> Any:
+            with contextlib.suppress(BadInput):
+                return decoder(design, of_level(design, level))
+            return None
+
+        return self._decoders.get((level, design), make)

@@ -1,0 +1,118 @@
+"""What the pictures of a sweep show: the rows that are drawn, and the quantities in them.
+
+Pictures have room for some ten thousand points. Of a larger study every k-th value of its longest axes is drawn, and
+a note says so; the table has all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.exploration import sweep_plot
+from studies.exploration.model_results import prefixes
+from studies.exploration.study_cases import Columns, Plan
+from studies.exploration.sweep_plot import Shown
+from studies.inputs import study_axes
+from studies.inputs.study_axes import Factor
+
+MOST_DRAWN = 20_000
+"""Largest number of cases that are drawn."""
+
+
+class Collected:
+    """The rows of a sweep that its pictures show."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        counts = [factor.count for factor in plan.factors]
+        drawn = list(counts)
+        while math.prod(drawn) > MOST_DRAWN:
+            longest = drawn.index(max(drawn))
+            drawn[longest] = max(1, (drawn[longest] + 1) // 2)
+        self._thinned = {
+            plan.factors[k].names[0]: (drawn[k], count) for k, count in enumerate(counts) if drawn[k] < count
+        }
+        self._chosen = [
+            np.isin(np.arange(count), np.unique(np.round(np.linspace(0, count - 1, few)).astype(int)))
+            for count, few in zip(counts, drawn, strict=True)
+        ]
+        self._parts: list[Columns] = []
+
+    def add(self, table: Columns, indices: NDArray[np.int64]) -> None:
+        """Keep those rows of a table that are drawn."""
+        rows = np.ones(len(indices), dtype=bool)
+        stride = self.plan.count
+        for factor, chosen in zip(self.plan.factors, self._chosen, strict=True):
+            stride //= factor.count
+            rows &= chosen[indices // stride % factor.count]
+        if rows.any():
+            self._parts.append({name: values[rows] for name, values in table.items()})
+
+    def draw(self, path: Path) -> list[Path]:
+        """Draw the pictures, and return their files."""
+        columns = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
+        sampled = any(factor.sampled for factor in self.plan.factors)
+        axes = {}
+        for factor in self.plan.factors:
+            for name in factor.names if factor.sampled else (_leader(factor),):
+                column = study_axes.column(name)
+                axes[column] = list(dict.fromkeys(columns[column].tolist()))
+        return sweep_plot.draw(path, columns, axes, _shown(self.plan, columns), sampled=sampled, notes=self._notes())
+
+    def _notes(self) -> list[str]:
+        """Say in sentences what the pictures leave out."""
+        notes = []
+        for factor in self.plan.factors:
+            leader = _leader(factor)
+            others = [] if factor.sampled else [name for name in factor.names if name != leader]
+            if others:
+                notes.append(
+                    f"{', '.join(others)} {'varies' if len(others) == 1 else 'vary'} together with {leader}."
+                )
+        return notes + [
+            f"Of {count} values of {name}, {few} are drawn; the table has all."
+            for name, (few, count) in self._thinned.items()
+        ]
+
+
+def _leader(factor: Factor) -> str:
+    """Return the axis that stands for a zipped group: the one with the most different values."""
+    counts = [len(set(values)) for values in factor.values]
+    return factor.names[counts.index(max(counts))]
+
+
+def _shown(plan: Plan, columns: Mapping[str, NDArray[np.float64]]) -> list[Shown]:
+    """Return the quantities to draw that the table has, the most telling ones first."""
+    names = [("press force", "N", "force_N", "force_error_percent")]
+    if plan.loads_sideways:
+        shear = ("shear force", "N", "force_x_N", "force_x_error_percent")
+        names = [shear, *names] if "shear" in plan.axes or plan.load.get("shear") else [*names, shear]
+    names += [
+        ("shift of the magnet along z", "mm", "shift_z_mm", "shift_error_percent"),
+        ("tilt of the magnet", "rad", "tilt_rad", "tilt_error_percent"),
+    ]
+    before = prefixes(plan)
+    labels = {model.name: f"FEM {model.name}" if len(plan.fem) > 1 else "FEM" for model in plan.fem}
+    labels |= {level: f"formula {level}" for level in plan.formulas}
+    shown = []
+    for label, unit, value, error in names:
+        values = {labels[name]: f"{before[name]}{value}" for name in labels if f"{before[name]}{value}" in columns}
+        candidates = {name: (error if len(before) <= 2 else f"{before[name]}{error}") for name in labels}
+        errors = {
+            labels[name]: column
+            for name, column in candidates.items()
+            if column in columns and (plan.reference is None or name != plan.reference.name)
+        }
+        if values:
+            shown.append(Shown(label, unit, values, errors))
+    extra = [
+        ("critical depth", "mm", "critical_depth_mm"),
+        ("first natural frequency", "Hz", "mode1_Hz"),
+    ]
+    shown += [Shown(label, unit, {"FEM": column}, {}) for label, unit, column in extra if column in columns]
+    return shown[:1] if not any(name in plan.quantities for name in ("critical_depth", "modes")) else shown

@@ -1,0 +1,84 @@
+"""A sweep as options and a study file ask for it: what is taken from where, and what contradicts what."""
+
+import pytest
+
+from fem.accuracy import FINE, QUICK, STANDARD
+from geometry.design import paper
+from studies.exploration.sweep_request import Options, plan_of
+
+STUDY = 'depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n'
+
+
+def test_a_study_file_gives_everything(toml):
+    plan = plan_of(toml(STUDY, "study.toml"), Options(sets=["E=2"]))
+    assert (plan.design.E, plan.load, plan.magnet, plan.count) == (2.0, {"depth": 1.0}, "ignored", 2)
+    assert [model.accuracy for model in plan.fem] == [FINE]
+    assert (plan.formulas, plan.quantities) == (("paper",), ("force", "shift", "contact_radius", "readings"))
+
+
+def test_options_replace_the_values_of_a_study(toml):
+    options = Options(depth=2.0, accuracy="quick", magnet="rigid", quantities="tilt,force")
+    plan = plan_of(toml(STUDY, "study.toml"), options)
+    assert (plan.load, plan.magnet, plan.quantities) == ({"depth": 2.0}, "rigid", ("force", "tilt"))
+    assert [model.accuracy for model in plan.fem] == [QUICK]
+
+
+def test_axes_vary_a_preset_or_a_file(toml):
+    path = toml("D = 10\nL = 12\n", "sensor.toml")
+    for options in (Options(["E=1,2", "depth=1"]), Options(["E=1,2", "depth=1"], design=path)):
+        plan = plan_of(path if options.design is None else None, options)
+        assert (plan.design.D, plan.axes, plan.count) == (10.0, ("E", "depth"), 2)
+    assert plan_of(None, Options(["depth=1"])).design == paper()
+
+
+def test_models_are_ordered_from_coarse_to_fine():
+    plan = plan_of(None, Options(["depth=1"], models="half-quick,finite,standard,quick,paper"))
+    assert [(model.name, model.model) for model in plan.fem] == [
+        ("quick", "auto"),
+        ("standard", "auto"),
+        ("half-quick", "half"),
+    ]
+    assert plan.fem[1].accuracy == STANDARD
+    assert plan.formulas == ("paper", "finite")
+
+
+def test_a_load_to_the_side_adds_the_tilt():
+    plan = plan_of(None, Options(["shear=0.5,1"], load=["depth=1", "friction=0.5"]))
+    assert plan.load == {"depth": 1.0, "friction": 0.5}
+    assert "tilt" in plan.quantities
+
+
+def test_a_grip_needs_no_depth():
+    assert plan_of(None, Options(["shear=1"], load=["grip=2"])).load == {"grip": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (Options(), ["a sweep needs at least one axis"]),
+        (Options(["D=8"]), ["a sweep needs a depth"]),
+        (Options(["D=8"], depth=-1.0), ["axis depth must be more than 0 mm; got -1"]),
+        (Options(["D=8"], depth=1.0, sets=["D=9"]), ["D is both an axis and set to 9"]),
+        (Options(["depth=1"], depth=1.0), ["depth is given twice"]),
+        (Options(["depth=1"], load=["depth=2"]), ["depth is given twice, as an axis and by --load"]),
+        (Options(["depth=1"], load=["sheer=2"]), ["'sheer'", "did you mean shear"]),
+        (Options(["magnet=rigid,ignored"], depth=1.0, magnet="rigid"), ["magnet is given twice"]),
+        (Options(["depth=1"], accuracy="quick", models="standard"), ["models and accuracy both choose"]),
+        (Options(["depth=1"], models="standrad"), ["there is no model 'standrad': did you mean standard?"]),
+        (Options(["depth=1"], models="quick,quick"), ["model quick is given twice"]),
+        (Options(["depth=1"], quantities="forces"), ["there is no quantity 'forces'"]),
+        (Options(["depth=1"], models="paper", quantities="modes"), ["quantity modes needs finite elements"]),
+        (Options(["depth=1"], models="quick", quantities="decoded_force_error"), ["needs a level of the formulas"]),
+    ],
+)
+def test_contradictions_are_refused(options, parts, refused):
+    with refused(*parts):
+        plan_of(None, options)
+
+
+def test_a_study_with_axes_of_its_own_takes_no_others(toml, refused):
+    path = toml(STUDY, "study.toml")
+    with refused("has its own axes"):
+        plan_of(path, Options(["E=1"]))
+    with refused("the design is given twice"):
+        plan_of(path, Options(design="paper"))
