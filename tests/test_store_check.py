@@ -88,6 +88,19 @@ def test_an_index_that_lacks_a_row_is_found(file):
     assert "state_listing" in failures(file)[NAMES[0]]
 
 
+def test_a_table_that_cannot_be_read_fails_its_checks_only(file):
+    with contextlib.closing(sqlite3.connect(file)) as other:
+        other.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        (page,) = other.execute("SELECT rootpage FROM sqlite_master WHERE name = 'path'").fetchone()
+        (size,) = other.execute("PRAGMA page_size").fetchone()
+    content = bytearray(file.read_bytes())
+    content[(page - 1) * size : page * size] = bytes(size)
+    file.write_bytes(content)
+    messages = failures(file)
+    assert set(messages) == set(NAMES[:3])
+    assert "the file cannot be read there (database disk image is malformed)" in messages[NAMES[2]]
+
+
 def test_a_damaged_journal_is_found_and_a_whole_one_is_not(file):
     store._write_journal(file, [(CONTENT, [PRESSED])], "full")
     assert failures(file) == {}

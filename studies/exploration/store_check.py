@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,6 +17,10 @@ MOST_NAMED = 3
 """Number of errors that a message quotes."""
 SOLVE_AGAIN = "magtip store prune --damaged --yes removes them, and the next study solves them again"
 NEW_FILE = "export what can be read, move the file away, and let the next study make a new one"
+
+
+Errors = tuple[int, Sequence[str], str]
+"""Number of things that were checked, what is wrong with which, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,29 +55,17 @@ def checks(file: Path) -> Iterator[Check]:
     """
     with store_file.readable(file) as connection:
         store_fields.register(connection)
-        pages = [text for (text,) in connection.execute("PRAGMA integrity_check") if text != "ok"]
-        (count,) = connection.execute("PRAGMA page_count").fetchone()
-        yield _check("pages of the file", count, pages, NEW_FILE)
-        yield _links(connection)
-        yield _rows(
-            connection,
-            "contents of paths belong to their keys",
-            "SELECT id FROM path WHERE damaged_path(key, content)",
-            "path",
-        )
-        yield _rows(
-            connection,
-            "answers and positions of states",
-            "SELECT path FROM state WHERE damaged_state(depth, shear, outcome, answer)",
-            "state",
-        )
-        yield _physics(connection)
+        for name, check in CHECKS.items():
+            try:
+                yield _check(name, *check(connection))
+            except sqlite3.Error as error:
+                yield Check(name, "failed", 0, f"the file cannot be read there ({error}): {NEW_FILE}")
     journals = store.journals(file)
     damaged = list(_damaged_journals(journals))
     yield _check("journals beside the store", len(journals), damaged, "move them away")
 
 
-def _check(name: str, count: int, errors: list[str], remedy: str) -> Check:
+def _check(name: str, count: int, errors: Sequence[str], remedy: str) -> Check:
     """Return the result of a check with these errors."""
     if not errors:
         return Check(name, "ok", count, "")
@@ -81,26 +73,35 @@ def _check(name: str, count: int, errors: list[str], remedy: str) -> Check:
     return Check(name, "failed", count, f"{'; '.join(errors[:MOST_NAMED])}{more}: {remedy}")
 
 
-def _links(connection: sqlite3.Connection) -> Check:
+def _pages(connection: sqlite3.Connection) -> Errors:
+    """Check the structure of all pages and indices."""
+    errors = [text for (text,) in connection.execute("PRAGMA integrity_check") if text != "ok"]
+    return _number(connection, "PRAGMA page_count"), errors, NEW_FILE
+
+
+def _links(connection: sqlite3.Connection) -> Errors:
     """Check that each state has its path, and each path its row in `listed`."""
     errors = [f"a {table} has no {parent}" for table, _, parent, _ in connection.execute("PRAGMA foreign_key_check")]
     unlisted = "SELECT id FROM path WHERE id NOT IN (SELECT id FROM listed)"
     errors += [f"path {number} is not listed" for (number,) in connection.execute(unlisted)]
-    (count,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
-    return _check("links of states to paths", count, errors, NEW_FILE)
+    return _number(connection, "SELECT COUNT(*) FROM state"), errors, NEW_FILE
 
 
-def _rows(connection: sqlite3.Connection, name: str, query: str, table: str) -> Check:
-    """Check the rows of a table; the query yields a number for each damaged one."""
-    errors = [
-        f"{'path' if table == 'path' else 'a state of path'} {number} is damaged"
-        for (number,) in connection.execute(query)
-    ]
-    (count,) = connection.execute(f"SELECT COUNT(*) FROM {table}").fetchone()
-    return _check(name, count, errors, SOLVE_AGAIN)
+def _contents(connection: sqlite3.Connection) -> Errors:
+    """Check that the key of each path is that of its content."""
+    damaged = connection.execute("SELECT id FROM path WHERE damaged_path(key, content)")
+    errors = [f"path {number} is damaged" for (number,) in damaged]
+    return _number(connection, "SELECT COUNT(*) FROM path"), errors, SOLVE_AGAIN
 
 
-def _physics(connection: sqlite3.Connection) -> Check:
+def _answers(connection: sqlite3.Connection) -> Errors:
+    """Check that answers can be read and are complete, and positions are rounded."""
+    damaged = connection.execute("SELECT path FROM state WHERE damaged_state(depth, shear, outcome, answer)")
+    errors = [f"a state of path {number} is damaged" for (number,) in damaged]
+    return _number(connection, "SELECT COUNT(*) FROM state"), errors, SOLVE_AGAIN
+
+
+def _physics(connection: sqlite3.Connection) -> Errors:
     """Check that the program knows the physics version of each path; older ones are in order."""
     known = f"COALESCE(physics >= 1 AND NOT {store_fields.current_physics('>')}, 0)"
     groups = connection.execute(
@@ -108,11 +109,30 @@ def _physics(connection: sqlite3.Connection) -> Check:
     ).fetchall()
     errors = [
         f"{count} of {store_listing.named(quantity, model)} with physics version {physics}"
-        for quantity, model, physics, count, known in groups
-        if not known
+        for quantity, model, physics, count, is_known in groups
+        if not is_known
     ]
-    remedy = "this version of magtip knows no such version and uses none of these paths; update magtip"
-    return _check("physics versions", len(groups), errors, remedy)
+    return (
+        len(groups),
+        errors,
+        "this version of magtip knows no such version and uses none of these paths; update magtip",
+    )
+
+
+def _number(connection: sqlite3.Connection, query: str) -> int:
+    """Return the result of a query for one number."""
+    (number,) = connection.execute(query).fetchone()
+    return int(number)
+
+
+CHECKS: dict[str, Callable[[sqlite3.Connection], Errors]] = {
+    "pages of the file": _pages,
+    "links of states to paths": _links,
+    "contents of paths belong to their keys": _contents,
+    "answers and positions of states": _answers,
+    "physics versions": _physics,
+}
+"""Checks of the file by their names."""
 
 
 def _damaged_journals(journals: Iterable[Path]) -> Iterator[str]:

@@ -154,7 +154,7 @@ def _refusal(file: Path, error: sqlite3.Error) -> str:
         return f"the disk of {store} is full: make space there, or {OTHER}"
     # an error of SQL in statements of magtip: a part of the tables or of their JSON is not as it was written
     if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR) or not isinstance(error, sqlite3.OperationalError):
-        return f"{store} is damaged ({error}): see magtip store check, move the file away, or {OTHER}"
+        return f"{store} is damaged ({error}): move it away, so that the next study makes a new one, or {OTHER}"
     return f"{store} cannot be used ({error}): make the file and its folder readable and writable, or {OTHER}"
 
 
