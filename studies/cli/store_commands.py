@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Selection, Whole
@@ -37,7 +38,6 @@ def list_(
     limit
         Largest number of rows, the newest first; 0 for all.
     """
-    from geometry.design import BadInput
     from studies.exploration import store_listing
 
     if limit < 0:
@@ -85,17 +85,30 @@ def export(
 def check(
     *,
     store: Annotated[Path | None, Parameter(help="File of the store; default: the user's.")] = None,
+    resolve: Whole = 0,
+    seed: Whole = 0,
     as_json: AsJson = False,
 ) -> int:
-    """Check the store's file, contents, answers and physics versions; exit status 3 if a check fails."""
+    """Check the store's file, contents, answers and physics versions; exit status 3 if a check fails.
+
+    Parameters
+    ----------
+    resolve
+        Solve this many states again, chosen at random, and compare them within the estimates of their errors.
+    seed
+        Number that fixes which states are chosen.
+    """
     from studies.exploration import store as user_store
     from studies.exploration import store_check
 
     rows = []
-    for result in store_check.checks(store or user_store.default()):
-        rows.append(result.row())
-        if as_json:
-            console.report(rows[-1:], as_json=True)
+    if resolve < 0:
+        raise BadInput(f"--resolve must be at least 0; got {resolve}")
+    with console.progress(as_json=as_json) as progress:
+        for result in store_check.checks(store or user_store.default(), resolve, seed, progress):
+            rows.append(result.row())
+            if as_json:
+                console.report(rows[-1:], as_json=True)
     if not as_json:
         console.report(rows, as_json=False, title="Check of the store")
     failed = [row for row in rows if row["status"] != "ok"]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from geometry.design import BadInput
+from geometry.messages import Progress
 from studies.exploration import store, store_fields, store_file, store_listing
 from studies.output import records
 from studies.output.records import FlatRow
@@ -16,6 +17,7 @@ from studies.output.records import FlatRow
 MOST_NAMED = 3
 """Number of errors that a message quotes."""
 SOLVE_AGAIN = "magtip store prune --damaged --yes removes them, and the next study solves them again"
+SOLVED_OTHERWISE = "remove them by magtip store prune; if the models have changed, raise fem.physics_version"
 NEW_FILE = "export what can be read, move the file away, and let the next study make a new one"
 
 
@@ -45,8 +47,12 @@ class Check:
         return records.flat(self)
 
 
-def checks(file: Path) -> Iterator[Check]:
+def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | None = None) -> Iterator[Check]:
     """Yield the result of each check of a store, which is not changed.
+
+    Parameters
+    ----------
+    repeated : number of states, chosen at random by `seed`, that are solved again and compared.
 
     Raises
     ------
@@ -60,6 +66,12 @@ def checks(file: Path) -> Iterator[Check]:
                 yield _check(name, *check(connection))
             except sqlite3.Error as error:
                 yield Check(name, "failed", 0, f"the file cannot be read there ({error}): {NEW_FILE}")
+        if repeated:
+            from studies.exploration import repeated_solves
+
+            chosen = repeated_solves.chosen(connection, repeated, seed)
+            errors = list(repeated_solves.differences(connection, chosen, progress))
+            yield _check("states that are solved again", len(chosen), errors, SOLVED_OTHERWISE)
     journals = store.journals(file)
     damaged = list(_damaged_journals(journals))
     yield _check("journals beside the store", len(journals), damaged, "move them away")
