@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -101,11 +102,11 @@ def test_an_exit_in_a_task_ends_the_run(address):
 def test_closing_the_generator_ends_the_tasks_on_the_cluster(address, tmp_path):
     results = finished(["", *[str(tmp_path)] * 8], worker_tasks.with_child, workers=0, scheduler=address)
     assert next(results).task == ""
-    assert until(lambda: len(list(tmp_path.iterdir())) == 2)
+    assert until(lambda: len(list(tmp_path.iterdir())) == 1)
     results.close()
     assert until(lambda: all(gone(path.name) for path in tmp_path.iterdir()), 2)
     time.sleep(0.2)
-    assert len(list(tmp_path.iterdir())) == 2, "no other task is started"
+    assert len(list(tmp_path.iterdir())) == 1, "no other task is started"
 
 
 @pytest.fixture
@@ -175,3 +176,26 @@ def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypa
         monkeypatch.setattr(cluster, "CONNECT", 1.0)
         with pytest.raises(BadInput, match="has no workers: start some with `dask worker"):
             next(finished([4.0], math.sqrt, workers=0, scheduler=own.address))
+
+
+def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp_path):
+    axes = ["--axis", "L=lin:10:16:8", "--depth", "0.4", "--magnet", "ignored", "--accuracy", "quick"]
+    sweep = [sys.executable, "-m", "studies.cli", "sweep", *axes, "--store", str(tmp_path / "store.sqlite"), "--json"]
+    env = {**os.environ, "PYTHONPATH": str(TESTS.parent)}
+    with started(tmp_path, 2) as own:
+        command = [*sweep, "--scheduler", own.address]
+        with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+            rows = [run.stdout.readline()]
+            own.workers[0].kill()
+            rows += [run.stdout.readline() for _ in range(3)]
+            own.scheduler.kill()
+            more, errors = run.communicate(timeout=60)
+    rows += more.splitlines(keepends=True)
+    sentence = (
+        rf"magtip: the scheduler at {own.address} is gone: \d+ tasks are unfinished; the same command continues\n"
+    )
+    assert run.returncode == 3
+    assert re.fullmatch(sentence, errors)
+    whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
+    assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"
+    assert len(whole.splitlines()) == 8

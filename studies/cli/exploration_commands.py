@@ -87,6 +87,7 @@ def sweep(
         Solve again the cases whose process died.
     """
     from studies.exploration import sweep_request
+    from studies.exploration.executors import SchedulerLost
     from studies.exploration.needed_paths import Processes
     from studies.exploration.study_rows import flat_rows
 
@@ -119,6 +120,9 @@ def sweep(
                         failed += 1
                         failures += [row] if len(failures) < MOST_SHOWN else []
                     rows += [row] if len(rows) <= MOST_SHOWN else []
+    except SchedulerLost as error:
+        console.say(f"magtip: {error}")
+        return FAILED
     finally:
         if not as_json:
             _show(rows, count, case, plan, wide=wide)

@@ -26,8 +26,6 @@ __all__ = ["Finished", "SchedulerLost", "finished"]
 T = TypeVar("T")
 R = TypeVar("R")
 
-WINDOW = 4
-"""Tasks that are taken from the iterable at a time, for each worker: those that are done and those that wait."""
 PATIENCE = 2.0
 """Time without an answer after which the workers are checked, s."""
 REPORTS = 0.5
@@ -62,8 +60,9 @@ def finished(
 ) -> Iterator[Finished[T, R]]:
     """Call a function of each task and yield each task as soon as it is finished, in any order.
 
-    The tasks are started in the order given. They are taken from the iterable in this thread, a few for each worker
-    in advance. Closing the generator ends all workers at once, also during tasks.
+    The tasks are started in the order given, and taken from the iterable in this thread. As many tasks as there are
+    workers are begun and not yet yielded, so that no more are lost if this process is killed. Closing the generator
+    ends all workers at once, also during tasks.
 
     Parameters
     ----------
@@ -103,7 +102,8 @@ def _finished(
     while True:
         size = executor.size()
         report.show(size)
-        while len(started) < max(WINDOW * size, 1) and (next_task := next(waiting, None)) is not None:
+        # no tasks in advance: the caller may need seconds with an answer, in which workers would begin all of them
+        while len(started) < max(size, 1) and (next_task := next(waiting, None)) is not None:
             future = executor.submit(function, next_task[1])
             started[future] = next_task
             future.add_done_callback(done.put)
