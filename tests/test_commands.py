@@ -7,7 +7,7 @@ ORDER = """
     Simulation: solve analytic compare stability modes fit demo
     Sensing: field readings decode table layout
     Exploration: sweep store
-    Validation: verify friction extremes accuracy crosscheck ladder range claims bench trade
+    Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade
     Options: --help --version
 """
 

@@ -46,7 +46,7 @@ VERBS = {
     "Exploration": {"exploration_commands": "sweep"},
     "Validation": {
         "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
-        "claims_commands": "claims",
+        "claims_commands": "claims assumption",
         "benchmark_commands": "bench trade",
     },
 }
