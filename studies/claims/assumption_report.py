@@ -38,8 +38,8 @@ NOTES = """\
 
 
 SHARES = """\
-Levels paper and finite at nu = {nu:g}; shares.csv has all levels and all nu. A block is the largest one of neighbouring
-cells that are all within the bound."""
+Levels paper and finite at nu = {nu:g}; shares.csv has all levels and all nu. A block is the largest one of
+neighbouring cells that are all within the bound."""
 
 
 def write(folder: Path, assumption: Assumption, origin: str, command: str) -> None:

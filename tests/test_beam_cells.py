@@ -1,0 +1,160 @@
+"""Cells of the study of the beam assumption, and regions and sentences from them, on errors that are known."""
+
+import numpy as np
+import pytest
+
+from analytic import beam
+from studies.claims import beam_cells, beam_regions, beam_sentences
+from studies.claims.beam_cells import Body
+from studies.claims.beam_regions import Block
+
+approx = pytest.approx
+LENGTHS, DEPTHS, D = (0.6, 2.0, 4.0), (0.05, 0.1, 0.3), 8.0
+
+
+def table(error, heights=(0.0,), shear=0.0, **columns):
+    """A sweep in which level paper has the given errors, (depths, lengths), %, and the others ten times as much."""
+    cases = [(h, i, j) for h in heights for i in range(len(DEPTHS)) for j in range(len(LENGTHS))]
+    n = len(cases)
+    off = np.array([error[i][j] for _, i, j in cases], dtype=float)
+    values = {
+        "D_mm": np.full(n, D),
+        "L_mm": np.array([LENGTHS[j] * D for *_, j in cases]),
+        "magnet_height_mm": np.array([h * D for h, *_ in cases]),
+        "nu": np.full(n, 0.4998),
+        "depth_mm": np.array([DEPTHS[i] * D for _, i, _ in cases]),
+        "shear_mm": np.full(n, shear * D),
+        "status": np.full(n, "ok", dtype=object),
+    }
+    for column in ("force_N", "shift_z_mm", "force_x_N", "shift_x_mm", "tilt_rad"):
+        values[f"fem_{column}"] = np.full(n, 2.0)
+        for level in beam.LEVELS:
+            factor = 1 if level == "paper" else 10
+            values[f"analytic_{level}_{column}"] = 2.0 * (1 + factor * off / 100)
+    return values | {name: np.array(value) for name, value in columns.items()}
+
+
+ERROR = [[-60.0, -80.0, -90.0], [-20.0, 4.0, 8.0], [12.0, -3.0, 9.0]]
+
+
+def grid_of(values, kind="press"):
+    return beam_cells.cells(values, beam_cells.bodies(values)[0], kind)
+
+
+def test_errors_stand_at_their_length_and_load():
+    values = table(ERROR)
+    order = np.random.default_rng(0).permutation(9)
+    mixed = {name: column[order] for name, column in values.items()}
+    grid = grid_of(mixed)
+    assert grid.slenderness.tolist() == list(LENGTHS)
+    assert grid.loads[:, 0].tolist() == list(DEPTHS)
+    assert beam_cells.errors(mixed, grid, "paper", "press force") == approx(np.array(ERROR))
+
+
+def test_bodies_are_sorted_by_height():
+    assert beam_cells.bodies(table(ERROR, heights=(0.25, 0.0))) == [Body(0.0, 0.4998), Body(0.25, 0.4998)]
+
+
+def test_cells_without_an_answer_have_no_error():
+    values = table(ERROR)
+    values["fem_force_N"][4] = np.nan
+    values["status"][4] = "not_converged"
+    values["fem_force_N"][0] = np.nan
+    values["status"][0] = "bad_input"
+    grid = grid_of(values)
+    assert np.argwhere(~grid.answered).tolist() == [[0, 0], [1, 1]]
+    assert np.argwhere(~grid.possible).tolist() == [[0, 0]]
+    assert np.isnan(beam_cells.errors(values, grid, "paper", "press force")[1, 1])
+
+
+def test_presses_beyond_the_critical_depth_are_marked():
+    values = table(ERROR, critical_depth_mm=[np.nan, 0.2 * D, 0.08 * D] * 3)
+    assert grid_of(values).leans.tolist() == [[False] * 3, [False, False, True], [False, True, True]]
+
+
+def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
+    values = table(ERROR, shear=0.1)
+    values["fem_force_x_N"][8] = -0.5
+    grid = grid_of(values, "shear")
+    assert np.argwhere(grid.gave_way).tolist() == [[2, 2]]
+    assert np.isnan(beam_cells.errors(values, grid, "paper", "shear force")[2, 2])
+
+
+# Regions
+
+
+def test_largest_block():
+    inside = np.array([[0, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 0]], dtype=bool)
+    assert beam_regions.largest_block(inside) == Block(0, 2, 1, 2) or beam_regions.largest_block(inside).count == 6
+    assert beam_regions.largest_block(np.zeros((2, 2), dtype=bool)) is None
+    assert beam_regions.largest_block(np.ones((2, 3), dtype=bool)) == Block(0, 1, 0, 2)
+
+
+def test_a_block_is_named_by_its_ends():
+    grid = grid_of(table(ERROR))
+    assert beam_regions.block_text(grid, Block(1, 2, 1, 2)) == "L/D 2 to 4, d/D 0.1 to 0.3"
+    assert beam_regions.block_text(grid, Block(0, 0, 0, 0)) == "L/D 0.6, d/D 0.05"
+    assert beam_regions.block_text(grid, None) == "nowhere"
+
+
+def test_shares_and_blocks_of_a_level():
+    rows = beam_regions.share_rows(table(ERROR), [grid_of(table(ERROR))])
+    row = next(row for row in rows if (row.quantity, row.level) == ("press force", "paper"))
+    assert row.cells == 9
+    assert row.within_5_percent == approx(100 * 2 / 9)
+    assert row.within_10_percent == approx(100 * 4 / 9)
+    assert row.within_10_block == "L/D 2 to 4, d/D 0.1 to 0.3"
+    assert row.within_5_block == "L/D 2, d/D 0.1 to 0.3"
+    assert row.largest_error_percent == approx(-90)
+    assert row.median_error_percent == approx(12)
+
+
+def test_the_level_of_least_error_is_the_best():
+    values = table(ERROR)
+    values["analytic_finite_force_N"] = np.full(9, 2.1)
+    rows = beam_regions.best_rows(values, [grid_of(values)])
+    best = {row.region: row for row in rows if row.quantity == "press force"}
+    shallow = best["no magnet, L/D above 2, d/D to 0.06"]
+    assert shallow.best_level == "finite"
+    assert shallow.rms_error_percent == approx(5)
+    assert shallow.paper_rms_error_percent == approx(90)
+    deep = best["no magnet, L/D 1.1 to 2, d/D above 0.2"]
+    assert (deep.best_level, deep.best_in_percent) == ("paper", 100)
+
+
+def test_best_level_of_each_cell():
+    errors = {"a": np.array([1.0, -5.0, np.nan]), "b": np.array([-2.0, 3.0, np.nan])}
+    index, size = beam_regions.best_levels(errors)
+    assert index.tolist() == [0, 1, -1]
+    assert size[:2].tolist() == [1.0, 3.0]
+    assert np.isnan(size[2])
+
+
+# Sentences
+
+
+def sentence(error):
+    values = table(error)
+    rows = beam_regions.share_rows(values, [grid_of(values)])
+    row = next(row for row in rows if (row.quantity, row.level) == ("press force", "paper"))
+    return beam_sentences.range_sentence(row)
+
+
+def test_sentence_on_the_range_of_a_formula():
+    text = sentence(ERROR)
+    assert text.startswith("No magnet, press force: formula (5) is within 10 % for L/D 2 to 4, d/D 0.1 to 0.3")
+    assert "never within 10 %" in sentence([[50.0] * 3] * 3)
+
+
+def test_sentence_on_light_presses():
+    values = table(ERROR)
+    (line,) = beam_sentences.light_press_sentence(values, [grid_of(values)])
+    assert "off by -90 to -60 %" in line
+
+
+def test_sentences_on_failures():
+    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
+    values["fem_force_N"][4] = np.nan
+    lines = beam_sentences.buckling_sentences(values, [grid_of(values)])
+    assert lines[0].startswith("3 of 8 presses")
+    assert "did not reach 1, and 0 are impossible" in lines[-1]
