@@ -301,6 +301,14 @@ def test_a_single_value(drawn):
     assert points(panels(figure)[0], "--") == 1
 
 
+def test_maps_of_large_errors_have_no_legend_for_contours_that_they_do_not_have(drawn):
+    axes = {"D_mm": spread(6, 10, 7), "L_mm": spread(20, 40, 8)}
+    (figure,) = drawn(axes)
+    check_texts(figure)
+    assert "No press force by paper has an error within 10 %." in note(figure)
+    assert not figure.legends
+
+
 def test_texts_are_categories_in_the_order_of_the_study(drawn):
     (figure,) = drawn({"law": list(LAWS)})
     check_texts(figure)

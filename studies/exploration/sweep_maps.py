@@ -20,6 +20,8 @@ DASHES = ("solid", "dashed")
 FAILED, HATCH, EMPTY = "#d9d9d9", "/////", "#f2f2f2"
 USUAL = 97.0
 """Percentage of the magnitudes of the errors that the colours tell apart; the rest has the end's colour."""
+NEAR = 1.3
+"""Ratio to these errors up to which the greatest one has a colour of its own, too."""
 LEAST = 20.0
 """Least end of the colours of errors, %."""
 WIDE = 30.0
@@ -38,8 +40,9 @@ def draw(figure: Any, panels: Mapping[Place, Any], block: Block, axes: Mapping[s
     section = block.section
     x, y = axes[section.view.x], axes[section.view.second]
     norm, extend = _norm(section)
-    levels = _levels(section, norm)
-    mesh = contours = None
+    labelled = block.width <= MOST_LABELLED
+    levels = _levels(section, norm, labelled=labelled)
+    mesh = None
     for place, panel in panels.items():
         values, failures = section.values[0][place], section.failures[place]
         panel.set_facecolor(EMPTY)
@@ -51,13 +54,14 @@ def draw(figure: Any, panels: Mapping[Place, Any], block: Block, axes: Mapping[s
             panel.add_patch(_hatched(x.edges(), y.edges(), failures > 0))
         for way, axis in (("x", x), ("y", y)):
             scale(panel, way, axis, inches if way == "x" else 2.2 if _rows(block) == 1 else 1.6)
-        contours = _contours(panel, (x, y), values, levels, labelled=block.width <= MOST_LABELLED) or contours
+        _contours(panel, (x, y), values, levels, error=section.error, labelled=labelled)
     bar = figure.colorbar(mesh, ax=list(panels.values()), extend=extend, pad=0.015, aspect=18 * _rows(block))
     bar.set_label(_title(section), fontsize=11 if _rows(block) > 1 else 10)
     bar.outline.set_linewidth(0.6)
-    if contours is not None:
-        for level, dash in zip(*_marks(section, levels), strict=True):
-            bar.ax.axhline(level, color="#000000" if section.error else "#ffffff", linestyle=dash, linewidth=1.1)
+    for level in levels:
+        if not section.error or abs(level) in LIMITS:
+            ink = "#000000" if section.error else "#ffffff"
+            bar.ax.axhline(level, color=ink, linestyle=_dash(level, error=section.error), linewidth=1.1)
     if isinstance(norm, LogNorm):
         bar.ax.yaxis.set_major_locator(FixedLocator(levels))
         bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda at, _: f"{at:g}"))
@@ -74,12 +78,9 @@ def _rows(block: Block) -> int:
     return len(block.panels)
 
 
-def _marks(section: Section, levels: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Return the contours' levels and dashes."""
-    return list(levels), [_dash(level) if section.error else "solid" for level in levels]
-
-
-def _dash(level: float) -> str:
+def _dash(level: float, *, error: bool) -> str:
+    if not error:
+        return "solid"
     return DASHES[LIMITS.index(abs(level))] if abs(level) in LIMITS else "dotted"
 
 
@@ -109,7 +110,10 @@ def error_norm(errors: Array) -> tuple[Any, str]:
     from matplotlib.colors import Normalize
 
     numbers = errors[np.isfinite(errors)]
-    limit = max(_round_up(float(np.percentile(abs(numbers), USUAL))), LEAST) if len(numbers) else LEAST
+    limit = LEAST
+    if len(numbers):
+        usual, most = float(np.percentile(abs(numbers), USUAL)), float(abs(numbers).max())
+        limit = max(_round_up(most if most <= NEAR * usual else usual), LEAST)
     return Normalize(-limit, limit), EXTEND[bool((numbers < -limit).any()), bool((numbers > limit).any())]
 
 
@@ -122,13 +126,15 @@ def _round_up(value: float) -> float:
     return float(step * np.ceil(value / step))
 
 
-def _levels(section: Section, norm: Any) -> list[float]:
-    """Return the levels of the contours in rising order."""
+def _levels(section: Section, norm: Any, *, labelled: bool) -> list[float]:
+    """Return the levels of the contours in rising order; those of errors beyond 10 % only where they have labels."""
     from matplotlib.ticker import LogLocator, MaxNLocator
 
-    if section.error:
-        return [-10.0, -5.0, 5.0, 10.0]
     low, high = float(norm.vmin), float(norm.vmax)
+    if section.error:
+        outer = MaxNLocator(nbins=10, steps=[1, 2, 5, 10]).tick_values(low, high) if labelled else []
+        beyond = [float(level) for level in outer if abs(level) > LIMITS[-1] and low < level < high]
+        return sorted([*beyond, *LIMITS, *(-limit for limit in LIMITS)])
     if low > 0 and high > WIDE * low:
         steps = (1.0, 2.0, 5.0) if high < 300 * low else (1.0, 3.0) if high < 1e5 * low else (1.0,)
         inner = LogLocator(subs=steps).tick_values(low, high)
@@ -137,34 +143,32 @@ def _levels(section: Section, norm: Any) -> list[float]:
     return [float(level) for level in inner if low < level < high]
 
 
-def _contours(panel: Any, axes: tuple[Axis, Axis], values: Array, levels: Sequence[float], *, labelled: bool) -> Any:
-    """Draw contours between the centres of the cells; None where there is none."""
+def _contours(
+    panel: Any, axes: tuple[Axis, Axis], values: Array, levels: Sequence[float], *, error: bool, labelled: bool
+) -> None:
+    """Draw contours between the centres of the cells."""
     from matplotlib.patheffects import withStroke
 
     x, y = axes
     finite = values[np.isfinite(values)]
-    if x.texts or y.texts or min(values.shape) < 2 or not len(finite):
-        return None
-    own = [level for level in levels if finite.min() < level < finite.max()]
-    if not own:
-        return None
-    errors = levels[0] < 0 < levels[-1] and set(map(abs, levels)) == set(LIMITS)
+    own = [level for level in levels if len(finite) and finite.min() < level < finite.max()]
+    if x.texts or y.texts or min(values.shape) < 2 or not own:
+        return
     lines = panel.contour(
         x.positions,
         y.positions,
         np.ma.masked_invalid(values),
         levels=own,
         colors="#000000",
-        linestyles=[_dash(level) for level in own] if errors else "solid",
-        linewidths=1.3 if errors else 1.0,
+        linestyles=[_dash(level, error=error) for level in own],
+        linewidths=[1.3 if error and abs(level) in LIMITS else 1.0 for level in own],
     )
-    if not errors:
+    if not error:
         # black lines need a halo on the dark end of the colours
         lines.set_path_effects([withStroke(linewidth=2.4, foreground="#ffffff")])
     if labelled:
-        for text in panel.clabel(lines, fmt="%g %%" if errors else "%g", fontsize=9, manual=_middles(lines, panel)):
+        for text in panel.clabel(lines, fmt="%g %%" if error else "%g", fontsize=9, manual=_middles(lines, panel)):
             text.set_path_effects([withStroke(linewidth=2.4, foreground="#ffffff")])
-    return lines
 
 
 def _middles(lines: Any, panel: Any) -> list[tuple[float, float]]:
@@ -197,17 +201,16 @@ def _hatched(x: Array, y: Array, cells: NDArray[np.bool_]) -> Any:
     return PathPatch(path, facecolor=FAILED, edgecolor="#6b6b6b", hatch=HATCH, linewidth=0, label="_failed")
 
 
-def handles(*, errors: bool, empty: bool) -> list[Any]:
-    """Return the legend entries of the contours, and of places without a value."""
+def handles(*, errors: Sequence[Section], empty: bool) -> list[Any]:
+    """Return the legend entries of the contours of maps of errors, and of places without a value."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     entries: list[Any] = []
-    if errors:
-        for limit, dash in zip(LIMITS, DASHES, strict=True):
-            entries.append(
-                Line2D([], [], color="#000000", linestyle=dash, linewidth=1.3, label=f"error ±{limit:g} %")
-            )
+    for limit, dash in zip(LIMITS, DASHES, strict=True):
+        style: dict[str, Any] = {"color": "#000000", "linestyle": dash, "linewidth": 1.3}
+        if any((abs(section.numbers) < limit).any() and (abs(section.numbers) > limit).any() for section in errors):
+            entries.append(Line2D([], [], label=f"error ±{limit:g} %", **style))
     if empty:
         entries.append(Patch(facecolor=EMPTY, edgecolor="#bbbbbb", linewidth=0.6, label="no value"))
     return entries

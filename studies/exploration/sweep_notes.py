@@ -46,6 +46,9 @@ def of_picture(sections: Sequence[Section]) -> list[str]:
             what = "1 error" if len(beyond) == 1 else f"{len(beyond)} errors"
             ends = " to ".join(dict.fromkeys(f"{value:.0f} %" for value in (beyond.min(), beyond.max())))
             notes.append(f"{what} of {section.label} beyond the range of the picture: {ends}.")
+        if section.view.maps and len(section.numbers) and abs(section.numbers).min() > sweep_maps.LIMITS[-1]:
+            limit = f"{sweep_maps.LIMITS[-1]:g} %"
+            notes.append(f"No {section.label} by {section.models[0]} has an error within {limit}.")
         values = [s for s in sections if not s.error and s.label == section.label]
         same = [name for name in (values[0].names if values else []) if name not in section.names]
         if same:

@@ -233,7 +233,7 @@ def _handles(page: Sequence[Block], cube: Cube) -> list[list[Any]]:
     models = {h.get_label(): h for section in values or lines for h in sweep_lines.model_handles(section)}
     colours = {h.get_label(): h for section in lines for h in sweep_lines.colour_handles(section, cube.axes)}
     others = table_plots.band_handles() if any(section.error for section in lines) else []
-    others += sweep_maps.handles(errors=any(s.error for s in maps), empty=any(s.empty for s in maps))
+    others += sweep_maps.handles(errors=[s for s in maps if s.error], empty=any(s.empty for s in maps))
     lost = failed(cube.columns)
     if lost.any():
         others.append(sweep_maps.failed_handle(int(lost.sum()), len(lost), maps=bool(maps)))
