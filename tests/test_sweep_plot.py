@@ -13,8 +13,11 @@ from matplotlib.text import Text
 
 from fem.accuracy import QUICK
 from geometry.design import BadInput, paper
-from studies.exploration import sweep, sweep_plot
+from studies.exploration import store, sweep, sweep_plot
+from studies.exploration.needed_paths import Processes
+from studies.exploration.study_cases import FemModel, Plan
 from studies.exploration.sweep_plot import Shown
+from studies.inputs.study_input import grid
 from studies.output import table_plots
 
 BASE = {"D_mm": 8.0, "L_mm": 9.0, "f_mm": 5.0, "E_MPa": 1.0, "depth_mm": 1.0, "law": "neo-Hookean", "nu": 0.49}
@@ -377,10 +380,10 @@ def test_a_picture_without_a_quantity_is_refused(tmp_path):
         sweep_plot.draw(tmp_path / "sweep.png", columns_of({"D_mm": [8.0]}), {"D_mm": [8.0]}, [])
 
 
-def test_the_rows_of_a_real_sweep(tmp_path):
-    rows = [
-        row.row() for row in sweep.run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, None, depth=1.0, accuracy=QUICK)
-    ]
-    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    (file,) = sweep_plot.draw(tmp_path / "sweep.png", columns, {"E_MPa": [0.5, 2.0], "f_mm": [5.0, 6.0]}, [FORCE])
-    assert file.stat().st_size > 10_000
+def test_the_pictures_of_a_real_sweep(tmp_path):
+    design, load = paper(), {"depth": 1.0}
+    models: dict = {"fem": (FemModel("quick", QUICK),), "formulas": ("paper",), "quantities": ("force",)}
+    plan = Plan(design, grid({"E": [0.5, 2.0], "f": [5.0, 6.0]}), load, "rigid", **models)
+    with store.in_memory() as memory:
+        assert len(list(sweep.run(plan, tmp_path, memory, processes=Processes(0)))) > 0
+    assert (tmp_path / "sweep.png").stat().st_size > 10_000
