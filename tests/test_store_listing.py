@@ -155,46 +155,13 @@ def test_the_newest_rows_come_first(file):
     assert shown.rows[0]["law"] == "yeoh"
 
 
-def test_all_columns_of_an_accuracy_and_a_load_have_no_row_for_other_states(file):
+def test_a_filter_that_no_state_meets_leaves_no_rows(file):
     assert listing(file, "friction=stick").rows == []
-
-
-@pytest.mark.parametrize(
-    ("where", "parts"),
-    [
-        ("nu", ["must be NAME=VALUE", "got 'nu'"]),
-        ("=3", ["must be NAME=VALUE"]),
-        ("nuu=3", ["there is no field 'nuu': did you mean nu?"]),
-        ("nu=abc", ["nu must be a number", "got 'abc'"]),
-        ("nu=1:nan", ["nu must be a number", "got 'nan'"]),
-        ("nu=0.5:0.4", ["the range of nu is empty", "0.5:0.4"]),
-    ],
-)
-def test_a_wrong_filter_is_refused(where, parts, refused):
-    with refused(*parts):
-        store_fields.condition(Selection(where=[where]))
-
-
-def test_a_wrong_date_is_refused(refused):
-    with refused("--since must be a date or time", "got 'yesterday'"):
-        store_fields.condition(Selection(since="yesterday"))
 
 
 def test_every_value_of_a_filter_is_a_parameter(file):
     """No text of a filter becomes SQL."""
     assert listing(file, "status=ok') OR ('1'='1").rows == []
-
-
-def test_values_of_the_accuracy_levels_have_their_names():
-    from dataclasses import asdict
-
-    from fem.accuracy import LEVELS
-
-    for name, level in LEVELS.items():
-        with store.in_memory() as kept:
-            kept.add({"accuracy": {key: value for key, value in asdict(level).items() if key != "name"}}, [PRESSED])
-            (values,) = kept._connection.execute("SELECT json_extract(content, '$.accuracy') FROM path").fetchone()
-        assert store_fields.accuracy_name(values) == name
 
 
 def test_lists_read_no_answers_but_those_that_they_show(tmp_path):

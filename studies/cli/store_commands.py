@@ -12,6 +12,7 @@ from studies.cli.parameters import AsJson, Wide
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Selection, Whole
 from studies.output import atomic_files, console
+from studies.output.records import FlatRow
 
 LIMIT = 20
 """Number of rows of a list by default."""
@@ -53,16 +54,17 @@ def list_(
         console.say("magtip: no state of the store meets the filters")
     what, count = ("paths", summary.paths) if paths else ("states", summary.states)
     title = f"{len(listing.rows)} of {count} {what}, the newest first"
-    usual = all(row["quantity"] in store_listing.STATES for row in listing.rows)
-    console.report(
-        listing.rows,
-        as_json=as_json,
-        title=title,
-        brief=("quantity", "key") if usual else ("key",),
-        first=NEEDED_OF_PATHS if paths else NEEDED,
-        wide=wide,
-    )
+    rows = listing.rows if as_json else _varying_first(listing.rows)
+    needed = NEEDED_OF_PATHS if paths else NEEDED
+    console.report(rows, as_json=as_json, title=title, brief=("key",), first=needed, wide=wide)
     return GOOD
+
+
+def _varying_first(rows: list[FlatRow]) -> list[FlatRow]:
+    """Return the rows with the columns last that have one value in all of them: a narrow table leaves these out."""
+    constant = [key for key in (rows[0] if rows else ()) if len({row[key] for row in rows}) == 1]
+    order = [*(key for key in (rows[0] if rows else ()) if key not in constant), *constant]
+    return [{key: row[key] for key in order} for row in rows] if len(rows) > 1 else rows
 
 
 def export(
