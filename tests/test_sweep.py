@@ -428,3 +428,21 @@ def test_a_scene_of_several_paths_is_answered_from_the_store(kept, traced):
         (press, x, y), trouble = solved_paths.solved(scene, kept)
         assert (press.response.force[0], trouble, len(traced)) == (0.0, "", 2)
         assert y.response.force[1] == pytest.approx(x.response.force[0], rel=1e-12)
+
+
+def test_a_tolerance_chooses_the_model_of_each_case(run, strict):
+    command = ("sweep", "paper", "--tolerance", "20%", "--axis", "depth=0.4,2", "--set", "nu=0.3", "--json")
+    status, out, err = run(*command)
+    light, deep = strict(out)
+    for row in (light, deep):
+        assert row["expected_error"] <= 0.2
+        assert row["force_error_percent"] == pytest.approx(
+            100 * (row["analytic_force_N"] / row["chosen_force_N"] - 1), rel=1e-9
+        )
+    # formulas are calibrated for nearly incompressible silicone
+    assert {light["chosen_model"], deep["chosen_model"]} == {"axisymmetric quick"}
+    assert (status, "axisymmetric quick in 2 of 2 cases" in err) == (0, True)
+    light, deep = strict(run(*command[:-3], "--json")[1])
+    assert (light["chosen_model"], light["solve"]) == ("formula finite", 0)
+    own = beam.solve(paper(), Load(depth=0.4), "finite").force[2]
+    assert light["chosen_force_N"] == pytest.approx(own, rel=1e-12)

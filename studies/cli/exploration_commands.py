@@ -12,7 +12,7 @@ from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, warn_of_values
-from studies.inputs.option_groups import Whole
+from studies.inputs.option_groups import TOLERANCE, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
@@ -38,6 +38,7 @@ def sweep(
     accuracy: AccuracyName | None = None,
     models: str | None = None,
     quantities: str | None = None,
+    tolerance: Annotated[str | None, TOLERANCE] = None,
     out: Path | None = None,
     store: Path | None = None,
     workers: Whole | None = None,
@@ -95,7 +96,7 @@ def sweep(
     plan = sweep_request.plan_of(
         source,
         sweep_request.Options(
-            axis or [], design, depth, load or [], magnet, accuracy, models, quantities, sets or []
+            axis or [], design, depth, load or [], magnet, accuracy, models, quantities, tolerance, sets or []
         ),
     )
     warn_of_values(plan.design)
@@ -106,12 +107,14 @@ def sweep(
     rows: list[FlatRow] = []
     failures: list[FlatRow] = []
     count = failed = 0
+    choices = sweep_request.Choices(plan)
     try:
         with (
             console.progress(as_json=as_json) as progress,
             sweep_request.sweep(plan, out, progress, processes, store) as batches,
         ):
             for table in batches:
+                choices.add(table)
                 for row in flat_rows(table):
                     count += 1
                     if as_json:
@@ -130,6 +133,8 @@ def sweep(
         whole = as_json or wide or out is not None
         for name, reason in sweep_request.idle_axes(rows, plan, whole=whole, case=case):
             say_no_effect(f"axis {name}", reason)
+    for sentence in choices.sentences():
+        console.say(f"magtip: {sentence}")
     for reason in console.remarks(failures, case, rows):
         console.say(f"magtip: {reason}")
     if failed:

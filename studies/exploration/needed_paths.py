@@ -10,6 +10,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from analytic import beam
+from fem.accuracy import LEVELS
 from fem.scene import Scene
 from geometry.design import BadInput
 from geometry.messages import Progress
@@ -21,6 +23,7 @@ from studies.exploration.study_cases import Cases, FemModel, Plan, Problem, Rece
 from studies.exploration.worker_process import cores
 from studies.exploration.workers import finished
 from studies.output import console
+from studies.simulation.model_choice import choose
 
 KINDS: dict[str, Kind] = {"critical_depth": "critical depth", "modes": "modes"}
 """Quantities that are paths of their own in the store."""
@@ -65,12 +68,24 @@ class NeededPath:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the answer of a problem by one model is: key of its path, position there, direction of the shear."""
+    """Where the answer of a problem by one model is.
+
+    Attributes
+    ----------
+    key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
+        of one that a formula answers, is empty.
+    message : why the problem is impossible.
+    formula : the answer of a level of the formulas.
+    chosen, expected_error : name of the model that a tolerance has chosen, and the bound of its error.
+    """
 
     key: str
-    at: Position
-    direction: tuple[float, float]
+    at: Position = (0.0, 0.0)
+    direction: tuple[float, float] = (1.0, 0.0)
     message: str = ""
+    formula: Answer | None = None
+    chosen: str = ""
+    expected_error: float = NAN
 
 
 class Paths:
@@ -107,13 +122,23 @@ class Paths:
     @staticmethod
     def _place(problem: Problem, model: FemModel, kind: Kind) -> tuple[Target, Place | None]:
         if problem.design is None or problem.load is None:
-            return Target("", (0.0, 0.0), (1.0, 0.0), problem.message), None
+            return Target("", message=problem.message), None
+        chosen, expected = "", NAN
         try:
+            if model.tolerance is not None and kind == "states":
+                choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
+                chosen, expected = choice.name, choice.bound
+                if choice.model_kind == "formula":
+                    response = beam.solve(problem.design, problem.load, choice.level_or_accuracy)
+                    answer = Answer(problem.design.D, problem.design.E, response, "ok", "", expected, 0.0)
+                    return Target("", formula=answer, chosen=chosen, expected_error=expected), None
+                model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
             stored = place(scene, kind)
         except BadInput as error:
-            return Target("", (0.0, 0.0), (1.0, 0.0), str(error)), None
-        return Target(store_module.key(stored.content), stored.at, stored.direction), stored
+            return Target("", message=str(error)), None
+        key = store_module.key(stored.content)
+        return Target(key, stored.at, stored.direction, chosen=chosen, expected_error=expected), stored
 
 
 class Solves:
@@ -163,6 +188,8 @@ class Solves:
 
     def answer(self, target: Target, problem: Problem) -> Answer:
         """Return the answer to a problem, for its own design."""
+        if target.formula is not None:
+            return target.formula
         if problem.design is None or not target.key:
             return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
         stored = self._answers.get(target.key, lambda: self._stored(target.key))

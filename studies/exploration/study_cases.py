@@ -44,11 +44,16 @@ Kept = TypeVar("Kept")
 
 @dataclass(frozen=True, slots=True)
 class FemModel:
-    """A finite-element model of a study: its name in the study, accuracy and model."""
+    """A finite-element model of a study: its name in the study, accuracy and model.
+
+    With a `tolerance`, each case takes the cheapest model whose measured error meets it, which may be a level of the
+    formulas (see `studies.simulation.model_choice`).
+    """
 
     name: str
     accuracy: Accuracy
     model: Model = "auto"
+    tolerance: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

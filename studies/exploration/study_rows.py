@@ -43,12 +43,14 @@ class Solved:
         shear; its status is "bad_input" where the problem is impossible.
     numbers : number of the reference's path of each problem, 0 for none.
     critical, modes : answers of the other kinds, if the study asks for them.
+    chosen : for each problem the model that a tolerance has chosen, and the bound of its relative error.
     """
 
     states: Mapping[str, Sequence[Answer]]
     numbers: Sequence[int]
     critical: Sequence[Answer] = ()
     modes: Sequence[Answer] = ()
+    chosen: Sequence[tuple[str, float]] = ()
 
 
 class Rows:
@@ -163,6 +165,10 @@ class Rows:
             table[column] = np.array([answer.error_estimate for answer in answers])[batch.problem]
         reference = solved.states[self.plan.reference.name] if self.plan.reference is not None else ()
         zeros = [0] * len(batch.problems)
+        if solved.chosen:
+            names, bounds = zip(*solved.chosen, strict=True)
+            table["chosen_model"] = np.array(names, dtype=object)[batch.problem]
+            table["expected_error"] = np.array(bounds, dtype=float)[batch.problem]
         table["solve"] = np.array(solved.numbers or zeros)[batch.problem]
         table["seconds"] = np.array([a.seconds for a in reference] or zeros, dtype=float)[batch.problem]
         status, message = zip(

@@ -132,10 +132,12 @@ def _solved(
         ]
 
     reference = plan.reference
+    chosen = [kinds[reference.name] for kinds in targets] if reference and reference.tolerance else []
     numbers = [paths.number(kinds[reference.name].key) if reference else 0 for kinds in targets]
     return Solved(
         states={model.name: of(model.name) for model in plan.fem},
         numbers=numbers,
+        chosen=[(target.chosen, target.expected_error) for target in chosen],
         critical=of("critical_depth") if "critical_depth" in plan.quantities else (),
         modes=of("modes") if "modes" in plan.quantities else (),
     )

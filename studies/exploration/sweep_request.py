@@ -38,6 +38,7 @@ class Options:
     accuracy: str | None = None
     models: str | None = None
     quantities: str | None = None
+    tolerance: str | None = None
     sets: Sequence[str] = ()
 
 
@@ -129,7 +130,10 @@ def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel,
         raise BadInput(
             f"models and accuracy both choose finite elements ({', '.join(given)}; {accuracy}): leave one of them out"
         )
-    given = given or (accuracy or "standard", "paper")
+    tolerance = user_input.parse_tolerance(options.tolerance) if options.tolerance else study.tolerance
+    if tolerance is not None and accuracy:
+        raise BadInput(f"a tolerance chooses the accuracy, which is given too ({accuracy}): leave one of them out")
+    given = given or (("paper",) if tolerance is not None else (accuracy or "standard", "paper"))
     fem, formulas = [], []
     for name in given:
         model, _, level = name.rpartition("-")
@@ -144,6 +148,12 @@ def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel,
             raise BadInput(f"there is no model {name!r}: {hint}")
         if given.count(name) > 1:
             raise BadInput(f"model {name} is given twice: give each model once")
+    if tolerance is not None:
+        if fem:
+            raise BadInput(
+                f"a tolerance chooses the finite elements, which are given too ({fem[0].name}): leave one out"
+            )
+        fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
     fem.sort(key=lambda one: (one.model in ("half", "full"), -one.accuracy.section_size))
     return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
 
@@ -167,6 +177,40 @@ def sweep(
 
     with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
         yield sweep_study.run(plan, folder, states, processes=processes, progress=progress)
+
+
+class Choices:
+    """Counts the models that a tolerance chooses in the batches of a sweep."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.tolerance = plan.reference.tolerance if plan.reference else None
+        self.counts: dict[str, int] = {}
+        self.beyond = 0
+
+    def add(self, table: Columns) -> None:
+        """Count the rows of a batch."""
+        if self.tolerance is None:
+            return
+        for name in table["chosen_model"].tolist():
+            self.counts[name] = self.counts.get(name, 0) + 1
+        self.beyond += int((table["error_estimate"] > self.tolerance).sum())
+
+    def sentences(self) -> list[str]:
+        """Return which models were chosen in how many cases, and why, and what did not meet the tolerance."""
+        if self.tolerance is None:
+            return []
+        from studies.simulation.model_choice import percent
+
+        names = [f"{name} in {count}" for name, count in self.counts.items() if name]
+        texts = [
+            f"tolerance {percent(self.tolerance)}: {', '.join(names) or 'no model'} of {sum(self.counts.values())} "
+            "cases, each the cheapest model whose measured errors for that kind of load meet it"
+        ]
+        if self.beyond:
+            texts.append(
+                f"in {self.beyond} cases the error estimate of the force exceeds the tolerance: take a smaller one"
+            )
+        return texts
 
 
 CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
@@ -203,7 +247,7 @@ def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     answers = [key for name in results for key in row if key.endswith(f"_{name}")]
     others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_"))]
     judged = [key for error in errors for key in row if key.endswith(error)]
-    return (*case, *answers, *judged, *others, "fem_tilt_rad", "status")
+    return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
 
 
 def idle_axes(

@@ -43,6 +43,7 @@ from studies.inputs.user_input import (
     design_from,
     design_table,
     overrides,
+    parse_tolerance,
     preset_or_file,
     toml_table,
     validated,
@@ -75,6 +76,7 @@ class Study:
     factors : what varies; every combination of the factors' points is a case.
     load : fields of the load that do not vary.
     models : accuracies and formula levels.
+    tolerance : largest relative error, which chooses the model of each case.
     quantities : what the rows have.
     """
 
@@ -86,6 +88,7 @@ class Study:
     accuracy: AccuracyName | None = None
     models: tuple[str, ...] = ()
     quantities: tuple[QuantityName, ...] = ()
+    tolerance: float | None = None
 
     @property
     def axes(self) -> dict[str, list[Value]]:
@@ -157,6 +160,7 @@ def read_study(path: str) -> Study:
         "magnet": Literal["rigid", "ignored"] | None,
         "accuracy": AccuracyName | None,
         "models": list[str],
+        "tolerance": float | str | None,
         "quantities": list[str],
     }
     version = table.get("version", VERSION)
@@ -182,6 +186,7 @@ def read_study(path: str) -> Study:
         values.get("accuracy"),
         tuple(values.get("models", ())),
         checked_quantities(values.get("quantities", ()), f"{path}: "),
+        None if values.get("tolerance") is None else parse_tolerance(str(values["tolerance"])),
     )
 
 
