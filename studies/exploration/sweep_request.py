@@ -203,8 +203,10 @@ class Choices:
 
         names = [f"{name} in {count}" for name, count in self.counts.items() if name]
         texts = [
-            f"tolerance {percent(self.tolerance)}: {', '.join(names) or 'no model'} of {sum(self.counts.values())} "
-            "cases, each the cheapest model whose measured errors for that kind of load meet it"
+            (
+                f"tolerance {percent(self.tolerance)}: {', '.join(names) or 'no model'} of {sum(self.counts.values())} "
+                "cases, each the cheapest model whose measured errors for that kind of load meet it"
+            )
         ]
         if self.beyond:
             texts.append(
