@@ -1,13 +1,13 @@
 """What the pictures of a sweep show: the rows that are drawn, and the quantities in them.
 
-Pictures have room for some ten thousand points. Of a larger study every k-th value of its longest axes is drawn, and
-a note says so; the table has all.
+Of a study with more than a million cases every k-th value of its longest axes is drawn, and a note says so; the table
+has all.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +19,10 @@ from studies.exploration.study_cases import Columns, Plan
 from studies.exploration.sweep_plot import Shown
 from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
+from studies.inputs.user_input import Value
 
-MOST_DRAWN = 20_000
-"""Largest number of cases that are drawn."""
+MOST_DRAWN = 1_000_000
+"""Largest number of cases that are drawn; it bounds the memory, at about 100 MB."""
 
 
 class Collected:
@@ -42,6 +43,7 @@ class Collected:
             for count, few in zip(counts, drawn, strict=True)
         ]
         self._parts: list[Columns] = []
+        self._shown: list[Shown] = []
 
     def add(self, table: Columns, indices: NDArray[np.int64]) -> None:
         """Keep those rows of a table that are drawn."""
@@ -51,7 +53,10 @@ class Collected:
             stride //= factor.count
             rows &= chosen[indices // stride % factor.count]
         if rows.any():
-            self._parts.append({name: values[rows] for name, values in table.items()})
+            self._shown = _shown(self.plan, table)
+            names = {name for one in self._shown for name in (*one.values.values(), *one.errors.values())}
+            names |= {study_axes.column(axis) for axis in self.plan.axes} | {"status", "message"}
+            self._parts.append({name: table[name][rows] for name in names})
 
     def draw(self, path: Path) -> list[Path]:
         """Draw the pictures, and return their files."""
@@ -61,8 +66,10 @@ class Collected:
         for factor in self.plan.factors:
             for name in factor.names if factor.sampled else (_leader(factor),):
                 column = study_axes.column(name)
-                axes[column] = list(dict.fromkeys(columns[column].tolist()))
-        return sweep_plot.draw(path, columns, axes, _shown(self.plan, columns), sampled=sampled, notes=self._notes())
+                # the values of a zipped axis may repeat: the points are then told apart by their order
+                zipped = len(factor.names) > 1 and not factor.sampled
+                axes[column] = list(_texts(factor, name) if zipped else dict.fromkeys(columns[column].tolist()))
+        return sweep_plot.draw(path, columns, axes, self._shown, sampled=sampled, notes=self._notes())
 
     def _notes(self) -> list[str]:
         """Say in sentences what the pictures leave out."""
@@ -78,6 +85,13 @@ class Collected:
             f"Of {count} values of {name}, {few} are drawn; the table has all."
             for name, (few, count) in self._thinned.items()
         ]
+
+
+def _texts(factor: Factor, name: str) -> Sequence[Value]:
+    """Return all values of an axis as its column has them."""
+    values = factor.values[factor.names.index(name)]
+    named = any(isinstance(value, str) for value in values)
+    return [value if isinstance(value, str) else f"{value:.12g}" for value in values] if named else values
 
 
 def _leader(factor: Factor) -> str:

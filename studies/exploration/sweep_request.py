@@ -201,13 +201,9 @@ class Choices:
             return []
         from studies.simulation.model_choice import percent
 
-        names = [f"{name} in {count}" for name, count in self.counts.items() if name]
-        texts = [
-            (
-                f"tolerance {percent(self.tolerance)}: {', '.join(names) or 'no model'} of {sum(self.counts.values())} "
-                "cases, each the cheapest model whose measured errors for that kind of load meet it"
-            )
-        ]
+        names = ", ".join(f"{name} in {count}" for name, count in self.counts.items() if name) or "no model in any"
+        why = "each the cheapest model whose measured errors for that kind of load meet it"
+        texts = [f"tolerance {percent(self.tolerance)}: {names} of {sum(self.counts.values())} cases, {why}"]
         if self.beyond:
             texts.append(
                 f"in {self.beyond} cases the error estimate of the force exceeds the tolerance: take a smaller one"
