@@ -17,11 +17,15 @@ import numpy as np
 from analytic import hall
 from analytic.magnet import cylinder_field
 from fem.accuracy import FINE, QUICK, STANDARD, Accuracy
+from fem.scene import Scene
 from geometry.arrays import Array
-from geometry.design import Design, paper
-from geometry.loads import Load, Magnet, Response
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load, Magnet, Response, check_load
 from geometry.messages import Progress
-from studies.simulation.compare import follow, part
+from studies.exploration.solved_paths import Answer, solved
+from studies.exploration.store import Store
+from studies.output import console
+from studies.simulation.compare import part
 
 S1_AT_REST = 2.87
 """Output of S1 at rest, V (section V.A of the paper)."""
@@ -134,21 +138,22 @@ GRIP = 1.0
 """Height of the tip that a grip holds, mm: the tip condition of formula (6), free to sink and to turn."""
 
 
-def solve(extent: Extent, progress: Progress | None = None) -> States:
-    """Solve for all states."""
+def solve(extent: Extent, store: Store, progress: Progress | None = None) -> States:
+    """Return all states: those that the store has, and the others solved and added to it."""
     heights, accuracy = extent.heights, extent.accuracy
     presses = []
     for k, height in enumerate(heights):
         low, high = (0.4 * each / len(heights) for each in (k, k + 1))
         show = part(progress, low, high, f"magnet {height:g} mm high")
-        presses.append(press(with_magnet(height), extent.depths, accuracy, show))
-    rubbed = press(paper(), extent.depths, accuracy, part(progress, 0.4, 0.5, "press with friction"), FRICTION)
+        presses.append(press(with_magnet(height), extent.depths, accuracy, store, show))
+    show = part(progress, 0.4, 0.5, "press with friction")
+    rubbed = press(paper(), extent.depths, accuracy, store, show, FRICTION)
     sheared = []
     conditions = _conditions(extent.shears)
     for k, (tip, magnet, loads) in enumerate(conditions):
         low, high = (0.5 + 0.5 * each / len(conditions) for each in (k, k + 1))
-        outcomes = follow(paper(), loads, accuracy, magnet, part(progress, low, high, f"shear, {tip}"))
-        responses = tuple(outcome.response for outcome in outcomes)
+        answers = reached(paper(), loads, accuracy, magnet, store, part(progress, low, high, f"shear, {tip}"))
+        responses = tuple(answer.response for answer in answers)
         sheared.append(Sheared(tip, paper(), magnet, loads[0].depth, extent.shears, responses))
     return States(tuple(presses), rubbed, tuple(sheared))
 
@@ -204,6 +209,7 @@ def press(
     design: Design,
     depths: Sequence[float],
     accuracy: Accuracy,
+    store: Store,
     progress: Progress | None = None,
     friction: float = 0.0,
 ) -> Press:
@@ -215,17 +221,42 @@ def press(
     """
     loads = [Load(depth, friction=friction or "none") for depth in depths]
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    outcomes = follow(design, loads, accuracy, magnet, progress)
-    responses = [outcome.response for outcome in outcomes]
+    answers = reached(design, loads, accuracy, magnet, store, progress)
+    responses = [answer.response for answer in answers]
     return Press(
         design.magnet_height,
         design,
         np.array(depths, dtype=np.float64),
         np.array([NAN if r is None else r.force[2] / design.E for r in responses]),
         np.array([NAN if r is None else -r.shift[2] for r in responses]),
-        max((outcome.error_estimate for outcome in outcomes if math.isfinite(outcome.error_estimate)), default=NAN),
-        next((outcome.message for outcome in outcomes if outcome.response is None), ""),
+        max((answer.error_estimate for answer in answers if math.isfinite(answer.error_estimate)), default=NAN),
+        next((answer.message for answer in answers if answer.response is None), ""),
     )
+
+
+def reached(
+    design: Design,
+    loads: Sequence[Load],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    store: Store,
+    progress: Progress | None = None,
+) -> list[Answer]:
+    """Return the answer to each load, from the store or solved; a load that the design refuses has no response."""
+    answers: dict[int, Answer] = {}
+    for k, load in enumerate(loads):
+        try:
+            check_load(design, load, magnet)
+        except BadInput as error:
+            answers[k] = Answer(design.D, design.E, None, "bad_input", str(error), NAN, 0.0)
+    possible = [k for k in range(len(loads)) if k not in answers]
+    if possible:
+        scene = Scene(design, tuple(loads[k] for k in possible), accuracy, magnet)
+        solutions, trouble = solved(scene, store, progress)
+        answers |= dict(zip(possible, solutions, strict=True))
+        if trouble:
+            console.warn(trouble)
+    return [answers[k] for k in range(len(loads))]
 
 
 def s1_output(design: Design, sinking: Array, field: hall.Field = "exact") -> Array:

@@ -39,8 +39,8 @@ elements. Here h varies, and l0 follows from the 2.87 V that S1 reads at rest.""
 PICTURES = {
     "modulus_and_height.png": """\
 Which modulus of the silicone and which height of the magnet would make the claims on F_N and on the voltage of S1
-true: inside the black line. The formula keeps E = 1 MPa. Where its force at 3 mm is more than 5 % below that of the
-press, the voltage has no answer (grey).""",
+true: between the black lines for F_N, nowhere for S1. The formula keeps E = 1 MPa. Where its force at 3 mm is more
+than 5 % below that of the press, the voltage has no answer (grey).""",
     "figure_6.png": """\
 Figure 6: |B| at S1 and S2 for displacements of the tip of +-3 mm, pressed by 1 mm. The formulas are (3), without its
 misprint, and (4) with the geometry of a uniform bar; the finite elements have the tip stuck to the plate, and their

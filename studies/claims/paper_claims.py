@@ -14,6 +14,7 @@ from studies.claims.claim_answers import Answer
 from studies.claims.claim_states import Extent, States, solve
 from studies.claims.press_errors import HeightRow, height_row
 from studies.claims.shear_errors import SplitRow, TipRow
+from studies.exploration.store import Store
 from studies.simulation.compare import part
 
 
@@ -33,15 +34,16 @@ class Claims:
     splits: list[tuple[str, list[SplitRow]]]
 
 
-def run(extent: Extent | None = None, progress: Progress | None = None) -> Claims:
+def run(extent: Extent, store: Store, progress: Progress | None = None) -> Claims:
     """Test the paper's claims.
 
     Parameters
     ----------
-    extent : loads and heights of the magnet; default: all.
+    extent : loads and heights of the magnet.
+    store : solved states; it supplies what it has, and receives the others.
     """
-    show, extent = progress or _silent, extent or Extent()
-    states = solve(extent, part(show, 0.0, 0.85))
+    show = progress or _silent
+    states = solve(extent, store, part(show, 0.0, 0.85))
     heights = [height_row(press) for press in states.presses]
     tips = [shear_errors.tip_row(sheared) for sheared in states.sheared]
     stuck = [each for each in states.sheared if each.magnet == "rigid" and each.depth]

@@ -35,7 +35,7 @@ def at_each_depth(rows: Sequence[HeightRow]) -> Answer:
     anywhere = any(begin <= shallowest for begin in begins)
     text = (
         f"Relative to the force of the same depth, the formula is off by {min(errors):.0f} to {max(errors):.0f} % at "
-        f"{shallowest:g} mm for E = 1 MPa, over all heights of the magnet that reach 3 mm. No modulus mends this: "
+        f"{shallowest:g} mm for E = 1 MPa, over all heights of the magnet that reach 3 mm. No modulus changes this: "
         "force (5) with area (7) begins as d^2, that of a round tip as d^1.5 (Hertz), so the relative error tends to "
         f"-100 % at first touch. One modulus keeps every depth within 5 % only from {first:g} mm on, at the best "
         "height."

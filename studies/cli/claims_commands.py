@@ -18,6 +18,7 @@ def claims(
     *,
     quick: bool = False,
     out: Path | None = None,
+    store: Path | None = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
@@ -29,15 +30,23 @@ def claims(
         Use few loads and coarser meshes: some seconds instead of some minutes.
     out
         Folder for CLAIMS.md, tables and plots.
+    store
+        File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name.
     """
     command_line = command(claims, locals())
     from studies.claims import claim_states, claims_report, paper_claims
+    from studies.exploration import store as stores
     from studies.output.provenance import versions
 
     origin = versions(("matplotlib",))
     extent = claim_states.QUICK_EXTENT if quick else claim_states.Extent()
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        results = paper_claims.run(extent, progress)
+    atomic_files.check_apart(atomic_files.inside(out, claims_report.FILES), [store])
+    with (
+        stores.opened(store or stores.default()) as states,
+        atomic_files.results(out) as folder,
+        console.progress(as_json=as_json) as progress,
+    ):
+        results = paper_claims.run(extent, states, progress)
         if folder is not None:
             claims_report.write(folder, results, origin, command_line)
     rows = [answer.row() if as_json else answer.printed() for answer in results.answers]
