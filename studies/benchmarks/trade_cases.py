@@ -183,37 +183,43 @@ def confirming_designs() -> tuple[Design, ...]:
     return tuple(chosen)
 
 
-def references(kind: Kind, *, finer: bool = False, coarser: bool = False) -> tuple[Accuracy, Accuracy, Accuracy]:
-    """Return three meshes of which each is sqrt(2) times finer than the one before, with harmonics in step.
+Fineness = Literal["rough", "coarser", "usual", "finer"]
+"""Meshes of a reference: rough for a quick study; coarser for tolerances of 0.5 % and more; finer for designs that
+are also run at level fine."""
+STEPS: dict[Kind, tuple[tuple[float, float, int, float], ...]] = {
+    "press": tuple((size, 0.001, 0, 1.0) for size in (0.09, 0.064, 0.045, 0.032, 0.0225, 0.016)),
+    "glued shear": (
+        (0.25, 0.011, 3, 1.0),
+        (0.18, 0.008, 3, 1.0),
+        (0.128, 0.0056, 3, 1.0),
+        (0.09, 0.004, 3, 1.0),
+        (0.064, 0.0028, 4, 1.0),
+        (0.045, 0.002, 5, 1.0),
+    ),
+    "friction": ((0.128, 0.001, 3, 1.4), (0.09, 0.001, 4, 1.0), (0.064, 0.001, 5, 0.7)),
+}
+"""Section and patch size over D, harmonics and friction step factor of the meshes of references, each sqrt(2) finer
+than the one before."""
+BEGIN: dict[Kind, dict[Fineness, int]] = {
+    "press": {"rough": 0, "coarser": 2, "usual": 3, "finer": 3},
+    "glued shear": {"rough": 0, "coarser": 2, "usual": 2, "finer": 3},
+    "friction": {"rough": 0, "coarser": 0, "usual": 0, "finer": 0},
+}
+"""Place of the first of a reference's three meshes in STEPS."""
 
-    Parameters
-    ----------
-    finer : one step finer than usual, for designs that are also run at level fine.
-    coarser : one step coarser, which is enough for tolerances of 0.5 % and more.
-    """
-    steps = {
-        "press": [(0.045, 0.001, 0, 1.0), (0.032, 0.001, 0, 1.0), (0.0225, 0.001, 0, 1.0), (0.016, 0.001, 0, 1.0)],
-        "glued shear": [
-            (0.128, 0.0056, 3, 1.0),
-            (0.09, 0.004, 3, 1.0),
-            (0.064, 0.0028, 4, 1.0),
-            (0.045, 0.002, 5, 1.0),
-        ],
-        "friction": [
-            (0.128, 0.001, 3, 1.4),
-            (0.09, 0.001, 4, 1.0),
-            (0.064, 0.001, 5, 0.7),
-            (0.045, 0.001, 6, 0.5),
-        ],
-    }[kind]
-    usual = {"press": 1, "glued shear": 0, "friction": 0}[kind]
-    begin = min(max(usual + finer - coarser, 0), len(steps) - 3)
+
+def references(kind: Kind, fineness: Fineness) -> tuple[Accuracy, Accuracy, Accuracy]:
+    """Return the three meshes of a reference, the coarse one first."""
+    begin = BEGIN[kind][fineness]
     first, second, third = (
-        replace(LEVELS["fine"], name=f"reference {size:g}", section_size=size, section_patch=patch)
-        for size, patch, _, _ in steps[begin : begin + 3]
+        replace(
+            LEVELS["fine"],
+            name=f"reference {size:g}",
+            section_size=size,
+            section_patch=patch,
+            harmonics=harmonics,
+            friction_step_factor=factor,
+        )
+        for size, patch, harmonics, factor in STEPS[kind][begin : begin + 3]
     )
-    a, b, c = (
-        replace(mesh, harmonics=harmonics, friction_step_factor=factor)
-        for mesh, (_, _, harmonics, factor) in zip((first, second, third), steps[begin : begin + 3], strict=True)
-    )
-    return a, b, c
+    return first, second, third

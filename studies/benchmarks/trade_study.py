@@ -14,7 +14,7 @@ from fem.accuracy import LEVELS
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.benchmarks import trade_cases, trade_reference, trade_solves
-from studies.benchmarks.trade_cases import KINDS, MODELS, SECTION, Kind
+from studies.benchmarks.trade_cases import KINDS, MODELS, SECTION, Fineness, Kind
 from studies.benchmarks.trade_reference import QUANTITIES, Components, Reference, TrueError
 from studies.benchmarks.trade_solves import Run, Solved
 from studies.output import checkpoint, records
@@ -124,8 +124,8 @@ def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool 
     for kind in QUICK_KINDS if quick else KINDS:
         fine = trade_cases.runs_on(kind, SECTION[kind], "fine", count) if kind == "glued shear" else []
         for number in trade_cases.runs_on(kind, SECTION[kind], "quick", count):
-            finer = number in fine and not quick
-            references[number, kind] = _references(number, kind, finer=finer, coarser=quick)
+            fineness: Fineness = "rough" if quick else "finer" if number in fine else _fineness(number)
+            references[number, kind] = _references(number, kind, fineness)
             runs += _formulas(number, kind)
         models = (SECTION[kind],) if quick else MODELS[kind]
         for model in models if solids else [m for m in models if m not in SOLIDS]:
@@ -143,19 +143,24 @@ def confirming_plan(count: int = trade_cases.CONFIRMED, *, quick: bool = False) 
         most = trade_cases.FRICTION_CONFIRMED if kind == "friction" else 2 if quick else count
         levels = ("quick",) if quick else tuple(LEVELS) if kind == "press" else ("quick", "standard")
         for number in range(min(most, count)):
-            references[number, kind] = _references(number, kind, confirm=True, coarser=True)
+            fineness: Fineness = "rough" if quick else "coarser"
+            references[number, kind] = _references(number, kind, fineness, confirm=True)
             runs += _formulas(number, kind, confirm=True)
             trial = trade_cases.trial(number, kind, SECTION[kind], confirm=True)
             runs += [(kind, SECTION[kind], level, Run(trial, LEVELS[level])) for level in levels]
     return Plan(True, references, tuple(runs))
 
 
-def _references(
-    number: int, kind: Kind, *, confirm: bool = False, finer: bool = False, coarser: bool = False
-) -> tuple[Run, Run, Run]:
+def _fineness(number: int) -> Fineness:
+    """Return the fineness of the references of a chosen design."""
+    design = trade_cases.designs()[number]
+    slender = design.L > trade_cases.SLENDER * design.D
+    return "coarser" if slender or number >= trade_cases.COMMON else "usual"
+
+
+def _references(number: int, kind: Kind, fineness: Fineness, *, confirm: bool = False) -> tuple[Run, Run, Run]:
     trial = trade_cases.trial(number, kind, SECTION[kind], confirm=confirm)
-    coarser = coarser or number >= trade_cases.COMMON or trial.design.L > trade_cases.SLENDER * trial.design.D
-    first, second, third = trade_cases.references(kind, finer=finer, coarser=coarser)
+    first, second, third = trade_cases.references(kind, fineness)
     return Run(trial, first), Run(trial, second), Run(trial, third)
 
 

@@ -1,0 +1,73 @@
+"""The rule that follows from measured errors, and its confirmation."""
+
+import pytest
+
+from geometry.loads import Load
+from studies.benchmarks import trade_cases, trade_rule
+from studies.benchmarks.trade_reference import TrueError
+from studies.benchmarks.trade_rule import confirm, missed, statements, summary
+from studies.benchmarks.trade_study import TradeState
+
+
+def state(percent, *, design=0, confirming=False, model="axisymmetric", level="quick", outside="", bar=0.0, cost=0.5):
+    """A light press with equal errors of force and shift."""
+    depth = trade_cases.trial(design, "press", "auto", confirm=confirming).loads[0].depth
+    errors = {name: TrueError(percent, bar) for name in ("force", "shift")}
+    return TradeState(
+        design, confirming, "press", model, level, Load(depth=depth), "ok", outside, errors, 1.0, 10.0, cost
+    )
+
+
+def levels(quick, standard):
+    """States of two levels, with constant errors."""
+    return [state(p, level=name, cost=c) for name, p, c in (("quick", quick, 0.5), ("standard", standard, 1.0))] * 20
+
+
+def test_a_bound_exceeds_the_95th_percentile_and_nearly_the_largest_error():
+    (one,) = statements([state(float(p)) for p in range(1, 101)])
+    assert one.force == pytest.approx(1.1 * 0.95, rel=0.01)
+    (other,) = statements([state(p) for p in [1.0] * 99 + [13.0]])
+    assert other.force == pytest.approx(0.1, rel=0.01)
+
+
+def test_an_error_below_the_bar_of_its_reference_counts_as_large_as_the_bar():
+    (one,) = statements([state(0.1, bar=0.5)] * 20)
+    assert one.force == pytest.approx(1.1 * 0.005, rel=0.01)
+
+
+def test_formulas_outside_their_range_and_confirming_designs_do_not_count():
+    states = [state(1.0, model="formula", level="finite")] * 9
+    far = [state(90.0, model="formula", level="finite", outside="nu")] * 9 + [state(80.0, confirming=True)] * 9
+    assert statements(states + far) == statements(states)
+
+
+def test_the_rule_chooses_the_cheapest_level_that_meets_each_tolerance():
+    rule = statements(levels(1.5, 0.4))
+    results = list(confirm([state(1.4, confirming=True), state(0.3, level="standard", confirming=True)], rule))
+    assert [each.model.split()[-1] if each.model else "" for each in results] == [
+        *("standard", "standard", "quick", "quick", "quick", "quick")
+    ]
+    assert {each.status for each in results} == {"within"}
+
+
+def test_a_tolerance_below_every_bound_is_refused_and_counted():
+    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.8))))
+    first = next(row for row in summary(results) if row.kind == "press" and row.tolerance_percent == 0.5)
+    assert (first.cases, first.refused, first.within) == (1, 1, 0)
+
+
+def test_errors_beyond_the_tolerance_miss_both_goals():
+    results = list(confirm([state(9.0, confirming=True)], statements([state(1.5)] * 20)))
+    sentences = missed(summary(results))
+    assert any("0 % of the cases are within it" in sentence for sentence in sentences)
+    assert any("4.5 times it" in sentence for sentence in sentences)
+
+
+def test_a_chosen_model_that_did_not_run_is_unjudged():
+    results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.4))))
+    assert [each.status for each in results if each.model.endswith("standard")] == ["not run"] * 2
+
+
+def test_percentiles_are_values_of_the_sample():
+    assert trade_rule.percentile([1.0, 2.0, 3.0]) == 3.0
+    assert trade_rule.percentile(list(map(float, range(1, 21)))) == 19.0

@@ -1,0 +1,52 @@
+"""Solves in processes of their own, with their cost."""
+
+import pytest
+
+from fem.accuracy import QUICK
+from geometry.loads import Load
+from studies.benchmarks import trade_cases, trade_solves
+from studies.benchmarks.trade_solves import Run, measure, solved
+from studies.validation import error_study
+from studies.validation.error_study_cases import Trial
+
+TRIAL = trade_cases.trial(0, "press", "axisymmetric")
+
+
+def test_a_solve_in_its_own_process_gives_the_same_states_and_its_cost():
+    run = Run(TRIAL, QUICK)
+    answer = solved(TRIAL, measure(run))
+    assert [state.response for state in answer.states] == [s.response for s in error_study.follow(TRIAL, QUICK)]
+    assert 0 < answer.cpu_s < 60
+    assert 1 < answer.peak_MB < 2000
+
+
+def test_a_process_that_dies_is_an_answer(monkeypatch):
+    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
+    (state,) = solved(TRIAL, measure(Run(TRIAL, QUICK))).states
+    assert (state.status, state.message) == ("not_finished", "stopped after 0 s")
+
+
+def test_formulas_are_measured_without_a_process():
+    answer = solved(TRIAL, measure(Run(TRIAL, "finite")))
+    assert [state.status for state in answer.states] == ["ok"] * len(TRIAL.loads)
+    assert 0 < answer.cpu_s < 1
+
+
+def test_a_load_that_a_level_refuses_is_a_state():
+    loads = (Load(depth=0.5, shear_x=0.5, friction=0.3),)
+    (state,) = trade_solves.follow_formula(Trial(0, TRIAL.design, "rigid", "friction", "auto", loads), "finite")
+    assert state.status == "refused"
+
+
+def test_keys_tell_model_level_and_load_apart():
+    runs = [
+        *(Run(trade_cases.trial(0, "press", model), QUICK) for model in ("axisymmetric", "harmonic", "half")),
+        *(Run(trade_cases.trial(0, kind, "harmonic"), QUICK) for kind in ("glued shear", "friction")),
+        *(Run(TRIAL, level) for level in ("paper", "finite")),
+    ]
+    assert len({run.key for run in runs}) == len(runs)
+
+
+@pytest.mark.parametrize("method", [QUICK, "finite"])
+def test_the_text_of_the_progress_names_design_and_method(method):
+    assert "design 0" in Run(TRIAL, method).name
