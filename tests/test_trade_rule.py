@@ -19,24 +19,40 @@ def state(percent, *, design=0, confirming=False, model="axisymmetric", level="q
 
 
 def levels(quick, standard):
-    """States of two levels, with constant errors."""
-    return [state(p, level=name, cost=c) for name, p, c in (("quick", quick, 0.5), ("standard", standard, 1.0))] * 20
+    """States of two levels on ten designs, with constant errors; bounds are 1.1 times these."""
+    names = (("quick", quick, 0.5), ("standard", standard, 1.0))
+    pressed = (0, 2, 3, 5, 6, 7, 9, 10, 11, 13)
+    return [state(p, level=name, cost=c, design=number) for name, p, c in names for number in pressed]
 
 
 def test_a_bound_exceeds_the_95th_percentile_and_nearly_the_largest_error():
     (one,) = statements([state(float(p)) for p in range(1, 101)])
-    assert one.force == pytest.approx(1.1 * 0.95, rel=0.01)
+    assert one.force == pytest.approx(2 * 0.95, rel=0.01)
     (other,) = statements([state(p) for p in [1.0] * 99 + [13.0]])
     assert other.force == pytest.approx(0.1, rel=0.01)
 
 
+def test_more_designs_tighten_a_bound():
+    (one,) = statements([state(1.0, design=number) for number in (0, 3, 5, 10)])
+    assert one.force == pytest.approx(1.25 * 0.01, rel=0.01)
+
+
+def test_a_formula_on_too_few_designs_has_no_bound():
+    assert statements([state(1.0, model="formula", level="finite", design=i) for i in (0, 3, 5)]) == []
+
+
+def test_tetrahedra_have_one_bound_for_all_regions():
+    (one,) = statements([state(1.0, model="half", design=number) for number in (0, 1)])
+    assert one.region == "any"
+
+
 def test_an_error_below_the_bar_of_its_reference_counts_as_large_as_the_bar():
     (one,) = statements([state(0.1, bar=0.5)] * 20)
-    assert one.force == pytest.approx(1.1 * 0.005, rel=0.01)
+    assert one.force == pytest.approx(2 * 0.005, rel=0.01)
 
 
 def test_formulas_outside_their_range_and_confirming_designs_do_not_count():
-    states = [state(1.0, model="formula", level="finite")] * 9
+    states = [state(1.0, model="formula", level="finite", design=number) for number in (0, 3, 7, 10)]
     far = [state(90.0, model="formula", level="finite", outside="nu")] * 9 + [state(80.0, confirming=True)] * 9
     assert statements(states + far) == statements(states)
 
@@ -57,7 +73,7 @@ def test_a_tolerance_below_every_bound_is_refused_and_counted():
 
 
 def test_errors_beyond_the_tolerance_miss_both_goals():
-    results = list(confirm([state(9.0, confirming=True)], statements([state(1.5)] * 20)))
+    results = list(confirm([state(9.0, confirming=True)], statements(levels(1.5, 3.0))))
     sentences = missed(summary(results))
     assert any("0 % of the cases are within it" in sentence for sentence in sentences)
     assert any("4.5 times it" in sentence for sentence in sentences)

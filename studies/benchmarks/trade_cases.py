@@ -189,7 +189,7 @@ are also run at level fine."""
 STEPS: dict[Kind, tuple[tuple[float, float, int, float], ...]] = {
     "press": tuple((size, 0.001, 0, 1.0) for size in (0.09, 0.064, 0.045, 0.032, 0.0225, 0.016)),
     "glued shear": (
-        (0.25, 0.011, 3, 1.0),
+        (0.255, 0.0113, 3, 1.0),
         (0.18, 0.008, 3, 1.0),
         (0.128, 0.0056, 3, 1.0),
         (0.09, 0.004, 3, 1.0),

@@ -14,27 +14,29 @@ from typing import Any
 from geometry.design import BadInput
 from studies.benchmarks import trade_cases
 from studies.benchmarks.trade_cases import Kind
-from studies.benchmarks.trade_study import TradeState
+from studies.benchmarks.trade_study import SOLIDS, TradeState
 from studies.output import records
 from studies.output.records import FlatRow
 from studies.simulation import model_choice
-from studies.simulation.model_choice import Choice, Statement
+from studies.simulation.model_choice import ANY_REGION, Choice, Statement
 
 ABOUT = """\
-A bound is 1.1 times the 95th percentile of the errors of all states of a region, but at least the largest error over
-1.3, so that no studied state exceeds its bound by more than that. An error that is smaller than the error bar of its
-reference counts as large as the bar.
+A bound is the 95th percentile of the errors of all states of a region, times 1 + 1/n for n designs, but at least
+the largest error over 1.3, so that no studied state exceeds its bound by more than that. An error that is smaller
+than the error bar of its reference counts as large as the bar. Formulas have bounds only inside their range, and
+where at least four designs have states. Tetrahedra, which ran on few designs, have one bound for all regions of a
+kind.
 """
 
-SAFETY, WORST = 1.1, 1.3
-"""Factor on the 95th percentile; largest factor by which a studied state may exceed its bound."""
+WORST = 1.3
+"""Largest factor by which a studied state may exceed its bound."""
 COUNTED = ("force", "shift", "tilt", "readings")
 """Quantities that a tolerance bounds."""
 TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 SHARE, FACTOR = 0.95, 1.5
 """Goals of the confirmation: share of the cases within the tolerance, largest error over the tolerance."""
-FEWEST = 3
-"""Least number of states from which a bound follows."""
+FEWEST = 4
+"""Least number of designs from which a bound of a formula follows."""
 
 
 def statements(states: Sequence[TradeState]) -> list[Statement]:
@@ -43,28 +45,37 @@ def statements(states: Sequence[TradeState]) -> list[Statement]:
     for state in states:
         if state.errors and not state.confirming and (state.model != "formula" or not state.outside):
             groups.setdefault((state.kind, _region(state), state.model, state.level), []).append(state)
-    return [_statement(members) for members in groups.values() if len(members) >= FEWEST]
+    return [
+        _statement(region, members)
+        for (_, region, model, _), members in groups.items()
+        if model != "formula" or len({state.design for state in members}) >= FEWEST
+    ]
 
 
 def _region(state: TradeState) -> str:
+    if state.model in SOLIDS:
+        return ANY_REGION
     trial = trade_cases.trial(state.design, state.kind, "auto", confirm=state.confirming)
-    name = model_choice.region(trial.design, state.load, trial.magnet).name
+    name = model_choice.region(trial.design, state.load, trial.magnet, state.kind).name
     return model_choice.formula_region(trial.design, name) if state.model == "formula" else name
 
 
-def _statement(members: Sequence[TradeState]) -> Statement:
-    first = members[0]
-    bounds = {name: _bound([_counted(state, name) for state in members if name in state.errors]) for name in COUNTED}
+def _statement(region: str, members: Sequence[TradeState]) -> Statement:
+    first, designs = members[0], len({state.design for state in members})
+    bounds = {
+        name: _bound([_counted(state, name) for state in members if name in state.errors], designs)
+        for name in COUNTED
+    }
     costs = [state.cost for state in members if state.cost is not None]
     force, shift = bounds.pop("force"), bounds.pop("shift")
     assert force is not None
     assert shift is not None
     return Statement(
         kind=first.kind,
-        region=_region(first),
+        region=region,
         model=first.model,
         level=first.level,
-        designs=len({state.design for state in members}),
+        designs=designs,
         states=len(members),
         cost=float(f"{statistics.median(costs):.3g}") if costs else math.nan,
         force=force,
@@ -79,11 +90,11 @@ def _counted(state: TradeState, name: str) -> float:
     return max(error.percent, error.bar_percent) / 100
 
 
-def _bound(errors: Sequence[float]) -> float | None:
-    """Return the bound that follows from errors, rounded up to three digits; None without errors."""
+def _bound(errors: Sequence[float], designs: int) -> float | None:
+    """Return the bound that follows from errors on some designs, rounded up to three digits; None without errors."""
     if not errors:
         return None
-    bound = max(SAFETY * percentile(errors), max(errors) / WORST)
+    bound = max((1 + 1 / designs) * percentile(errors), max(errors) / WORST)
     return model_choice.rounded_up(bound, 3)
 
 

@@ -35,6 +35,8 @@ THIN = 0.2
 little that its shift is hard to resolve."""
 LENGTHS, LEAST_NU = (0.6, 6.0), 0.45
 """Range of L/D, and least Poisson's ratio, of the study."""
+ANY_REGION = "any"
+"""Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
 BEYOND = 2.0
 """Factor on a bound for designs, loads or scenes that the study does not contain."""
 CONTACT_POWER = 0.75
@@ -269,7 +271,7 @@ def _fem_bound(
     A model that the study ran on a few designs only may lack a region: then the largest bound of the kind holds.
     """
     own = [each for each in rule if (each.kind, each.model, each.level) == (place.kind, model, level)]
-    exact = [each for each in own if each.region == place.name] or own
+    exact = [each for each in own if each.region in (place.name, ANY_REGION)] or own
     if not exact:
         return None
     readings = magnet == "rigid" and design.shape.has_magnet
