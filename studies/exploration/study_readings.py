@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import magnet
 from analytic.batch_readings import batch_readings
@@ -32,26 +34,54 @@ class StudyReadings:
         self._decoders: Recent[Any] = Recent(MOST_DECODERS)
 
     def columns(self, batch: Batch, results: Mapping[str, Results]) -> Columns:
-        """Return fields and outputs of the elements by all models, and errors in % of the change from rest."""
-        names, unit = element_columns(self.plan.design)
-        shown = names if self.plan.loads_sideways else names[:2]
-        size = 1.0 if unit == "V" else 1e3
+        """Return fields and outputs of the elements by all models, and errors in % of the change from rest.
+
+        If the layout varies, the columns of one layout are empty in the rows of another.
+        """
         n = len(batch)
         rest = self._read(batch, np.zeros((n, 3)), np.zeros((n, 2)))[0]
         read = {name: self._read(batch, result.shift, result.rotation) for name, result in results.items()}
         table: Columns = {}
+        for (names, unit), layouts in self._layouts().items():
+            other = np.array([design is None or design.hall_layout not in layouts for design in batch.sensors])
+            table |= self._of_layout(names, unit, other[batch.sensor], rest, read)
+        return table
+
+    def _layouts(self) -> dict[tuple[tuple[str, ...], str], list[str]]:
+        """Return names of elements and unit of their outputs, with the study's layouts that have them."""
+        base = self.plan.design
+        values = [dict(zip(f.names, f.values, strict=True)).get("hall_layout", ()) for f in self.plan.factors]
+        layouts = list(dict.fromkeys(str(name) for each in values for name in each)) or [base.hall_layout]
+        groups: dict[tuple[tuple[str, ...], str], list[str]] = {}
+        for layout in layouts:
+            names, unit = element_columns(replace(base, hall_layout=layout))
+            groups.setdefault((tuple(names), unit), []).append(layout)
+        return groups
+
+    def _of_layout(
+        self,
+        names: Sequence[str],
+        unit: str,
+        other: NDArray[np.bool_],
+        rest: Array,
+        read: Mapping[str, tuple[Array, Array]],
+    ) -> Columns:
+        """Return the columns of one layout; `other` marks the cases, shape (n,), that have another one."""
+        size = 1.0 if unit == "V" else 1e3
+        shown = names if self.plan.loads_sideways else names[:2]
+        table: Columns = {}
         for k, element in enumerate(shown):
             for name, (field, _) in read.items():
-                table[f"{self.prefixes[name]}{element}_mT"] = 1e3 * field[:, k]
+                table[f"{self.prefixes[name]}{element}_mT"] = np.where(other, NAN, 1e3 * field[:, k])
             for name, (_, output) in read.items():
-                table[f"{self.prefixes[name]}{element}_{unit}"] = size * output[:, k]
+                table[f"{self.prefixes[name]}{element}_{unit}"] = np.where(other, NAN, size * output[:, k])
             if self.plan.reference is None:
                 continue
             truth = read[self.plan.reference.name][0][:, k] - rest[:, k]
             for name, (field, _) in read.items():
                 if name != self.plan.reference.name:
                     column = f"{error_prefix(self.plan, name)}{element}_error_percent_of_change"
-                    table[column] = percents(field[:, k] - rest[:, k], truth)
+                    table[column] = np.where(other, NAN, percents(field[:, k] - rest[:, k], truth))
         return table
 
     def _read(self, batch: Batch, shift: Array, rotation: Array) -> tuple[Array, Array]:
