@@ -446,3 +446,10 @@ def test_a_tolerance_chooses_the_model_of_each_case(run, strict):
     assert (light["chosen_model"], light["solve"]) == ("formula finite", 0)
     own = beam.solve(paper(), Load(depth=0.4), "finite").force[2]
     assert light["chosen_force_N"] == pytest.approx(own, rel=1e-12)
+
+
+def test_rows_have_the_error_estimates_of_solve():
+    (row,) = run(paper(), {"shear": [0.3]}, {"depth": 0.5}, **SIDE)
+    own = equilibrium.solve(paper(), Load(0.5, 0.3, 0.0, "stick"), QUICK).estimates
+    names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
+    assert [row[name] for name in names] == [own.force, own.shift, own.tilt, own.sideways]

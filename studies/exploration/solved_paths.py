@@ -35,6 +35,7 @@ class Answer:
     response : None if the solve did not reach the state; `status` and `message` give the reason.
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
+    estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
     values : results of other kinds than states; lengths, forces and frequencies in the units of `scaled_values`.
     """
 
@@ -45,6 +46,7 @@ class Answer:
     message: str
     error_estimate: float
     seconds: float
+    estimates: Mapping[str, float | None] = dataclasses.field(default_factory=dict)
     values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def of(self, D: float, E: float, direction: tuple[float, float] = (1.0, 0.0)) -> Answer:
@@ -223,6 +225,8 @@ def _state(scene: Scene, load: Load, outcome: Any) -> State:
         "error_estimate": None if math.isnan(error) else error,
         "message": outcome.message,
     }
+    if outcome.solution is not None:
+        values["estimates"] = dataclasses.asdict(outcome.solution.estimates)
     at = position_of(load, scene.design.D)
     return State(*at, result, outcome.status, _units(scene) | values, seconds, _origin())
 
@@ -301,5 +305,6 @@ def answer(state: State) -> Answer:
         message=values["message"],
         error_estimate=NAN if estimate is None else estimate,
         seconds=state.seconds,
+        estimates=values.get("estimates", {}),
         values=values.get("values", {}),
     )

@@ -163,6 +163,9 @@ class Rows:
         for name, answers in solved.states.items():
             column = f"{self.prefixes[name]}error_estimate" if several else "error_estimate"
             table[column] = np.array([answer.error_estimate for answer in answers])[batch.problem]
+            for part in ("shift", "tilt", "sideways") if self.plan.loads_sideways else ("shift",):
+                estimates = [_number(answer.estimates.get(part)) for answer in answers]
+                table[column.replace("error", f"{part}_error")] = np.array(estimates)[batch.problem]
         reference = solved.states[self.plan.reference.name] if self.plan.reference is not None else ()
         zeros = [0] * len(batch.problems)
         if solved.chosen:
