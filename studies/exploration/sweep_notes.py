@@ -67,7 +67,9 @@ def failures(columns: Mapping[str, NDArray[Any]]) -> list[str]:
     if "message" in columns:
         reasons = Counter(str(message) for message in np.asarray(columns["message"])[lost] if str(message))
         for reason, _ in reasons.most_common(1):
-            text += f"; most often: {textwrap.shorten(reason, MOST_NOTED, placeholder=' ...')}"
+            # a long message ends with a colon and the remedy, which the table has
+            short = reason if len(reason) <= MOST_NOTED else reason.rpartition(": ")[0] or reason
+            text += f"; most often: {textwrap.shorten(short, MOST_NOTED, placeholder=' ...')}"
     return [text.replace("$", r"\$").rstrip(".") + "."]
 
 
