@@ -38,8 +38,8 @@ shear = [0, 0, 0, 0, 0, 0.2, 0.4, 0.6, 0.8]
 """
 """Study of presses and of shears under the last depth."""
 HALL = ("f=lin:0.5:5:20", "hall_gain=lin:10:50:20", "c=lin:1:4:25", "depth=lin:0.2:1:5")
-MILLION, QUARTER = (("E=lin:0.1:1:20", *HALL), ("E=lin:0.1:1:5", *HALL))
-"""Axes of a study with 1 000 000 rows, and with a quarter of them."""
+COUNTS = (5, 20, 40)
+"""Numbers of values of E in studies with a quarter of a million, a million and two million rows."""
 GAIN = ("L=lin:10:16:24", "depth=0.4,0.8")
 TURNS = 3
 KILLS = 50
@@ -86,25 +86,32 @@ def _solves(file: Path) -> tuple[int, int, int]:
     return len(kinds), sum(not sheared for _, sheared in different), sum(sheared for _, sheared in different)
 
 
-def million(folder: Path, axes: Sequence[str] = MILLION, quarter: Sequence[str] = QUARTER) -> list[Figure]:
-    """Return the figures of a study of a million rows, and of one of a quarter of them."""
-    store = ["--store", folder / "million.sqlite"]
-    small = sweep_command.run([*axis_words(quarter), *store], folder / "quarter")
-    large = sweep_command.run([*axis_words(axes), *store], folder / "million")
-    console.say(f"a million rows: {large.wall_s:.1f} s, a quarter of them {small.wall_s:.1f} s")
-    rows, fewer = _parquet_rows(folder / "million"), _parquet_rows(folder / "quarter")
-    case, size = "a million rows", (folder / "million" / "sweep.parquet").stat().st_size
+def million(folder: Path, counts: Sequence[int] = COUNTS) -> list[Figure]:
+    """Return the figures of a study of a million rows, of one of a quarter of them, and of one of twice as many."""
+    runs, sizes = [], []
+    for count in counts:
+        out = folder / f"rows {count}"
+        words = [*axis_words((f"E=lin:0.1:1:{count}", *HALL)), "--store", folder / "million.sqlite"]
+        runs.append(sweep_command.run(words, out))
+        sizes.append(_parquet_rows(out))
+        console.say(f"{sizes[-1]} rows: {runs[-1].wall_s:.1f} s")
+    quarter, whole, twice = runs
+    file = folder / f"rows {counts[1]}" / "sweep.parquet"
+    case = "a million rows"
     return [
-        Figure(case, "rows", rows, "", 1e6, more=True),
-        Figure(case, "time", large.wall_s, "s", 60.0),
-        Figure(case, "CPU time", large.cpu_s, "s"),
-        Figure(case, "CPU time of a row", 1e6 * (large.cpu_s - small.cpu_s) / (rows - fewer), "us"),
-        Figure(case, "peak memory", large.peak_MB, "MB", 1000.0),
-        Figure(case, f"peak memory of {fewer} rows", small.peak_MB, "MB"),
-        Figure(case, f"peak memory over that of {fewer} rows", large.peak_MB / small.peak_MB, "", 1.1),
-        Figure(case, "size of the file", size / 1e6, "MB"),
+        Figure(case, "rows", sizes[1], "", 1e6, more=True),
+        Figure(case, "time", whole.wall_s, "s", 60.0),
+        Figure(case, "CPU time", whole.cpu_s, "s"),
+        Figure(case, "CPU time of a row", 1e6 * (twice.cpu_s - quarter.cpu_s) / (sizes[2] - sizes[0]), "us"),
+        Figure(case, "peak memory", whole.peak_MB, "MB", 1000.0),
+        Figure(case, f"peak memory of {sizes[0]} rows", quarter.peak_MB, "MB"),
+        Figure(case, f"peak memory of {sizes[2]} rows", twice.peak_MB, "MB"),
         Figure(
-            case, "share of the file that is written at half of the time", large.written(0.5), "", 0.25, more=True
+            case, f"peak memory of {sizes[2]} rows over that of a million", twice.peak_MB / whole.peak_MB, "", 1.1
+        ),
+        Figure(case, "size of the file", file.stat().st_size / 1e6, "MB"),
+        Figure(
+            case, "share of the file that is written at half of the time", whole.written(0.5), "", 0.25, more=True
         ),
     ]
 

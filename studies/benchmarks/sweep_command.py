@@ -14,7 +14,7 @@ from pathlib import Path
 
 from studies.output.provenance import ROOT
 
-PROGRESS = re.compile(r" *(\d+) %  (\d+) of (\d+) solves(?:, ([\d:]+) left)?")
+PROGRESS = re.compile(r" *(\d+) % (\d+) of (\d+) solves(?:, ([\d:]+) left)?")
 """Line of progress: share of the work, number of finished and of all solves, time left."""
 SAMPLING = 0.1
 """Time between two looks at the table on the disk, s."""
@@ -92,7 +92,7 @@ def _watch(folder: Path, begin: float, sizes: list[tuple[float, int]], ended: th
 
 def _largest(folder: Path) -> int:
     sizes = [0]
-    for path in folder.rglob("sweep.*") if folder.exists() else ():
+    for path in folder.rglob("*") if folder.exists() else ():
         try:
             sizes.append(path.stat().st_size)
         except FileNotFoundError:
@@ -103,8 +103,8 @@ def _largest(folder: Path) -> int:
 def time_left_ratio(lines: Sequence[tuple[float, str]], share: float = 0.2) -> float:
     """Return the time that was left after a share of the work over the time that progress then announced.
 
-    >>> lines = [(2.0, " 10 %  1 of 10 solves, 0:18 left"), (4.0, " 20 %  2 of 10 solves, 0:10 left")]
-    >>> time_left_ratio([*lines, (19.0, "100 %  sweep.csv and sweep.png")])
+    >>> lines = [(2.0, "10 % 1 of 10 solves, 0:18 left"), (4.0, "20 % 2 of 10 solves, 0:10 left")]
+    >>> time_left_ratio([*lines, (19.0, "100 % sweep.csv and sweep.png")])
     1.5
     """
     matches = [(at, match) for at, text in lines if (match := PROGRESS.match(text))]

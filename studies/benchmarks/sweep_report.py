@@ -16,7 +16,8 @@ goals in seconds are meant for a machine that has nothing else to do.
 
 - Presses: D 6 to 11 mm and L 12 to 17 mm in six steps each, six values of f and of E, five depths.
 - Presses and shears: the same designs with these presses, and four shears of a glued plate under the last depth.
-- A million rows: one design, 20 values of E and f, 20 gains and 25 heights of the Hall elements, five depths.
+- A million rows: one design, 20 values of E and f, 20 gains and 25 heights of the Hall elements, five depths; less or
+  more rows by 5 or 40 values of E. The pictures hold up to a million rows in memory, and a part of more.
 - The gain of two workers is the median of three times by one worker over that by two, by turns.
 - The time left is that in the first progress line beyond a fifth of the work, against the time that it then took.
 - A killed sweep is started again with its store until it completes, then with an empty store, and so on. Its rows are

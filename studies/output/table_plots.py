@@ -36,13 +36,19 @@ def sheet(path: str | Path, width: float, height: float) -> Iterator[Any]:
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        layout = ConstrainedLayoutEngine()
+        figure = Figure(figsize=(width, height), layout=layout)
         FigureCanvasAgg(figure)
         yield figure
+        figure.set_dpi(300)
+        layout.execute(figure)
+        # the layout is made once: savefig would draw everything an additional time for it
+        figure.set_layout_engine("none")
         with atomic(path) as temporary:
-            figure.savefig(temporary, dpi=300)
+            figure.savefig(temporary, dpi=300, pil_kwargs={"compress_level": 2})
 
 
 @contextlib.contextmanager
