@@ -130,6 +130,15 @@ def test_best_level_of_each_cell():
     assert np.isnan(size[2])
 
 
+def test_presses_that_a_free_tip_would_not_reach_are_counted():
+    """Four cells are within 10 %; the deepest row, which has two of them, lies beyond the critical depth."""
+    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
+    rows = beam_regions.share_rows(values, [grid_of(values)])
+    row = next(row for row in rows if (row.quantity, row.level) == ("press force", "paper"))
+    assert row.leaning_of_these_percent == approx(50)
+    assert "But 50 % of the cells within 10 % are presses" in beam_sentences.range_sentence(row)
+
+
 # Sentences
 
 

@@ -37,7 +37,8 @@ def draw(folder: Path, table: Columns, grids: Sequence[Cells], means: Sequence[S
     if means:
         split_bars(folder / "readings.png", means)
         texts["readings.png"] = (
-            "Root mean squares of the parts of the readings' error, % of full scale, by height of the magnet and L/D."
+            "Root mean squares of the parts of the readings' error, % of full scale, by height of the magnet and "
+            "L/D; parts below 0.1 % have no bar."
         )
     return texts
 
@@ -184,7 +185,7 @@ def split_bars(path: Path, means: Sequence[SplitMean]) -> None:
                 axis.bar(np.arange(len(own)) + 0.17 * (k - 2), heights, 0.17, color=colour, label=part)
             names = [f"{row.magnet_height_over_D:.3g} D\n{row.slenderness.removeprefix('L/D ')}" for row in own]
             axis.set_xticks(np.arange(len(own)), names)
-            axis.set(ylabel="error (% of full scale)", title=load)
+            axis.set(yscale="log", ylim=(0.1, 3000), ylabel="error (% of full scale)", title=load)
         axis.set_xlabel("height of the magnet, and L/D")
         figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
         figure.savefig(temporary, dpi=200)

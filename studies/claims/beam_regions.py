@@ -37,6 +37,7 @@ class ShareRow:
 
     Attributes
     ----------
+    leaning_of_these_percent : share of the cells within 10 % that are deeper than the critical depth of a free tip.
     within_5_block, within_10_block : the largest block of neighbouring cells within the bound, in words.
     """
 
@@ -47,6 +48,7 @@ class ShareRow:
     cells: int
     within_5_percent: float
     within_10_percent: float
+    leaning_of_these_percent: float
     median_error_percent: float
     largest_error_percent: float
     within_5_block: str
@@ -140,7 +142,9 @@ def share_rows(table: Columns, grids: Sequence[Cells]) -> list[ShareRow]:
                 largest = float(known[np.abs(known).argmax()])
                 typical = float(np.median(np.abs(known)))
                 body = grid.body
-                figures = (len(known), shares[0], shares[1], typical, largest)
+                near = np.abs(error) <= BOUNDS[-1]
+                leaning = 100 * float(grid.leans[near].mean()) if near.any() else math.nan
+                figures = (len(known), shares[0], shares[1], leaning, typical, largest)
                 rows.append(ShareRow(quantity, level, body.height, body.nu, *figures, blocks[0], blocks[1]))
     return rows
 
