@@ -167,3 +167,10 @@ def test_sentences_on_failures():
     lines = beam_sentences.buckling_sentences(values, [grid_of(values)])
     assert lines[0].startswith("3 of 8 presses")
     assert "did not reach 1, and 0 are impossible" in lines[-1]
+
+
+def test_sentence_on_all_bodies():
+    values = table(ERROR, heights=(0.0, 0.25))
+    grids = [beam_cells.cells(values, body, "press") for body in beam_cells.bodies(values)]
+    (line,) = beam_sentences.overall_sentences(beam_regions.share_rows(values, grids))
+    assert "formula (5) in 44 % and level finite in 0 %" in line

@@ -27,7 +27,7 @@ def sentences(
     """Return the findings: where the paper's formulas hold, which level is best, nu, readings, failures."""
     nu = max(grid.body.nu for grid in grids)
     main = [row for row in shares if row.nu == nu]
-    lines = []
+    lines = overall_sentences(main)
     for quantity in FORMULAS:
         lines += [range_sentence(row) for row in main if (row.quantity, row.level) == (quantity, "paper")]
     lines += light_press_sentence(table, [grid for grid in grids if grid.kind == "press" and grid.body.nu == nu])
@@ -37,6 +37,22 @@ def sentences(
     lines += nu_sentences(shares)
     lines += reading_sentences(means)
     lines += buckling_sentences(table, grids)
+    return lines
+
+
+def overall_sentences(rows: Sequence[ShareRow]) -> list[str]:
+    """Return in which share of all cells the paper's formula, and level finite, are within 10 %."""
+    lines = []
+    for quantity, name in FORMULAS.items():
+        parts = []
+        for level in ("paper", "finite"):
+            own = [row for row in rows if (row.quantity, row.level) == (quantity, level)]
+            cells = sum(row.cells for row in own)
+            if cells:
+                share = sum(row.cells * row.within_10_percent for row in own) / cells
+                parts.append(f"{name if level == 'paper' else 'level finite'} in {share:.0f} %")
+        if parts:
+            lines.append(f"{_capital(quantity)}, all bodies: within 10 % are {' and '.join(parts)} of the cells.")
     return lines
 
 
@@ -158,7 +174,7 @@ def reading_sentences(means: Sequence[SplitMean]) -> list[str]:
             }
             lines.append(
                 f"Readings in a {load}, {slenderness}: the paper's are off by {rms['total']:.0f} % of full scale "
-                f"(rms). Its mechanics contribute {rms['mechanics']:.0f} %, the ignored tilt {rms['tilt']:.0f} % and "
+                f"(rms). The mechanics contribute {rms['mechanics']:.0f} %, the ignored tilt {rms['tilt']:.0f} % and "
                 f"the field (3) {rms['field']:.0f} %; a dipole in its place would add {rms['dipole']:.0f} %."
             )
     if any(row.slenderness == SHORT for row in means):
