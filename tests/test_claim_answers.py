@@ -51,6 +51,9 @@ def test_the_band_of_moduli_is_in_the_sentence():
     row = HeightRow(2.0, 7.2, 3.0, 0.58, 0.61, 0.6, 3.0, 42.0, -70.0, 0.25, 1.0, 60.0, 25.0, 7.0, 9.0, 6.0)
     text = press_answers.of_largest([row], states(formula(DEPTH))).text
     assert "E from 0.58 to 0.61 MPa with a magnet 2 mm high" in text
+    taller = dataclasses.replace(row, magnet_height_mm=2.5, E_from_MPa=NAN, E_to_MPa=NAN)
+    text = press_answers.of_largest([row, taller], states(formula(DEPTH))).text
+    assert "no modulus makes it true with a magnet of 2.5 mm or more" in text
     none = dataclasses.replace(row, E_from_MPa=NAN, E_to_MPa=NAN)
     assert "for no modulus" in press_answers.of_largest([none], states(formula(DEPTH))).text
 

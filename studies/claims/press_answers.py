@@ -68,13 +68,13 @@ def of_largest(rows: Sequence[HeightRow], states: States) -> Answer:
     )
     if any(error < PERCENT for error in at_one):
         text = "Relative to the largest force, some heights of the magnet meet 5 % for the paper's E = 1 MPa. "
-    text += _where_it_would_hold(fitting, own)
+    text += _where_it_would_hold(rows, own)
     if published:
         tallest = max(row.magnet_height_mm for row in published)
         text += (
             f" Published moduli of Dragon Skin 30 are {PUBLISHED[0]:g} to {PUBLISHED[1]:g} MPa; they allow "
             "magnets up "
-            f"to {tallest:g} mm high. The paper gives neither a test of its silicone nor the magnet's height, so the "
+            f"to about {tallest:g} mm high. The paper gives neither a test of its silicone nor the magnet's height, so the "
             "agreement may be real or a wrong modulus that makes up for a wrong law."
         )
     text += _friction(states)
@@ -90,8 +90,9 @@ def of_largest(rows: Sequence[HeightRow], states: States) -> Answer:
     )
 
 
-def _where_it_would_hold(fitting: Sequence[HeightRow], own: HeightRow) -> str:
+def _where_it_would_hold(rows: Sequence[HeightRow], own: HeightRow) -> str:
     """Return in which range of E and of the magnet's height the claim would be true."""
+    fitting = [row for row in rows if math.isfinite(row.E_from_MPa)]
     if not fitting:
         return f"It would be true for no modulus from {MODULI[0]:g} to {MODULI[1]:g} MPa."
     low, high = fitting[0], fitting[-1]
@@ -102,7 +103,8 @@ def _where_it_would_hold(fitting: Sequence[HeightRow], own: HeightRow) -> str:
     )
     if math.isfinite(own.E_from_MPa) and own not in (low, high):
         line += f" ({own.E_from_MPa:.3g} to {own.E_to_MPa:.3g} MPa {_with(own.magnet_height_mm)})"
-    return f"{line}; no modulus makes it true with a taller magnet."
+    taller = [row.magnet_height_mm for row in rows if row.magnet_height_mm > high.magnet_height_mm]
+    return f"{line}; no modulus makes it true with a magnet of {min(taller):g} mm or more." if taller else f"{line}."
 
 
 def _with(height: float) -> str:
