@@ -72,10 +72,9 @@ def of_largest(rows: Sequence[HeightRow], states: States) -> Answer:
     if published:
         tallest = max(row.magnet_height_mm for row in published)
         text += (
-            f" Published moduli of Dragon Skin 30 are {PUBLISHED[0]:g} to {PUBLISHED[1]:g} MPa; they allow "
-            "magnets up "
-            f"to about {tallest:g} mm high. The paper gives neither a test of its silicone nor the magnet's height, so the "
-            "agreement may be real or a wrong modulus that makes up for a wrong law."
+            f" Published moduli of Dragon Skin 30 are {PUBLISHED[0]:g} to {PUBLISHED[1]:g} MPa; they allow magnets "
+            f"up to about {tallest:g} mm high. The paper gives neither a test of its silicone nor the magnet's "
+            "height, so the agreement may be real or a wrong modulus that makes up for a wrong law."
         )
     text += _friction(states)
     return Answer(
