@@ -49,15 +49,16 @@ class SweepRun:
         return max(until, default=0) / max((size for _, size in self.sizes), default=1)
 
 
-def run(words: Iterable[object], folder: Path, *, workers: int | None = None) -> SweepRun:
+def run(words: Iterable[object], folder: Path | None, *, workers: int | None = None) -> SweepRun:
     """Run a sweep and return what it took.
 
     Parameters
     ----------
     words : study or design, and options of the sweep.
-    folder : of its output.
+    folder : of its output; None writes no files.
     """
-    command = [sys.executable, "-m", "studies.cli", "sweep", *map(str, words), "--out", str(folder)]
+    command = [sys.executable, "-m", "studies.cli", "sweep", *map(str, words)]
+    command += [] if folder is None else ["--out", str(folder)]
     command += [] if workers is None else ["--workers", str(workers)]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     env = {**os.environ, **threads, "PYTHONPATH": str(ROOT)}
@@ -83,16 +84,16 @@ def run(words: Iterable[object], folder: Path, *, workers: int | None = None) ->
     return SweepRun(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, lines, sizes)
 
 
-def _watch(folder: Path, begin: float, sizes: list[tuple[float, int]], ended: threading.Event) -> None:
+def _watch(folder: Path | None, begin: float, sizes: list[tuple[float, int]], ended: threading.Event) -> None:
     """Note the size of the largest file of a folder again and again, until the process has ended."""
     while not ended.wait(SAMPLING):
         sizes.append((time.perf_counter() - begin, _largest(folder)))
     sizes.append((time.perf_counter() - begin, _largest(folder)))
 
 
-def _largest(folder: Path) -> int:
+def _largest(folder: Path | None) -> int:
     sizes = [0]
-    for path in folder.rglob("*") if folder.exists() else ():
+    for path in folder.rglob("*") if folder and folder.exists() else ():
         try:
             sizes.append(path.stat().st_size)
         except FileNotFoundError:

@@ -12,7 +12,8 @@ ABOUT = """\
 Every sweep is a command of its own, with its imports, from its start to its end by the clock on the wall. CPU time
 and peak memory are those of the command and its worker processes, of which linear algebra has one thread each. Times
 by the clock grow with other work on the machine, CPU time less so: the load before the benchmark is below, and the
-goals in seconds are meant for a machine that has nothing else to do.
+goals in seconds are meant for a machine that has nothing else to do. A sweep without files computes all rows; with
+files it also writes the table and draws its pictures, which take most of the time of a sweep from the store.
 
 - Presses: D 6 to 11 mm and L 12 to 17 mm in six steps each, six values of f and of E, five depths.
 - Presses and shears: the same designs with these presses, and four shears of a glued plate under the last depth.
