@@ -55,7 +55,8 @@ def write(folder: Path, assumption: Assumption, origin: str, command: str) -> No
     write_table(folder / "readings.csv", [records.flat(row) for row in assumption.parts])
     pictures = beam_maps.draw(folder, assumption.table, assumption.grids, assumption.means)
     nu = max(grid.body.nu for grid in assumption.grids)
-    shown = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
+    chosen = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
+    shown = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
     blocks = [
         "# Where the beam assumption holds",
         INTRODUCTION,
