@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,17 @@ COLOURS = {
     "half": "#CC79A7",
     "full": "#000000",
 }
+LABELS = {
+    "formula": ("left", "bottom"),
+    "tip": ("right", "top"),
+    "magnet": ("right", "bottom"),
+    "column": ("right", "top"),
+    "axisymmetric": ("right", "top"),
+    "harmonic": ("left", "top"),
+    "half": ("right", "bottom"),
+    "full": ("left", "bottom"),
+}
+"""Sides of labels by level or model, so that they do not overlap: anchors of the text."""
 MARKERS = {"formula": "D", "axisymmetric": "o", "harmonic": "s", "half": "^", "full": "v"}
 
 
@@ -194,7 +206,7 @@ def _coverage(table: Sequence[Cell]) -> list[str]:
         f"{trade_cases.STUDIED} designs as an hour of computing on one core allowed. Tetrahedra cost ten to a "
         "hundred times as much as the section model and are less accurate; a reference with friction costs a minute."
     )
-    lines = [text, ""]
+    lines = [*_wrapped(text), ""]
     heads = ["kind", "model", "quick", "standard", "fine"]
     lines += [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for kind in KINDS:
@@ -202,6 +214,10 @@ def _coverage(table: Sequence[Cell]) -> list[str]:
             counts = {c.level: c.designs for c in table if (c.kind, c.model) == (kind, model)}
             lines.append(f"| {kind} | {model} | {' | '.join(str(counts.get(name, 0)) for name in heads[2:])} |")
     return lines
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 116)
 
 
 def _percents(statement: Statement) -> FlatRow:
@@ -215,16 +231,19 @@ def _confirmation(results: Sequence[Confirmation]) -> list[str]:
     table = trade_rule.summary(results)
     missed = trade_rule.missed(table)
     designs = len({each.design for each in results})
-    lines = [
-        "## Confirmation",
-        "",
+    text = (
         f"The rule chooses a model for each of {designs} random designs that it has not seen, under each load of "
         f"their paths, for tolerances of {', '.join(f'{100 * t:g}' for t in trade_rule.TOLERANCES)} %. `within` is "
         "the number of cases whose true error of force, shift, tilt and readings is at most the tolerance; `worst` "
         "is the largest error over the tolerance. `refused` are cases for which the rule knows no model, `unjudged` "
         "those without a reference. "
         f"Goals: {trade_rule.SHARE:.0%} within, none above {trade_rule.FACTOR:g}. "
-        + ("All goals are met." if not missed else f"{len(missed)} goals are missed:"),
+        + ("All goals are met." if not missed else f"{len(missed)} goals are missed:")
+    )
+    lines = [
+        "## Confirmation",
+        "",
+        *_wrapped(text),
         "",
         *(f"- {sentence}" for sentence in missed),
         *([""] if missed else []),
@@ -294,21 +313,21 @@ def _panel(axis: Any, cells: Sequence[Cell]) -> None:
     axis.set(xscale="log", yscale="log")
     for cell in cells:
         middle, high, _ = cell.worst
-        colour = COLOURS[cell.model]
+        colour, (side, height) = COLOURS[cell.model], LABELS.get(cell.level, LABELS[cell.model])
         axis.plot([cell.cpu_s] * 2, [middle, high], "-", color=colour, linewidth=1.2, alpha=0.6)
         axis.plot(cell.cpu_s, high, "_", color=colour, markersize=7)
         axis.plot(cell.cpu_s, middle, MARKERS[cell.model], color=colour, markersize=6)
         axis.annotate(
             cell.level,
             (cell.cpu_s, middle),
-            xytext=(5, -3),
+            xytext=(4 if side == "left" else -4, 4 if height == "bottom" else -4),
             textcoords="offset points",
             fontsize=9,
             color=colour,
-            ha="left",
-            va="top",
+            ha=side,
+            va=height,
         )
     front = [c for c in cells if not any(o.cpu_s < c.cpu_s and o.worst[0] <= c.worst[0] for o in cells)]
     front.sort(key=lambda cell: cell.cpu_s)
     axis.plot([c.cpu_s for c in front], [c.worst[0] for c in front], "--", color="#777777", linewidth=1, zorder=0)
-    axis.margins(x=0.16, y=0.1)
+    axis.margins(x=0.15, y=0.1)

@@ -36,8 +36,9 @@ largest of S1, S2 and S3, in percent of full scale: the largest change from rest
 and S3 together. The reference is extrapolated from three meshes of the section, each finer by sqrt(2), with
 harmonics in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed; its error bar
 is the last step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the spread of the
-three meshes. `unclear` is the share of errors that are less than three bars of their reference: these errors may be
-those of the reference.
+three meshes. Formulas count inside the range of their level only (`analytic.beam.outside`; level paper states
+none). `unclear` is the share of errors that are less than three bars of their reference: these errors may be those
+of the reference.
 """
 
 SOLIDS = ("half", "full")
