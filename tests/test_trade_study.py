@@ -16,7 +16,7 @@ COMMAND = ("trade", "--quick", "--designs", "2", "--json")
 
 def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
     planned = trade_study.plan()
-    cells = {(kind, model, level) for kind, model, level, _ in planned.runs}
+    cells = {(one.kind, one.model, one.level) for one in planned.runs}
     excluded = {cell for cell, count in trade_cases.RUNS.items() if count == 0}
     everything = {
         (kind, model, level)
@@ -30,11 +30,11 @@ def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
 
 def test_every_run_has_a_reference():
     for planned in (trade_study.plan(), trade_study.confirming_plan(), trade_study.plan(2, quick=True)):
-        assert {(run.trial.number, kind) for kind, _, _, run in planned.runs} == set(planned.references)
+        assert {(one.trial.number, one.kind) for one in planned.runs} == set(planned.references)
 
 
 def test_the_confirming_runs_are_on_other_designs():
-    trials = {run.trial.design for *_, run in trade_study.confirming_plan().runs}
+    trials = {one.trial.design for one in trade_study.confirming_plan().runs}
     assert len(trials) >= 20
     assert not trials & set(trade_cases.designs())
 

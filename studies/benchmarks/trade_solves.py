@@ -22,7 +22,9 @@ from fem.accuracy import QUICK, Accuracy
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import BadInput
+from studies.benchmarks import trade_cases
 from studies.benchmarks.peers import THREADS
+from studies.benchmarks.trade_cases import Kind
 from studies.validation import error_study
 from studies.validation.error_study_cases import Trial
 from studies.validation.error_study_records import SolvedState, restored
@@ -48,6 +50,21 @@ class Run:
     method: Accuracy | str
 
     @property
+    def kind(self) -> Kind:
+        """Kind of the scene."""
+        return next(kind for kind, scene in trade_cases.SCENES.items() if scene == self.trial.scene)
+
+    @property
+    def model(self) -> str:
+        """Finite-element model, or "formula"."""
+        return "formula" if isinstance(self.method, str) else self.trial.model
+
+    @property
+    def level(self) -> str:
+        """Name of the accuracy, or level of the formulas."""
+        return self.method if isinstance(self.method, str) else self.method.name
+
+    @property
     def key(self) -> str:
         """All that the answer depends on beside the code, as text."""
         if isinstance(self.method, str):
@@ -58,10 +75,7 @@ class Run:
     @property
     def name(self) -> str:
         """Text for the progress of the study."""
-        method = (
-            f"formula {self.method}" if isinstance(self.method, str) else f"{self.trial.model} {self.method.name}"
-        )
-        return f"design {self.trial.number}, {self.trial.scene}, {method}"
+        return f"design {self.trial.number}, {self.kind}, {self.model} {self.level}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ ABOUT, which the report prints, describes the measurements.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fem.accuracy import LEVELS
@@ -20,7 +19,7 @@ from studies.benchmarks.trade_solves import Run, Solved
 from studies.output import checkpoint, records
 from studies.output.records import FlatRow
 from studies.validation.error_study_cases import Trial
-from studies.validation.error_study_records import JUMP
+from studies.validation.error_study_records import JUMP, SolvedState
 
 ABOUT = """\
 Every model follows the same paths of loads: four presses (one of them deep), three shears of a glued plate, and a
@@ -107,7 +106,7 @@ class Plan:
 
     confirming: bool
     references: Mapping[tuple[int, Kind], tuple[Run, Run, Run]]
-    runs: tuple[tuple[Kind, str, str, Run], ...] = field(default=())
+    runs: tuple[Run, ...]
 
 
 def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool = True) -> Plan:
@@ -120,7 +119,7 @@ def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool 
     solids : run the models of tetrahedra as well.
     """
     references: dict[tuple[int, Kind], tuple[Run, Run, Run]] = {}
-    runs: list[tuple[Kind, str, str, Run]] = []
+    runs: list[Run] = []
     levels = ("quick",) if quick else tuple(LEVELS)
     for kind in QUICK_KINDS if quick else KINDS:
         fine = trade_cases.runs_on(kind, SECTION[kind], "fine", count) if kind == "glued shear" else []
@@ -132,23 +131,21 @@ def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool 
         for model in models if solids else [m for m in models if m not in SOLIDS]:
             for level in levels:
                 for number in trade_cases.runs_on(kind, model, level, count):
-                    trial = trade_cases.trial(number, kind, model)
-                    runs.append((kind, model, level, Run(trial, LEVELS[level])))
-    return Plan(False, references, tuple(sorted(runs, key=lambda one: one[1] in SOLIDS)))
+                    runs.append(Run(trade_cases.trial(number, kind, model), LEVELS[level]))
+    return Plan(False, references, tuple(sorted(runs, key=lambda one: one.model in SOLIDS)))
 
 
-def confirming_plan(count: int = trade_cases.CONFIRMED, *, quick: bool = False) -> Plan:
+def confirming_plan(*, quick: bool = False) -> Plan:
     """Return the runs of the random designs: all that the rule can choose for them, except fine shears."""
     references, runs = {}, []
     for kind in QUICK_KINDS if quick else KINDS:
-        most = trade_cases.FRICTION_CONFIRMED if kind == "friction" else 2 if quick else count
         levels = ("quick",) if quick else tuple(LEVELS) if kind == "press" else ("quick", "standard")
-        for number in range(min(most, count)):
+        for number in trade_cases.CONFIRMING[kind][: 2 if quick else None]:
             fineness: Fineness = "rough" if quick else "coarser"
             references[number, kind] = _references(number, kind, fineness, confirm=True)
             runs += _formulas(number, kind, confirm=True)
             trial = trade_cases.trial(number, kind, SECTION[kind], confirm=True)
-            runs += [(kind, SECTION[kind], level, Run(trial, LEVELS[level])) for level in levels]
+            runs += [Run(trial, LEVELS[level]) for level in levels]
     return Plan(True, references, tuple(runs))
 
 
@@ -165,16 +162,16 @@ def _references(number: int, kind: Kind, fineness: Fineness, *, confirm: bool = 
     return Run(trial, first), Run(trial, second), Run(trial, third)
 
 
-def _formulas(number: int, kind: Kind, *, confirm: bool = False) -> list[tuple[Kind, str, str, Run]]:
+def _formulas(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
     trial = trade_cases.trial(number, kind, "auto", confirm=confirm)
-    return [(kind, "formula", level, Run(trial, level)) for level in trade_cases.FORMULAS]
+    return [Run(trial, level) for level in trade_cases.FORMULAS]
 
 
 def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[TradeState]:
     """Return all states with costs and errors; solves that the folder's solves.jsonl holds are not repeated."""
     # the key of a run holds the version of its model's physics
     store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 1")
-    runs = [one for three in planned.references.values() for one in three] + [one for *_, one in planned.runs]
+    runs = [*(one for three in planned.references.values() for one in three), *planned.runs]
     needed = {one.key: one for one in runs}
     for i, (key, one) in enumerate(needed.items()):
         if key not in store.known:
@@ -188,42 +185,53 @@ def run(planned: Plan, folder: Path | None, progress: Progress | None = None) ->
 def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[TradeState]:
     """Yield the states of all runs with their errors."""
     references = {place: _reference(three, solves) for place, three in planned.references.items()}
-    for kind, model, level, one in planned.runs:
-        trial, solved = one.trial, solves[one.key]
-        reference = references[trial.number, kind]
-        scales = trade_reference.full_scales(trial.design, [each for each in reference if each is not None])
-        unit = solves.get(Run(_by_section(trial, kind), LEVELS["standard"]).key)
-        for i, load in enumerate(trial.loads):
-            state = solved.states[min(i, len(solved.states) - 1)]
-            lost = i >= len(solved.states)
-            status, message, errors = "lost" if lost else state.status, state.message, {}
-            truth = reference[i]
-            if status == "ok" and truth is None:
-                status, message = "no_reference", "a mesh of the reference has no stable answer"
-            elif status == "ok" and truth is not None and state.response is not None:
-                answer = trade_reference.components(trial.design, load, state.response)
-                errors = dict(trade_reference.true_errors(answer, truth, scales))
-                if model != "formula" and max(errors["force"].percent, errors["shift"].percent) > 100 * JUMP:
-                    status, message, errors = "jump", f"an error exceeds {JUMP:g}: another equilibrium", {}
-            yield TradeState(
-                trial.number,
-                planned.confirming,
-                kind,
-                model,
-                level,
-                load,
-                status,
-                message,
-                errors,
-                solved.cpu_s,
-                solved.peak_MB,
-                None if unit is None or not unit.cpu_s else solved.cpu_s / unit.cpu_s,
-            )
+    for one in planned.runs:
+        truths = references[one.trial.number, one.kind]
+        unit = solves.get(Run(_by_section(one.trial, one.kind), LEVELS["standard"]).key)
+        state = TradeState(
+            design=one.trial.number,
+            confirming=planned.confirming,
+            kind=one.kind,
+            model=one.model,
+            level=one.level,
+            load=one.trial.loads[0],
+            status="ok",
+            outside="",
+            errors={},
+            cpu_s=solves[one.key].cpu_s,
+            peak_MB=solves[one.key].peak_MB,
+            cost=None if unit is None or not unit.cpu_s else solves[one.key].cpu_s / unit.cpu_s,
+        )
+        scales = trade_reference.full_scales(one.trial.design, [truth for truth in truths if truth is not None])
+        for i, load in enumerate(one.trial.loads):
+            yield _with_errors(replace(state, load=load), one.trial, solves[one.key].states, i, truths[i], scales)
+
+
+def _with_errors(
+    state: TradeState,
+    trial: Trial,
+    solved: Sequence[SolvedState],
+    i: int,
+    truth: Reference | None,
+    scales: Sequence[float],
+) -> TradeState:
+    """Return the state of the i-th load with its errors; without errors if it has no answer or no reference."""
+    # the last state of a path that stopped holds the reason
+    answer = solved[min(i, len(solved) - 1)]
+    if i >= len(solved) or answer.status != "ok" or answer.response is None:
+        return replace(state, status="lost" if i >= len(solved) else answer.status, outside=answer.message)
+    if truth is None:
+        return replace(state, status="no_reference", outside="a mesh of the reference has no stable answer")
+    values = trade_reference.components(trial.design, state.load, answer.response)
+    errors = trade_reference.true_errors(values, truth, scales)
+    if state.model != "formula" and max(errors["force"].percent, errors["shift"].percent) > 100 * JUMP:
+        return replace(state, status="jump", outside=f"an error exceeds {JUMP:g}: another equilibrium")
+    return replace(state, outside=answer.message, errors=errors)
 
 
 def _by_section(trial: Trial, kind: Kind) -> Trial:
     """Return the trial by the section model, whose cost is the unit."""
-    return dataclasses.replace(trial, model=SECTION[kind])
+    return replace(trial, model=SECTION[kind])
 
 
 def _reference(three: Sequence[Run], solves: Mapping[str, Solved]) -> list[Reference | None]:

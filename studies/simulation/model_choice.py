@@ -35,6 +35,8 @@ THIN = 0.2
 little that its shift is hard to resolve."""
 LENGTHS, LEAST_NU = (0.6, 6.0), 0.45
 """Range of L/D, and least Poisson's ratio, of the study."""
+SMALL = 0.13
+"""Largest section of a small magnet, diameter times height over D^2: the error of formulas grows with the section."""
 ANY_REGION = "any"
 """Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
 BEYOND = 2.0
@@ -295,8 +297,11 @@ def _formula_bound(
 
 
 def formula_region(design: Design, name: str) -> str:
-    """Return the region of a formula: that of the load, with or without a magnet."""
-    return f"{name}, magnet" if design.shape.has_magnet else f"{name}, no magnet"
+    """Return the region of a formula: that of the load, without a magnet, with a small one or with a large one."""
+    if not design.shape.has_magnet:
+        return f"{name}, no magnet"
+    small = design.magnet_diameter * design.magnet_height <= SMALL * design.D**2 * (1 + 1e-9)
+    return f"{name}, small magnet" if small else f"{name}, large magnet"
 
 
 def rounded_up(value: float, digits: int) -> float:
