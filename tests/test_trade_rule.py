@@ -1,5 +1,7 @@
 """The rule that follows from measured errors, and its confirmation."""
 
+import json
+
 import pytest
 
 from geometry.loads import Load
@@ -7,6 +9,7 @@ from studies.benchmarks import trade_cases, trade_rule
 from studies.benchmarks.trade_reference import TrueError
 from studies.benchmarks.trade_rule import confirm, missed, statements, summary
 from studies.benchmarks.trade_study import TradeState
+from studies.simulation.model_choice import Statement
 
 
 def state(percent, *, design=0, confirming=False, model="axisymmetric", level="quick", outside="", bar=0.0, cost=0.5):
@@ -82,6 +85,13 @@ def test_errors_beyond_the_tolerance_miss_both_goals():
 def test_a_chosen_model_that_did_not_run_is_unjudged():
     results = list(confirm([state(1.4, confirming=True)], statements(levels(1.5, 0.4))))
     assert [each.status for each in results if each.model.endswith("standard")] == ["not run"] * 2
+
+
+def test_the_text_of_a_rule_is_read_back():
+    rule = statements(levels(1.5, 0.4))
+    read = json.loads(trade_rule.as_text(rule, "by hand"))
+    assert [Statement(**each) for each in read["statements"]] == rule
+    assert read["made"] == "by hand"
 
 
 def test_percentiles_are_values_of_the_sample():

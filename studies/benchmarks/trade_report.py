@@ -153,11 +153,11 @@ def write(
     command: str,
 ) -> None:
     """Write all files; confirm.csv and its tables only if the rule was confirmed."""
-    from studies.output.atomic_files import write_json, write_text
+    from studies.output.atomic_files import write_text
     from studies.output.csv_tables import write_table
 
     write_table(folder / "trade.csv", trade_study.trade_rows(states))
-    write_json(folder / "model_choice.json", trade_rule.as_json(rule, made(command, origin)))
+    write_text(folder / "model_choice.json", trade_rule.as_text(rule, made(command, origin)))
     table = cells(states)
     picture(folder / "trade.png", table)
     lines = ["# Cost and error of every model", "", *trade_study.ABOUT.splitlines(), ""]

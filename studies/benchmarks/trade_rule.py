@@ -5,17 +5,18 @@ ABOUT, which the report prints, says how a bound follows from errors.
 
 from __future__ import annotations
 
+import json
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from geometry.design import BadInput
 from studies.benchmarks import trade_cases
 from studies.benchmarks.trade_cases import Kind
 from studies.benchmarks.trade_study import SOLIDS, TradeState
 from studies.output import records
+from studies.output.atomic_files import json_line
 from studies.output.records import FlatRow
 from studies.simulation import model_choice
 from studies.simulation.model_choice import ANY_REGION, Choice, Statement
@@ -107,9 +108,10 @@ def percentile(values: Sequence[float], share: float = 0.95) -> float:
     return sorted(values)[max(math.ceil(share * len(values)) - 1, 0)]
 
 
-def as_json(rule: Sequence[Statement], origin: str) -> dict[str, Any]:
-    """Return the content of model_choice.json."""
-    return {"made": origin, "statements": [records.known(asdict(each)) for each in rule]}
+def as_text(rule: Sequence[Statement], origin: str) -> str:
+    """Return the text of model_choice.json, a statement on each line."""
+    rows = ",\n".join(json_line(records.known(asdict(each))) for each in rule)
+    return f'{{"made": {json.dumps(origin)}, "statements": [\n{rows}\n]}}\n'
 
 
 @dataclass(frozen=True, slots=True)
