@@ -76,6 +76,7 @@ def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(mo
     )
     assert solved == ["quick", "standard"]
     assert rows[0]["chosen_model"] == "axisymmetric standard"
+    assert rows[0]["expected_error"] < chosen.choice.bound
     assert "solved again at accuracy standard" in capsys.readouterr().err
 
 

@@ -162,6 +162,12 @@ def choose(
     )
 
 
+def at_accuracy(design: Design, loads: Sequence[Load], accuracy: str, magnet: Magnet = "rigid") -> Choice | None:
+    """Return the finite elements at an accuracy with their bound; None if the study has no such run."""
+    choices = _choices(statements(), design, loads, magnet, formulas=False)
+    return next((choice for choice in choices if choice.level_or_accuracy == accuracy), None)
+
+
 def _choices(
     rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
 ) -> list[Choice]:

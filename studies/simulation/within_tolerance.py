@@ -110,7 +110,8 @@ def solve(
             break
         accuracy = FINER[accuracy]
         console.say(f"magtip: at accuracy {at_level.level} {exceeds}: solved again at accuracy {accuracy}")
-        chosen = replace(chosen, choice=replace(chosen.choice, level_or_accuracy=accuracy))
+        finer = model_choice.at_accuracy(design, loads, accuracy, method.magnet)
+        chosen = replace(chosen, choice=finer or replace(chosen.choice, level_or_accuracy=accuracy))
     for row in rows:
         yield row.row() | chosen.row()
 
