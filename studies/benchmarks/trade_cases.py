@@ -51,15 +51,15 @@ RUNS: dict[tuple[Kind, Model, str], int] = {
     ("press", "harmonic", "quick"): 4,
     ("press", "harmonic", "standard"): 4,
     ("press", "harmonic", "fine"): 2,
-    ("press", "half", "quick"): 2,
-    ("press", "half", "standard"): 1,
+    ("press", "half", "quick"): 1,
+    ("press", "half", "standard"): 0,
     ("press", "half", "fine"): 0,
     ("press", "full", "quick"): 1,
     ("press", "full", "standard"): 0,
     ("press", "full", "fine"): 0,
     ("glued shear", "harmonic", "fine"): 4,
-    ("glued shear", "half", "quick"): 2,
-    ("glued shear", "half", "standard"): 1,
+    ("glued shear", "half", "quick"): 1,
+    ("glued shear", "half", "standard"): 0,
     ("glued shear", "half", "fine"): 0,
     ("glued shear", "full", "quick"): 1,
     ("glued shear", "full", "standard"): 0,
@@ -78,12 +78,13 @@ ORDER = (0, 5, 10, 3, 14, 6, 1, 12, 8, 2, 4, 7, 9, 11, 13, 15, *range(16, STUDIE
 SLENDER, COMMON = 3.2, 16
 """References have meshes one step coarser beyond this L/D, where these have as many elements, and, to save time, from
 this design on."""
-CONFIRMING: dict[Kind, range] = {
-    "press": range(CONFIRMED),
-    "glued shear": range(0, CONFIRMED, 2),
-    "friction": range(1),
+CONFIRMING: dict[Kind, tuple[int, ...]] = {
+    "press": tuple(range(CONFIRMED)),
+    "glued shear": (0, 2, 4, 6, 8, 10, 20, 22, 24),
+    "friction": (),
 }
-"""Numbers of the random designs that confirm the rule of each kind: fewer where a reference costs more."""
+"""Numbers of the random designs that confirm the rule of each kind: fewer where a reference costs more, and none with
+friction."""
 
 
 def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
