@@ -202,9 +202,9 @@ def _errors_table(rows: Sequence[Cell]) -> list[str]:
 def _coverage(table: Sequence[Cell]) -> list[str]:
     """State on how many designs each finite-element model ran."""
     text = (
-        f"Formulas and references ran on all designs of a kind, finite elements on as many of the "
-        f"{trade_cases.STUDIED} designs as an hour of computing on one core allowed. Tetrahedra cost ten to a "
-        "hundred times as much as the section model and are less accurate; a reference with friction costs a minute."
+        f"Formulas ran on all designs that have a reference, finite elements on as many of the {trade_cases.STUDIED} "
+        "designs as an hour of computing on one core allowed. Tetrahedra cost five to a hundred times as much as the "
+        "section model at level standard and are less accurate; a reference with friction costs a minute."
     )
     lines = [*_wrapped(text), ""]
     heads = ["kind", "model", "quick", "standard", "fine"]
