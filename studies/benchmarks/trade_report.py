@@ -37,10 +37,11 @@ LABELS = {
     "column": ("right", "top"),
     "axisymmetric": ("right", "top"),
     "harmonic": ("left", "top"),
+    "harmonic quick": ("left", "bottom"),
     "half": ("right", "bottom"),
     "full": ("left", "bottom"),
 }
-"""Sides of labels by level or model, so that they do not overlap: anchors of the text."""
+"""Sides of labels by name, level or model, so that they do not overlap: anchors of the text."""
 MARKERS = {"formula": "D", "axisymmetric": "o", "harmonic": "s", "half": "^", "full": "v"}
 
 
@@ -231,12 +232,14 @@ def _confirmation(results: Sequence[Confirmation]) -> list[str]:
     table = trade_rule.summary(results)
     missed = trade_rule.missed(table)
     designs = len({each.design for each in results})
+    numbers = {kind: len({each.design for each in results if each.kind == kind}) for kind in KINDS}
+    counts = ", ".join(f"{kind.capitalize()}: {number} designs" for kind, number in numbers.items())
     text = (
         f"The rule chooses a model for each of {designs} random designs that it has not seen, under each load of "
         f"their paths, for tolerances of {', '.join(f'{100 * t:g}' for t in trade_rule.TOLERANCES)} %. `within` is "
         "the number of cases whose true error of force, shift, tilt and readings is at most the tolerance; `worst` "
         "is the largest error over the tolerance. `refused` are cases for which the rule knows no model, `unjudged` "
-        "those without a reference. "
+        f"those without a reference or whose model was not run. {counts}. "
         f"Goals: {trade_rule.SHARE:.0%} within, none above {trade_rule.FACTOR:g}. "
         + ("All goals are met." if not missed else f"{len(missed)} goals are missed:")
     )
@@ -313,7 +316,10 @@ def _panel(axis: Any, cells: Sequence[Cell]) -> None:
     axis.set(xscale="log", yscale="log")
     for cell in cells:
         middle, high, _ = cell.worst
-        colour, (side, height) = COLOURS[cell.model], LABELS.get(cell.level, LABELS[cell.model])
+        colour, (side, height) = (
+            COLOURS[cell.model],
+            LABELS.get(cell.name, LABELS.get(cell.level, LABELS[cell.model])),
+        )
         axis.plot([cell.cpu_s] * 2, [middle, high], "-", color=colour, linewidth=1.2, alpha=0.6)
         axis.plot(cell.cpu_s, high, "_", color=colour, markersize=7)
         axis.plot(cell.cpu_s, middle, MARKERS[cell.model], color=colour, markersize=6)
