@@ -109,6 +109,7 @@ def million(folder: Path, counts: Sequence[int] = COUNTS) -> list[Figure]:
         Figure(case, "peak memory", whole.peak_MB, "MB", 1000.0),
         Figure(case, f"peak memory of {sizes[0]} rows", quarter.peak_MB, "MB"),
         Figure(case, f"peak memory of {sizes[2]} rows", twice.peak_MB, "MB"),
+        Figure(case, f"peak memory over that of {sizes[0]} rows", whole.peak_MB / quarter.peak_MB, "", 1.1),
         Figure(
             case, f"peak memory of {sizes[2]} rows over that of a million", twice.peak_MB / whole.peak_MB, "", 1.1
         ),
@@ -176,7 +177,7 @@ def main(out: str, kills: str = str(KILLS)) -> None:
         each = list(sweep_kills.kills(scratch, int(kills)))
         figures += kill_figures(each)
         write_table(folder / "kills.csv", [records.flat(kill) for kill in each], digits=4)
-        write_table(folder / "scale.csv", [figure.row() for figure in figures], digits=4)
+        write_table(folder / "scale.csv", [figure.row() for figure in figures], digits=8)
         atomic_files.write_text(folder / "SCALE.md", report(figures, about, COMMAND))
 
 
