@@ -360,6 +360,23 @@ def test_a_model_that_cannot_carry_the_load_says_so_in_its_row():
     assert "model axisymmetric cannot carry a shear" in row["message"]
 
 
+@pytest.mark.parametrize(("axis", "values"), [("l0", [0.6, 7.2]), ("hall_low", [3.0, 0.2])])
+def test_impossible_hall_elements_spoil_only_their_own_cases(axis, values):
+    wrong, right = run(paper(), {axis: values}, {"depth": 0.5})
+    (alone,) = run(paper(), {axis: values[1:]}, {"depth": 0.5})
+    assert (wrong["status"], axis in wrong["message"]) == ("bad_input", True)
+    assert (right["status"], right["message"]) == ("ok", "")
+    assert right["fem_force_N"] == alone["fem_force_N"]
+    assert right["fem_S1_mT"] == alone["fem_S1_mT"]
+
+
+def test_a_case_that_no_formula_describes_is_not_ok():
+    upright, tilted = run(paper(), {"plate_tilt": [0.0, 5.0]}, {"depth": 0.5}, fem=())
+    assert upright["status"] == "ok"
+    assert (tilted["status"], math.isnan(tilted["analytic_force_N"])) == ("bad_input", True)
+    assert "no formula" in tilted["message"]
+
+
 def dies(task):
     """A solve whose process dies for beams of 10 mm."""
     if task.scene.design.L == 10.0:

@@ -253,7 +253,10 @@ class Cases:
         plan = self.plan
         magnet = cast("Magnet", str(axes["magnet"][k])) if "magnet" in axes else plan.magnet
         values = dict(plan.load) | {name: _value(axes[name][k]) for name in axes if name in LOAD}
-        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN}
+        # cases with other Hall elements share the problem, so theirs must neither spoil nor change it
+        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name not in READING_FIELDS}
+        if "l0" in axes:
+            fields["l0"] = DESIGN["l0"].high
         try:
             design = varied(plan.design, fields if values.get("imperfection") else fields | {"E": plan.design.E})
             magnet = magnet if design.shape.has_magnet else "ignored"

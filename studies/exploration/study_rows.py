@@ -85,7 +85,12 @@ class Rows:
         if "modes" in plan.quantities:
             table |= _mode_columns(batch, solved.modes)
         table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
-        return table | self._verdict(batch, solved, remarks)
+        table |= self._verdict(batch, solved, remarks)
+        if not plan.fem:
+            # without finite elements a case without any formula has no result at all
+            without = np.all([np.isnan(result.force[:, 2]) for result in results.values()], axis=0)
+            table["status"][without] = "bad_input"
+        return table
 
     def _axis_columns(self, batch: Batch) -> Columns:
         """Return the columns of the axes, and of D, L, f, E and the depth in any case."""

@@ -59,7 +59,11 @@ def plan_of(source: str | None, options: Options) -> Plan:
     _check_twice(names, options, study.load)
     load = _load(study, options, names)
     fem, formulas = _models(options, study)
-    asked = tuple(part.strip() for part in options.quantities.split(",")) if options.quantities else study.quantities
+    asked = (
+        tuple(part.strip() for part in options.quantities.split(","))
+        if options.quantities is not None
+        else study.quantities
+    )
     quantities = study_input.checked_quantities(asked)
     plan = Plan(design, study.factors, load, magnet, fem, formulas, quantities)
     if not quantities:
@@ -90,6 +94,8 @@ def _check_twice(names: Sequence[str], options: Options, load: Mapping[str, Valu
     for name, _, value in (text.partition("=") for text in options.sets):
         if name.strip() in names:
             raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
+    if options.depth is not None and any(text.partition("=")[0].strip() == "depth" for text in options.load):
+        raise BadInput("depth is given twice, by --depth and by --load: leave one of them out")
     if "depth" in names and (options.depth is not None or "depth" in load):
         raise BadInput(
             "depth is given twice, as an axis and as a single value (--depth or the study's): leave one of them out"
@@ -124,7 +130,7 @@ def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel,
     from fem.accuracy import LEVELS
     from studies.exploration.study_cases import FemModel
 
-    given = tuple(part.strip() for part in options.models.split(",")) if options.models else study.models
+    given = tuple(part.strip() for part in options.models.split(",")) if options.models is not None else study.models
     accuracy = options.accuracy or study.accuracy
     if given and accuracy:
         raise BadInput(
