@@ -99,3 +99,24 @@ def test_the_pictures_are_written(tmp_path):
     assert [file.name for file in files] == ["sweep.png"]
     assert files[0].stat().st_size > 10_000
     pyplot.close("all")
+
+
+def test_a_large_study_shows_one_modulus_and_one_layout(drawn, monkeypatch, tmp_path):
+    """Forces are proportional to E, and do not depend on f."""
+    monkeypatch.setattr(sweep_pictures, "LARGE", 20)
+    plan = plan_of(grid({"E": [0.5, 1.0, 2.0], "f": [5.0, 6.0], "D": [7.0, 8.0], "depth": [0.5, 1.0]}))
+    pictures = sweep_pictures.Collected(plan)
+    batch = Cases(plan).batch(np.arange(plan.count))
+    axes = {f"{name}_{'MPa' if name == 'E' else 'mm'}": values for name, values in batch.axes.items()}
+    forces = dict.fromkeys(("fem_force_N", "analytic_force_N", "force_error_percent"), batch.E)
+    texts = {name: np.full(plan.count, "ok", dtype=object) for name in ("status", "message")}
+    pictures.add(axes | forces | texts, np.arange(plan.count))
+    pictures.draw(tmp_path / "sweep.png")
+    (_, columns, shown_axes, _), options = drawn[0]
+    assert shown_axes == {"D_mm": [7.0, 8.0], "depth_mm": [0.5, 1.0]}
+    # the modulus that is nearest to that of the base design
+    assert columns["fem_force_N"].tolist() == [1.0] * 4
+    assert options["notes"] == [
+        "Forces are proportional to E: drawn for E = 1 MPa.",
+        "f has no effect on what is shown.",
+    ]

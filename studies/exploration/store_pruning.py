@@ -87,6 +87,6 @@ def _remove(connection: sqlite3.Connection, condition: store_fields.Condition) -
         connection.execute(f"DELETE FROM state WHERE {condition.sql}", condition.values)
         connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
     connection.execute("VACUUM")
-    # a process that reads keeps the old pages: the file then shrinks when the next process opens it, without a wait here
+    # a process that reads keeps the old pages: the file shrinks later, without a wait here
     connection.execute("PRAGMA busy_timeout = 0")
     connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

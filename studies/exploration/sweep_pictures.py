@@ -23,6 +23,8 @@ from studies.inputs.user_input import Value
 
 MOST_DRAWN = 1_000_000
 """Largest number of cases that are drawn; it bounds the memory, at about 100 MB."""
+LARGE = 1000
+"""Number of cases from which on the pictures leave out axes whose effect on the shown quantities is known."""
 
 
 class Collected:
@@ -30,18 +32,23 @@ class Collected:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self._fixed = _fixed(plan)
         counts = [factor.count for factor in plan.factors]
-        drawn = list(counts)
+        drawn = [1 if k in self._fixed else count for k, count in enumerate(counts)]
         while math.prod(drawn) > MOST_DRAWN:
             longest = drawn.index(max(drawn))
             drawn[longest] = max(1, (drawn[longest] + 1) // 2)
         self._thinned = {
-            plan.factors[k].names[0]: (drawn[k], count) for k, count in enumerate(counts) if drawn[k] < count
+            plan.factors[k].names[0]: (drawn[k], count)
+            for k, count in enumerate(counts)
+            if drawn[k] < count and k not in self._fixed
         }
         self._chosen = [
             np.isin(np.arange(count), np.unique(np.round(np.linspace(0, count - 1, few)).astype(int)))
             for count, few in zip(counts, drawn, strict=True)
         ]
+        for k, point in self._fixed.items():
+            self._chosen[k] = np.arange(counts[k]) == point
         self._parts: list[Columns] = []
         self._shown: list[Shown] = []
 
@@ -63,7 +70,7 @@ class Collected:
         columns = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         sampled = any(factor.sampled for factor in self.plan.factors)
         axes = {}
-        for factor in self.plan.factors:
+        for factor in (factor for k, factor in enumerate(self.plan.factors) if k not in self._fixed):
             for name in factor.names if factor.sampled else (_leader(factor),):
                 column = study_axes.column(name)
                 # the values of a zipped axis may repeat: the points are then told apart by their order
@@ -74,7 +81,17 @@ class Collected:
     def _notes(self) -> list[str]:
         """Say in sentences what the pictures leave out."""
         notes = []
-        for factor in self.plan.factors:
+        for k, point in self._fixed.items():
+            factor = self.plan.factors[k]
+            if "E" in factor.names:
+                E = factor.values[factor.names.index("E")][point]
+                notes.append(f"Forces are proportional to E: drawn for E = {E:g} MPa.")
+            others = [name for name in factor.names if name != "E"]
+            if others:
+                notes.append(
+                    f"{', '.join(others)} {'has' if len(others) == 1 else 'have'} no effect on what is shown."
+                )
+        for factor in (factor for k, factor in enumerate(self.plan.factors) if k not in self._fixed):
             leader = _leader(factor)
             others = [] if factor.sampled else [name for name in factor.names if name != leader]
             if others:
@@ -85,6 +102,25 @@ class Collected:
             f"Of {count} values of {name}, {few} are drawn; the table has all."
             for name, (few, count) in self._thinned.items()
         ]
+
+
+def _fixed(plan: Plan) -> dict[int, int]:
+    """Return the factors of a large study that the pictures show at one point only, with the number of this point.
+
+    Forces do not depend on the Hall elements and the remanence, and are proportional to E.
+    """
+    matter = plan.matters("problems")
+    idle = [k for k, factor in enumerate(plan.factors) if k not in matter and factor.count > 1]
+    if "modes" in plan.quantities or "critical_depth" in plan.quantities:
+        idle = [k for k in idle if "E" not in plan.factors[k].names]
+    if plan.count < LARGE or len(idle) == len(plan.factors):
+        return {}
+    fixed = {}
+    for k in idle:
+        names, values = plan.factors[k].names, plan.factors[k].values
+        E = [float(value) for value in values[names.index("E")]] if "E" in names else [plan.design.E]
+        fixed[k] = min(range(len(E)), key=lambda point: abs(E[point] - plan.design.E))
+    return fixed
 
 
 def _texts(factor: Factor, name: str) -> Sequence[Value]:
