@@ -86,6 +86,8 @@ def test_study_with_a_table_as_design(toml):
         ('[axes]\nlaw = ["steel"]', ["every value of axis law must be neo-hookean", "'steel'"]),
         ("[axes]\nD = {steps = [1, 2, 3]}", ["axis D: a table has one key, linspace or logspace"]),
         ("[axes]\nD = {linspace = [1, 2]}", ["linspace takes three numbers, start, stop and count"]),
+        ("version = 'x'\n[axes]\nD = [3]", ["version must be a whole number from 1 to 2; got 'x'"]),
+        ("version = true\n[axes]\nD = [3]", ["version must be a whole number from 1 to 2; got True"]),
         (
             "version = 3\n[axes]\nD = [3]",
             ["the study has version 3", "reads versions 1 to 2", "install a newer magtip"],

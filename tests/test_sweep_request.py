@@ -88,3 +88,9 @@ def test_a_study_with_axes_of_its_own_takes_no_others(toml, refused):
         plan_of(path, Options(["E=1"]))
     with refused("the design is given twice"):
         plan_of(path, Options(design="paper"))
+
+
+def test_a_study_does_not_fix_the_magnet_that_it_varies(toml, refused):
+    path = toml('magnet = "ignored"\ndepth = 1\n[axes]\nmagnet = ["rigid", "ignored"]\n', "study.toml")
+    with refused("magnet is given twice, as an axis and alone in the study"):
+        plan_of(path, Options())

@@ -56,7 +56,7 @@ def plan_of(source: str | None, options: Options) -> Plan:
     magnet = options.magnet or study.magnet or "rigid"
     design = study_input.study_design(study, options.sets, magnet=magnet)
     names = tuple(name for factor in study.factors for name in factor.names)
-    _check_twice(names, options, study.load)
+    _check_twice(names, options, study)
     load = _load(study, options, names)
     fem, formulas = _models(options, study)
     asked = (
@@ -89,8 +89,9 @@ def _study(source: str | None, options: Options) -> study_input.Study:
     return study_input.Study(source or options.design or "paper", {}, factors, {})
 
 
-def _check_twice(names: Sequence[str], options: Options, load: Mapping[str, Value]) -> None:
+def _check_twice(names: Sequence[str], options: Options, study: study_input.Study) -> None:
     """Refuse a value that is both an axis and fixed."""
+    load = study.load
     for name, _, value in (text.partition("=") for text in options.sets):
         if name.strip() in names:
             raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
@@ -106,8 +107,9 @@ def _check_twice(names: Sequence[str], options: Options, load: Mapping[str, Valu
     for name in load:
         if name in names:
             raise BadInput(f"{name} is given twice, as an axis and in [load]: leave one of them out")
-    if "magnet" in names and options.magnet is not None:
-        raise BadInput("magnet is given twice, as an axis and by --magnet: leave one of them out")
+    if "magnet" in names and (options.magnet is not None or study.magnet is not None):
+        where = "by --magnet" if options.magnet is not None else "alone in the study"
+        raise BadInput(f"magnet is given twice, as an axis and {where}: leave one of them out")
 
 
 def _load(study: study_input.Study, options: Options, names: Sequence[str]) -> dict[str, Value]:

@@ -164,7 +164,9 @@ def read_study(path: str) -> Study:
         "quantities": list[str],
     }
     version = table.get("version", VERSION)
-    if isinstance(version, int) and not 1 <= version <= VERSION:
+    if isinstance(version, bool) or not isinstance(version, int):
+        raise BadInput(f"{path}: version must be a whole number from 1 to {VERSION}; got {version!r:.60}")
+    if not 1 <= version <= VERSION:
         raise BadInput(
             f"{path}: the study has version {version}, and this version of magtip reads versions 1 to {VERSION}: "
             "install a newer magtip, or write the study anew"
