@@ -22,6 +22,7 @@ from studies.exploration import needed_paths, solved_paths, store, sweep, sweep_
 from studies.exploration.needed_paths import Processes
 from studies.exploration.study_cases import FemModel, Plan, varied
 from studies.exploration.study_rows import flat_rows
+from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
 
@@ -365,6 +366,7 @@ def test_impossible_hall_elements_spoil_only_their_own_cases(axis, values):
     wrong, right = run(paper(), {axis: values}, {"depth": 0.5})
     (alone,) = run(paper(), {axis: values[1:]}, {"depth": 0.5})
     assert (wrong["status"], axis in wrong["message"]) == ("bad_input", True)
+    assert wrong[study_axes.column(axis)] == values[0]
     assert (right["status"], right["message"]) == ("ok", "")
     assert right["fem_force_N"] == alone["fem_force_N"]
     assert right["fem_S1_mT"] == alone["fem_S1_mT"]

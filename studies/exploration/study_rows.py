@@ -84,7 +84,8 @@ class Rows:
             table |= _critical_columns(batch, solved.critical)
         if "modes" in plan.quantities:
             table |= _mode_columns(batch, solved.modes)
-        table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
+        if "l0" not in plan.axes:
+            table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._verdict(batch, solved, remarks)
         if not plan.fem:
             # without finite elements a case without any formula has no result at all
