@@ -235,8 +235,8 @@ def _confirmation(results: Sequence[Confirmation]) -> list[str]:
     numbers = {kind: len({each.design for each in results if each.kind == kind}) for kind in KINDS}
     counts = ", ".join(f"{kind.capitalize()}: {number} designs" for kind, number in numbers.items())
     text = (
-        f"The rule chooses a model for each of {designs} random designs that it has not seen, under each load of "
-        f"their paths, for tolerances of {', '.join(f'{100 * t:g}' for t in trade_rule.TOLERANCES)} %. `within` is "
+        f"The rule chooses a model for each of {designs} random designs, from which it does not follow, under each load "
+        f"of their paths, for tolerances of {', '.join(f'{100 * t:g}' for t in trade_rule.TOLERANCES)} %. `within` is "
         "the number of cases whose true error of force, shift, tilt and readings is at most the tolerance; `worst` "
         "is the largest error over the tolerance. `refused` are cases for which the rule knows no model, `unjudged` "
         f"those without a reference or whose model was not run. {counts}. "

@@ -73,7 +73,7 @@ def trade(
     designs
         Number of designs, 2 to 24.
     confirm
-        Check the rule on 26 random designs that it has not seen; exit status 3 if a goal is missed.
+        Check the rule on 78 random designs; exit status 3 if a goal is missed.
     quick
         Use the section models at accuracy quick in presses and glued shears only: seconds instead of an hour.
     out
