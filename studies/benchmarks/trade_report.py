@@ -234,9 +234,10 @@ def _confirmation(results: Sequence[Confirmation]) -> list[str]:
     designs = len({each.design for each in results})
     numbers = {kind: len({each.design for each in results if each.kind == kind}) for kind in KINDS}
     counts = ", ".join(f"{kind.capitalize()}: {number} designs" for kind, number in numbers.items())
+    tolerances = ", ".join(f"{100 * each:g}" for each in trade_rule.TOLERANCES)
     text = (
-        f"The rule chooses a model for each of {designs} random designs, from which it does not follow, under each load "
-        f"of their paths, for tolerances of {', '.join(f'{100 * t:g}' for t in trade_rule.TOLERANCES)} %. `within` is "
+        f"The rule chooses a model for each of {designs} random designs, from which it does not follow, under each "
+        f"load of their paths, for tolerances of {tolerances} %. `within` is "
         "the number of cases whose true error of force, shift, tilt and readings is at most the tolerance; `worst` "
         "is the largest error over the tolerance. `refused` are cases for which the rule knows no model, `unjudged` "
         f"those without a reference or whose model was not run. {counts}. "
