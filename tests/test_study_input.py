@@ -97,6 +97,8 @@ def test_study_with_a_table_as_design(toml):
         ("depth = 1\n[load]\ndepth = 1\n[axes]\nD = [3]", [r"depth is given twice, alone and in \[load\]"]),
         ('quantities = ["forces"]\n[axes]\nD = [3]', ["there is no quantity 'forces'", "force, shift"]),
         ("[[zipped]]\nL = [9, 12]\nl0 = [7]", ["the same number of values", "L has 2, l0 has 1"]),
+        ("models = []\n[axes]\nD = [3]", ["models is empty"]),
+        ("quantities = []\n[axes]\nD = [3]", ["quantities is empty"]),
         ("[[zipped]]", ["the same number of values", "there is none"]),
         ("[[zipped]]\nL = [9, 9]\nD = [7, 7]", ["the zipped axes L, D list a point twice"]),
         ("[axes]\nL = [9]\n[[zipped]]\nL = [9, 12]", ["L varies twice"]),

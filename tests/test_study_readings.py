@@ -14,8 +14,9 @@ from studies.inputs.study_input import grid
 
 
 def rows_of(axes, **changes):
-    """The rows of a press by 0.5 mm, with readings only."""
-    values = {"fem": (FemModel("quick", QUICK),), "formulas": ("paper",), "quantities": ("readings",)} | changes
+    """The rows of a press by 0.5 mm, with force and readings."""
+    quantities = ("force", "readings")
+    values = {"fem": (FemModel("quick", QUICK),), "formulas": ("paper",), "quantities": quantities} | changes
     plan = Plan(paper(), grid(axes), {"depth": 0.5}, "rigid", **values)
     with store.in_memory() as kept:
         return [row for table in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(table)]
@@ -38,6 +39,7 @@ def test_an_impossible_sensor_has_no_readings():
     possible, impossible = rows_of({"hall_null": [2.5, 9.0]})
     assert math.isfinite(possible["fem_S1_V"])
     assert (impossible["status"], math.isnan(impossible["fem_S1_V"])) == ("bad_input", True)
+    assert math.isnan(impossible["fem_force_N"])
     assert "hall_null must lie between" in impossible["message"]
 
 

@@ -46,15 +46,22 @@ def error_prefix(plan: Plan, name: str) -> str:
 
 
 def spread(batch: Batch, responses: Sequence[Response | None]) -> Results:
-    """Return the results of all cases from the responses of the distinct problems: forces are proportional to E."""
+    """Return the results of all cases from the responses of the distinct problems: forces are proportional to E.
+
+    A case whose sensor is impossible has no results, although its mechanics may be those of others.
+    """
     none = (NAN, NAN, NAN)
     force = np.array([none if r is None else r.force for r in responses])[batch.problem]
     own = np.array([NAN if p.design is None else p.design.E for p in batch.problems])[batch.problem]
+    # 1 for a possible sensor, else NaN, which every product keeps
+    possible = np.array([NAN if design is None else 1.0 for design in batch.sensors])[batch.sensor]
+    each = possible[:, None]
     return Results(
-        force=force * (batch.E / own)[:, None] + 0.0,
-        shift=np.array([none if r is None else r.shift for r in responses])[batch.problem] + 0.0,
-        rotation=np.array([none[:2] if r is None else r.rotation for r in responses])[batch.problem],
-        contact_radius=np.array([NAN if r is None else r.contact_radius for r in responses])[batch.problem],
+        force=force * (batch.E / own)[:, None] * each + 0.0,
+        shift=np.array([none if r is None else r.shift for r in responses])[batch.problem] * each + 0.0,
+        rotation=np.array([none[:2] if r is None else r.rotation for r in responses])[batch.problem] * each,
+        contact_radius=np.array([NAN if r is None else r.contact_radius for r in responses])[batch.problem]
+        * possible,
     )
 
 

@@ -173,6 +173,9 @@ def read_study(path: str) -> Study:
         )
     check_keys(path, table, kinds)
     values = validated(path, table, kinds)
+    for name in ("models", "quantities"):
+        if name in values and not values[name]:
+            raise BadInput(f"{path}: {name} is empty: name one or more, or leave it out for the usual ones")
     design: Any = values.get("design", "paper")
     fields: dict[str, Value] = {}
     if isinstance(design, dict):
