@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import pytest
 import worker_tasks
+from worker_tasks import gone, until
 
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput
@@ -61,22 +62,6 @@ def address(tmp_path_factory):
     """The scheduler of a cluster whose two workers live as long as the tests."""
     with started(tmp_path_factory.mktemp("cluster"), 2) as both:
         yield both.address
-
-
-def until(condition, seconds=20.0):
-    """Wait for a condition; returns whether it came true in time."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.02)
-    return condition()
-
-
-def gone(process):
-    """Whether a process has ended; one that nobody has waited for is a zombie then."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
 
 
 def test_tasks_are_finished_or_have_a_reason(address):

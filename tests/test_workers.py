@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import worker_tasks
+from worker_tasks import gone, until
 
 from studies.exploration import worker_process
 from studies.exploration.executors import processes
@@ -23,22 +24,6 @@ TESTS = Path(__file__).parent
 def importable(monkeypatch):
     """Worker processes import the functions of `worker_tasks`."""
     monkeypatch.setenv("PYTHONPATH", str(TESTS))
-
-
-def until(condition, seconds=20.0):
-    """Wait for a condition; returns whether it came true in time."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.02)
-    return condition()
-
-
-def gone(process):
-    """Whether a process has ended; one that nobody has waited for is a zombie then."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return True
 
 
 def noted(folder):

@@ -59,3 +59,19 @@ class OddError(Exception):
 
     def __init__(self, first, second):
         super().__init__(f"{first} and {second}")
+
+
+def until(condition, seconds=20.0):
+    """Wait for a condition; returns whether it came true in time."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.02)
+    return condition()
+
+
+def gone(process):
+    """Whether a process has ended; one that nobody has waited for is a zombie then."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
