@@ -472,3 +472,22 @@ def test_rows_have_the_error_estimates_of_solve():
     own = equilibrium.solve(paper(), Load(0.5, 0.3, 0.0, "stick"), QUICK).estimates
     names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
     assert [row[name] for name in names] == [own.force, own.shift, own.tilt, own.sideways]
+
+
+def test_the_table_of_an_earlier_sweep_does_not_stay_beside_the_new_one(tmp_path, kept, monkeypatch):
+    run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
+    with monkeypatch.context() as patch:
+        patch.setattr(sweep, "LARGE", 0)
+        run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
+    assert sorted(path.name for path in tmp_path.glob("sweep.*")) == ["sweep.parquet", "sweep.png"]
+    run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
+    assert sorted(path.name for path in tmp_path.glob("sweep.*")) == ["sweep.csv", "sweep.png"]
+
+
+def test_states_that_are_removed_during_a_sweep_end_it_with_a_sentence(kept, refused):
+    run(BARE, {"L": [9.0, 11.0], "depth": [0.5]}, kept=kept)
+    batches = sweep.run(plan_of(BARE, {"L": [9.0, 10.0, 11.0]}, {"depth": 0.5}), None, kept, processes=Processes(0))
+    next(batches)
+    kept._connection.execute("DELETE FROM state")
+    with refused("have been removed from the store", "give the same command again"):
+        next(batches)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -104,9 +105,7 @@ def sweep(
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
     case = sweep_request.case_columns(plan)
-    rows: list[FlatRow] = []
-    failures: list[FlatRow] = []
-    count = failed = 0
+    printed = _Printed()
     choices = sweep_request.Choices(plan)
     try:
         with (
@@ -116,39 +115,56 @@ def sweep(
             for table in batches:
                 choices.add(table)
                 for row in flat_rows(table):
-                    count += 1
-                    if as_json:
-                        console.report([row], as_json=True)
-                    if row["status"] != "ok":
-                        failed += 1
-                        failures += [row] if len(failures) < MOST_SHOWN else []
-                    rows += [row] if len(rows) <= MOST_SHOWN else []
+                    printed.add(row, as_json=as_json)
     except SchedulerLost as error:
         console.say(f"magtip: {error}")
         return FAILED
     finally:
         if not as_json:
-            _show(rows, count, case, plan, wide=wide)
-    if count <= MOST_SHOWN:
+            _show(printed, case, plan, wide=wide)
+    if printed.count <= MOST_SHOWN:
         whole = as_json or wide or out is not None
-        for name, reason in sweep_request.idle_axes(rows, plan, whole=whole, case=case):
+        for name, reason in sweep_request.idle_axes(printed.rows, plan, whole=whole, case=case):
             say_no_effect(f"axis {name}", reason)
     for sentence in choices.sentences():
         console.say(f"magtip: {sentence}")
-    for reason in console.remarks(failures, case, rows):
+    for reason in console.remarks(printed.failures, case, printed.rows):
         console.say(f"magtip: {reason}")
-    if failed:
-        console.say(f"magtip: {failed} of {count} cases failed")
-    return GOOD if failed < count else FAILED
+    if printed.failed:
+        console.say(f"magtip: {printed.failed} of {printed.count} cases failed")
+    return GOOD if printed.failed < printed.count else FAILED
 
 
-def _show(rows: list[FlatRow], count: int, case: tuple[str, ...], plan: Plan, *, wide: bool) -> None:
+@dataclass(slots=True)
+class _Printed:
+    """Counts of the rows of a sweep and of the failed ones, and the first ones of each, which the screen shows."""
+
+    count: int = 0
+    failed: int = 0
+    rows: list[FlatRow] = field(default_factory=list)
+    failures: list[FlatRow] = field(default_factory=list)
+
+    def add(self, row: FlatRow, *, as_json: bool) -> None:
+        """Count a row, and print it as JSON."""
+        self.count += 1
+        if as_json:
+            console.report([row], as_json=True)
+        if row["status"] != "ok":
+            self.failed += 1
+            if len(self.failures) < MOST_SHOWN:
+                self.failures.append(row)
+        if len(self.rows) < MOST_SHOWN:
+            self.rows.append(row)
+
+
+def _show(printed: _Printed, case: tuple[str, ...], plan: Plan, *, wide: bool) -> None:
     """Print the rows as a table with their remarks, or their number if there are many."""
     from studies.exploration import sweep_request
 
-    if count > MOST_SHOWN:
+    rows = printed.rows
+    if printed.count > MOST_SHOWN:
         console.note(
-            f"{count} of {plan.count} rows; --out FOLDER or --json has them, a table on the screen does not."
+            f"{printed.count} of {plan.count} rows; --out FOLDER or --json has them, a table on the screen does not."
         )
         return
     sweep_request.show(rows, "Sweep", wide=wide, case=case)

@@ -193,6 +193,11 @@ class Solves:
         if problem.design is None or not target.key:
             return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
         stored = self._answers.get(target.key, lambda: self._stored(target.key))
+        if target.at not in stored:
+            raise BadInput(
+                f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
+                "the same command again"
+            )
         return stored[target.at].of(problem.design.D, problem.design.E, target.direction)
 
     def _stored(self, key: str) -> dict[Position, Answer]:

@@ -36,7 +36,7 @@ class Answer:
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
     estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
-    values : results of other kinds than states; lengths, forces and frequencies in the units of `scaled_values`.
+    values : results of other kinds than states: lengths over D, forces over E D^2, frequencies over `frequency_unit`.
     """
 
     D: float

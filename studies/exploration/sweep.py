@@ -78,7 +78,7 @@ def _run(
     """Yield the batches, and write the files."""
     cases = Cases(plan)
     paths = Paths(plan, cases)
-    name = "sweep.parquet" if plan.count > LARGE else "sweep.csv"
+    name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
         solves = stack.enter_context(contextlib.closing(Solves(paths, store, processes, progress)))
         batches = _batches(plan, cases, paths, solves)
@@ -93,6 +93,8 @@ def _run(
             write(table)
             pictures.add(table, indices)
             yield table
+    # the table of an earlier sweep in this folder would be taken for this one's
+    (folder / other).unlink(missing_ok=True)
     if progress is not None:
         progress(1.0, f"{name} and sweep.png")
     pictures.draw(folder / "sweep.png")
