@@ -1,0 +1,173 @@
+"""Force resolution: closed forms, samples of the noise, invariants, and the decoder's own noise."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from analytic import beam, decode
+from analytic.batch_readings import batch_readings
+from analytic.force_resolution import Loaded, force_resolution, reading_slopes, turned
+from analytic.inverse import response_surface
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load, tilts_of
+
+NOISE = np.array([0.01, 0.02, 0.03])
+
+
+def slopes(n, m, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(n, m, 3)), rng.normal(size=(n, 3, 3))
+
+
+def test_one_reading_for_each_axis():
+    J, K = np.diag([2.0, -4.0, 0.5]), np.diag([0.3, 0.4, -5.0])
+    assert_allclose(force_resolution(J[None], K[None], NOISE), [[0.3 * 0.01 / 2, 0.4 * 0.02 / 4, 5 * 0.03 / 0.5]])
+
+
+@pytest.mark.parametrize("m", [3, 5])
+def test_is_the_spread_of_weighted_least_squares(m):
+    """Samples of the noise, decoded one by one: 1e5 samples give the spread to 0.7 % (three standard errors)."""
+    (J,), (K,) = slopes(1, m)
+    noise = np.linspace(0.01, 0.05, m)
+    errors = noise * np.random.default_rng(1).standard_normal((100_000, m))
+    q = np.linalg.lstsq(J / noise[:, None], (errors / noise).T, rcond=None)[0]
+    assert_allclose(force_resolution(J[None], K[None], noise)[0], (K @ q).std(axis=1), rtol=7e-3)
+
+
+def test_coordinates_of_the_pose_do_not_matter():
+    J, K = slopes(20, 4)
+    change = np.random.default_rng(2).normal(size=(3, 3)) @ np.diag([1.0, 1e-3, 1e4])
+    noise = np.full(4, 0.1)
+    assert_allclose(force_resolution(J @ change, K @ change, noise), force_resolution(J, K, noise), rtol=1e-9)
+
+
+def test_noise_scales_and_a_second_set_of_elements_averages():
+    J, K = slopes(5, 3)
+    one = force_resolution(J, K, NOISE)
+    assert_allclose(force_resolution(J, K, 2 * NOISE), 2 * one)
+    twice = force_resolution(np.concatenate([J, J], axis=1), K, np.tile(NOISE, 2))
+    assert_allclose(twice, one / math.sqrt(2))
+
+
+def test_noise_may_differ_from_pose_to_pose():
+    J, K = slopes(2, 3)
+    both = force_resolution(J, K, np.stack([NOISE, 3 * NOISE]))
+    assert_allclose(both, np.stack([force_resolution(J, K, NOISE)[0], force_resolution(J, K, 3 * NOISE)[1]]))
+
+
+def test_what_the_readings_do_not_determine_is_infinite_and_nothing_else():
+    """No reading changes along y: a reading more for x and z, and F_y alone changes along y."""
+    J = np.array([[1.0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0]])
+    rest = force_resolution(J[None], np.diag([1.0, 1.0, 2.0])[None], NOISE)[0]
+    assert np.isinf(rest[1])
+    assert np.isfinite(rest[[0, 2]]).all()
+    mixed = force_resolution(J[None], np.array([[[1.0, 0.5, 0], [0, 0, 0], [0, 0, 1.0]]]), NOISE)[0]
+    assert np.isinf(mixed[0])
+    assert mixed[1] == 0
+
+
+def test_no_slope_at_all_and_no_pose():
+    J, K = slopes(2, 3)
+    J[0], J[1, 0, 0] = 0, np.nan
+    answer = force_resolution(J, K, NOISE)
+    assert_array_equal(np.isinf(answer), [[True] * 3, [False] * 3])
+    assert_array_equal(np.isnan(answer), [[False] * 3, [True] * 3])
+
+
+@pytest.mark.parametrize(
+    ("J", "K", "noise", "words"),
+    [
+        (np.ones((1, 2, 3)), np.ones((1, 3, 3)), np.ones(2), "m of at least 3"),
+        (np.ones((1, 3, 3)), np.ones((2, 3, 3)), np.ones(3), r"must have shape \(1, 3, 3\)"),
+        (np.ones((1, 3, 3)), np.ones((1, 3, 3)), np.ones(4), "the noise must have shape"),
+        (np.ones((1, 3, 3)), np.ones((1, 3, 3)), np.array([1, 0, 1]), "must be above 0; got 0"),
+    ],
+)
+def test_bad_input_is_a_sentence(J, K, noise, words):
+    with pytest.raises(BadInput, match=words):
+        force_resolution(J, K, noise)
+
+
+def plane_response(design, depth, shear):
+    """Response of level finite to a shear along x: u, w, tilt, F_t and F_n."""
+    answer = beam.solve(design, Load(depth=depth, shear_x=shear, friction="stick"), "finite")
+    return np.array([answer.shift[0], answer.shift[2], answer.tilt, answer.force[0], answer.force[2]])
+
+
+def loaded(design, depth, shear, azimuth, step=1e-4):
+    """Pose and slopes of level finite under one load, by differences in the plane."""
+    by_depth = (plane_response(design, depth + step, shear) - plane_response(design, depth - step, shear)) / (
+        2 * step
+    )
+    more, less = (plane_response(design, depth, shear + d) for d in (step, -step))
+    values = plane_response(design, depth, shear)
+    return turned(
+        values[None], by_depth[None], ((more - less) / (2 * step))[None], np.array([shear]), np.array([azimuth])
+    )
+
+
+@pytest.mark.parametrize(("shear", "azimuth"), [(0.0, 0.3), (0.8, 0.0), (0.8, 2.2)])
+def test_turned_slopes_are_those_of_loads_in_space(shear, azimuth):
+    """Differences of the response to (depth, shear_x, shear_y) itself, which need no symmetry."""
+    design, h = paper(), 1e-4
+    here = loaded(design, 1.0, shear, azimuth)
+    at = np.array([1.0, shear * math.cos(azimuth), shear * math.sin(azimuth)])
+
+    def values(q):
+        answer = beam.solve(design, Load(depth=q[0], shear_x=q[1], shear_y=q[2], friction="stick"), "finite")
+        return np.array([*answer.shift, *answer.rotation, *answer.force])
+
+    difference = np.stack([(values(at + h * e) - values(at - h * e)) / (2 * h) for e in np.eye(3)], axis=1)
+    turned_slopes = np.concatenate([here.shift_slopes[0], here.tilt_slopes[0], here.force_slopes[0]])
+    assert_allclose(turned_slopes, difference, atol=2e-6)
+    assert_allclose([*here.shift[0], *here.tilt[0], *here.force[0]], values(at), atol=1e-12)
+
+
+def test_force_resolution_is_the_noise_that_the_decoder_states():
+    """Slopes along the load of the formula itself, against slopes along the shift of polynomials fitted to it."""
+    design = Design(hall_noise=1e-3, hall_step=1e-4)
+    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.0, 2.0)
+    coder = decode.decoder(design, law)
+    here = loaded(design, 1.2, 0.6, 0.4)
+    sigma = force_resolution(reading_slopes([design], np.array([0]), here), here.force_slopes, coder.sigma)
+    read = batch_readings([design], np.array([0]), here.shift, here.tilt)
+    decoded = decode.decode(coder, read.field_T)
+    assert_allclose(decoded.shift, here.shift, atol=3e-3)
+    # the polynomials' slopes of the force differ by some percent from those of the formula
+    assert_allclose(sigma, decoded.noise_N, rtol=0.05)
+
+
+def test_reading_slopes_are_differences_of_the_readings_along_the_load():
+    designs = [paper(), Design(hall_layout="tmag5273a1", D=10.0, L=11.0, l0=8.0)]
+    poses = [loaded(design, 1.0, 0.5, 1.0) for design in designs]
+    both = Loaded(*(np.concatenate([getattr(p, name) for p in poses]) for name in Loaded.__slots__))
+    owner = np.arange(2)
+    slopes = reading_slopes(designs, owner, both)
+    for j in range(3):
+        h = 2e-3
+        fields = [
+            batch_readings(
+                designs, owner, both.shift + d * both.shift_slopes[:, :, j], both.tilt + d * both.tilt_slopes[:, :, j]
+            ).field_T
+            for d in (h, -h)
+        ]
+        assert_allclose(slopes[:, :, j], (fields[0] - fields[1]) / (2 * h), atol=1e-8)
+
+
+def test_a_saturated_reading_determines_nothing():
+    """S1 at the rail: three readings become two, so that no component of the force is known."""
+    design = Design(hall_high=2.85)
+    here = loaded(design, 1.0, 0.5, 1.0)
+    slopes = reading_slopes([design], np.array([0]), here)
+    assert_array_equal(slopes[0, 0], 0)
+    assert slopes[0, 1].all()
+    assert np.isinf(force_resolution(slopes, here.force_slopes, np.full(3, 1e-5))).all()
+
+
+def test_tilt_of_a_turned_response_leans_towards_the_shear():
+    here = loaded(paper(), 1.0, 0.5, math.pi / 2)
+    lean_x, lean_y = tilts_of(*here.tilt[0].tolist())
+    assert abs(lean_x) < 1e-15
+    assert lean_y > 0
