@@ -51,6 +51,8 @@ class Facts:
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
         `fem.results.lateral_stiffness`). `fem.stability` computes it with an error estimate.
+    largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
+        `fem.results.silicone_strain`); None where it was not computed.
     """
 
     stop: Stop = ""
@@ -62,6 +64,7 @@ class Facts:
     remark: Remark | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth: float | None = None
+    largest_strain: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import numpy as np
 from fem.discretisation import element_integrals, elements
 from fem.discretisation.symmetry_models import Discretisation
 from fem.material import strain
-from fem.results import material_stability
+from fem.results import material_stability, silicone_strain
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin, estimate_margin, measure_lateral_stiffness
 from fem.solution import Facts, Remark, Solution, Status
 from fem.solvers.newton import Stop
@@ -66,6 +66,7 @@ def gather(
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
+        largest_strain=silicone_strain.largest_strain(state.d.elements, state.u),
     )
 
 

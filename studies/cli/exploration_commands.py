@@ -74,8 +74,8 @@ def sweep(
         Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
         another model than auto) and levels of the formulas; default: standard,paper.
     quantities
-        Any of force, shift, tilt, contact_radius, readings, decoded_force_error, critical_depth, modes; default:
-        force, shift, contact_radius, readings, and tilt if a load acts sideways.
+        Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes;
+        default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
     out
         Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.
     store

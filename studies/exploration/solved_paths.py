@@ -36,7 +36,8 @@ class Answer:
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
     estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
-    values : results of other kinds than states: lengths over D, forces over E D^2, frequencies over `frequency_unit`.
+    values : of a state its largest strain and its sideways stiffness ratio (`fem.solution.Facts`); of other kinds
+        their results: lengths over D, forces over E D^2, frequencies over `frequency_unit`.
     """
 
     D: float
@@ -226,7 +227,12 @@ def _state(scene: Scene, load: Load, outcome: Any) -> State:
         "message": outcome.message,
     }
     if outcome.solution is not None:
+        facts = outcome.solution.facts
         values["estimates"] = dataclasses.asdict(outcome.solution.estimates)
+        values["values"] = {
+            "largest_strain": facts.largest_strain,
+            "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
+        }
     at = position_of(load, scene.design.D)
     return State(*at, result, outcome.status, _units(scene) | values, seconds, _origin())
 

@@ -76,6 +76,8 @@ class Rows:
             results[level] = spread(batch, responses)
         table = self._axis_columns(batch)
         table |= self._mechanics(results)
+        if "strain" in plan.quantities:
+            table |= self._strains(batch, solved)
         if "readings" in plan.quantities:
             table |= self._readings.columns(batch, results)
         if "decoded_force_error" in plan.quantities:
@@ -125,6 +127,14 @@ class Rows:
                     if error
                 }
         return table
+
+    def _strains(self, batch: Batch, solved: Solved) -> Columns:
+        """Return the largest strain of the silicone in % by each finite-element model; formulas have none."""
+        return {
+            f"{self.prefixes[name]}largest_strain_percent": 100
+            * np.array([_number(answer.values.get("largest_strain")) for answer in answers])[batch.problem]
+            for name, answers in solved.states.items()
+        }
 
     def _parts(self, quantity: str) -> list[tuple[str, Callable[[Results], Array], str]]:
         """Return the columns of a quantity: name, how it is read, and the name of its error, "" for none."""

@@ -56,6 +56,7 @@ QuantityName = Literal[
     "shift",
     "tilt",
     "contact_radius",
+    "strain",
     "readings",
     "decoded_force_error",
     "critical_depth",

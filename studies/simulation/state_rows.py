@@ -64,6 +64,7 @@ class FactColumns:
     inside_out_share: float | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth_mm_estimate: float | None = None
+    largest_strain_percent: float | None = None
 
 
 FACTS = tuple(column.name for column in dataclasses.fields(FactColumns))
@@ -261,4 +262,5 @@ def _fact_columns(facts: Facts) -> FactColumns:
         inside_out_share=facts.inverted_share,
         sideways_stiffness_ratio=facts.sideways_stiffness_ratio,
         critical_depth_mm_estimate=facts.critical_depth,
+        largest_strain_percent=None if facts.largest_strain is None else 100 * facts.largest_strain,
     )
