@@ -158,7 +158,7 @@ def plan_study(solves: int) -> dict[str, float]:
     before, begin = _peak_MB(), time.process_time()
     with store.in_memory() as empty:
         paths = Paths(plan, Cases(plan))
-        needed = Solves(paths, empty, Processes(workers=0), None)
+        needed = Solves(paths.paths, empty, Processes(workers=0), None)
         assert needed.count == solves
         needed.close()
     return {"seconds": time.process_time() - begin, "MB": _peak_MB() - before}

@@ -144,16 +144,18 @@ class Paths:
 class Solves:
     """The missing states of a study's paths: they are solved by workers, and written to the store as they arrive."""
 
-    def __init__(self, paths: Paths, store: Store, processes: Processes, progress: Progress | None) -> None:
+    def __init__(
+        self, paths: Mapping[str, NeededPath], store: Store, processes: Processes, progress: Progress | None
+    ) -> None:
         self.store, self.paths = store, paths
         self._answers: Recent[dict[Position, Answer]] = Recent()
         self._unsaved: dict[str, dict[Position, Answer]] = {}
         tasks = []
-        for path in paths.paths.values():
+        for path in paths.values():
             positions, solved = missing(path.place, list(path.wanted), store, retry=processes.retry_failed)
             if positions:
                 tasks.append(task(path.number, path.place, positions, solved))
-        keys = list(paths.paths)
+        keys = list(paths)
         self._open = {keys[one.number - 1] for one in tasks}
         self._keys, self.count = keys, len(tasks)
         workers = processes.workers
@@ -180,7 +182,7 @@ class Solves:
         done = next(self._finished)
         key = self._keys[done.task.number - 1]
         states = unsolved(done.task, done.reason, died=done.died) if done.answer is None else done.answer
-        trouble = self.store.add(self.paths.paths[key].place.content, states)
+        trouble = self.store.add(self.paths[key].place.content, states)
         self._open.discard(key)
         if trouble:
             console.warn(trouble)
@@ -192,7 +194,7 @@ class Solves:
             return target.formula
         if problem.design is None or not target.key:
             return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
-        stored = self._answers.get(target.key, lambda: self._stored(target.key))
+        stored = self.answers(target.key)
         if target.at not in stored:
             raise BadInput(
                 f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
@@ -200,8 +202,12 @@ class Solves:
             )
         return stored[target.at].of(problem.design.D, problem.design.E, target.direction)
 
+    def answers(self, key: str) -> Mapping[Position, Answer]:
+        """Return the stored answers of a path, by their positions."""
+        return self._answers.get(key, lambda: self._stored(key))
+
     def _stored(self, key: str) -> dict[Position, Answer]:
-        return answers(self.paths.paths[key].place, self.store) | self._unsaved.get(key, {})
+        return answers(self.paths[key].place, self.store) | self._unsaved.get(key, {})
 
     def close(self) -> None:
         """Stop the workers."""

@@ -80,7 +80,7 @@ def _run(
     paths = Paths(plan, cases)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
-        solves = stack.enter_context(contextlib.closing(Solves(paths, store, processes, progress)))
+        solves = stack.enter_context(contextlib.closing(Solves(paths.paths, store, processes, progress)))
         batches = _batches(plan, cases, paths, solves)
         if folder is None:
             yield from (table for table, _ in batches)
