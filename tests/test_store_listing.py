@@ -28,7 +28,7 @@ CONTENT = {
     "model": "axisymmetric",
     "quantity": "states",
     "load": {"friction": "none", "grip": None, "plate_tilt": 0.0, "imperfection": 0.0},
-    "physics": 1,
+    "physics": 2,
 }
 ANSWER = {
     "D_mm": 8.0,
