@@ -89,7 +89,7 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     rows = np.flatnonzero(with_magnet & np.isfinite(shift).all(axis=1) & np.isfinite(tilt).all(axis=1))
     chosen, number = _distinct(site[rows], *shift[rows].T, *tilt[rows].T)
     distinct = rows[chosen]
-    scale = np.array([design.remanence for design in designs])[owner[rows]]
+    scale = np.array([design.polarisation for design in designs])[owner[rows]]
     measured = np.full((len(owner), ELEMENTS), np.nan)
     measured[rows] = scale[:, None] * _unit_fields(sites, site[distinct], shift[distinct], tilt[distinct])[number]
     gain, null, low, high, _, step, _ = values[owner].T[:, :, None]

@@ -26,7 +26,8 @@ from geometry.loads import Response
 Mode = Literal["component", "magnitude"]
 Field = Literal["exact", "paper", "paper-printed", "dipole"]
 FLIP = np.array([1.0, -1.0, -1.0])
-"""Half a turn about x, from the magnet's frame to the sensor's: the magnet's north pole points down."""
+"""Half a turn about x, from the magnet's frame to the sensor's: the north pole points down. The polarisation of a
+magnet whose north pole points up is negative."""
 FIELDS: tuple[Field, ...] = ("exact", "paper", "paper-printed", "dipole")
 """Models of the magnet's field, see `field_at`."""
 
@@ -62,7 +63,8 @@ def elements(design: Design) -> tuple[Array, Array]:
     otherwise their signs are reversed). S1 grows when the magnet sinks, S2 when it moves towards +x, and S3 when it
     moves towards +y. S2 and S3 have a maximum, since straight above the element its component of B is 0. For the
     preset `paper` S2 has its maximum at a shift of 2.1 mm, and at 2.5, 2.9 and 3.1 mm if the magnet is 1, 2 and 3 mm
-    lower. A chip measures along the same three directions, at one position.
+    lower. A chip measures along the same three directions, at one position. If the north pole points up
+    (`magnet_north`), all fields have the opposite sign: the outputs lie as far on the other side of the null voltage.
     """
     layout = of_design(design)
     positions = np.array([element.position for element in layout])
@@ -107,7 +109,7 @@ def field_at(
     if field not in FIELDS:
         raise BadInput(f"field must be one of {', '.join(FIELDS)}; got {field!r}")
     local = in_magnet_frame(points, design, shift, tilt)
-    magnet = design.magnet_diameter / 2, design.magnet_height, design.remanence
+    magnet = design.magnet_diameter / 2, design.magnet_height, design.polarisation
     if field == "exact":
         b = cylinder_field(local, *magnet)
     elif field == "dipole":
@@ -120,8 +122,8 @@ def field_at(
 def in_magnet_frame(
     points: ArrayLike, design: Design, shift: ArrayLike = (0.0, 0.0, 0.0), tilt: ArrayLike = (0.0, 0.0)
 ) -> Array:
-    """Return points of the sensor's frame in the displaced magnet's frame, shape (n, 3), mm, z along its
-    magnetisation.
+    """Return points of the sensor's frame in the displaced magnet's frame, shape (n, 3), mm; z points from the tip
+    to the base, along its magnetisation if the north pole points down.
 
     Parameters and errors as in `field_at`.
     """

@@ -138,8 +138,7 @@ def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
 
     Returns
     -------
-    table : (B_rho, B_Z) at rho = i step, Z = first + j step, shape (n_rho, n_Z, 2), T. Z points up in the sensor,
-        against the magnet's polarisation.
+    table : (B_rho, B_Z) at rho = i step, Z = first + j step, shape (n_rho, n_Z, 2), T. Z points up in the sensor.
     first : smallest Z, mm.
     """
     design, points = forward.design, forward.points
@@ -151,5 +150,5 @@ def meridian_table(forward: Forward, grid: Grid) -> tuple[Array, float]:
     table = np.empty((len(rho), len(Z), 2))
     for row, r in zip(table, rho, strict=True):
         where = np.column_stack([np.full_like(Z, r), np.zeros_like(Z), Z])
-        row[:] = cylinder_field(where, design.magnet_diameter / 2, design.magnet_height, -design.remanence)[:, ::2]
+        row[:] = cylinder_field(where, design.magnet_diameter / 2, design.magnet_height, -design.polarisation)[:, ::2]
     return table, low

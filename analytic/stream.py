@@ -59,7 +59,7 @@ class Stream:
         self.simple = len(forward.owners) == 3 and forward.mode == "component"
         points = forward.points - [0.0, 0.0, design.H]
         self.points = list(zip(points.tolist(), forward.normals.tolist(), strict=True))
-        self.magnet = meridian_field(design.magnet_diameter / 2, design.magnet_height, -design.remanence)
+        self.magnet = meridian_field(design.magnet_diameter / 2, design.magnet_height, -design.polarisation)
         self.tau = forward.tau.tolist() if forward.tau.any() else []
         self.rails = [((e.low - e.null) / e.gain, (e.high - e.null) / e.gain) for e in forward.elements]
         table = coder.table

@@ -3,8 +3,8 @@
 All of magtip uses mm, N, MPa, T, V, rad and s. The origin of the sensor's frame is the centre of the clamped base
 disc, and z runs along the beam. The tip is at z = L. The magnet's centre is the centre of the hemisphere, at
 z = H = L - D/2. The magnet's north pole points down (Chathuranga et al. 2016, section II.B), so the magnetisation
-points along -z. Hall element S1 lies on the axis at z = H - l0. S2 lies at x = f and S3 at y = f, both at
-z = H - l0 + c. A 3-axis chip lies at x = chip_x, z = H - l0.
+points along -z; `magnet_north` "up" turns it over. Hall element S1 lies on the axis at z = H - l0. S2 lies at x = f
+and S3 at y = f, both at z = H - l0 + c. A 3-axis chip lies at x = chip_x, z = H - l0.
 """
 
 from __future__ import annotations
@@ -48,7 +48,10 @@ OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
 }
 """For each layout, the fields that only some layouts use: the output range and the noise of a chip are not fields."""
 
-OF_MAGNET = ("remanence", "magnet_density")
+POLES = {"down": 1.0, "up": -1.0}
+"""Where the magnet's north pole can point, with the sign of its polarisation along -z: down is towards the base."""
+
+OF_MAGNET = ("remanence", "magnet_north", "magnet_density")
 """Fields that have no effect without a magnet.
 
 `magnet_edge_radius` is not listed: its default of 0.1 mm may stay when the magnet is removed.
@@ -127,7 +130,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A sensor. All fields are floats except `law` and `hall_layout`, which are names.
+    """A sensor. All fields are floats except `law`, `magnet_north` and `hall_layout`, which are names.
 
     The metadata of a field give its unit, its range or its choices, and a description. `assumed` is True where the
     paper gives no value for the default.
@@ -161,7 +164,8 @@ class Design:
     magnet_diameter: float = _quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
     magnet_height: float = _quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
     magnet_edge_radius: float = _quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
-    remanence: float = _quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet, north pole down", assumed=True)
+    remanence: float = _quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet", assumed=True)
+    magnet_north: str = _choice("down", POLES, "north pole of the magnet: down (to the base) or up", assumed=False)
     density: float = _quantity(1080, "kg/m3", 1, 25000, "density of the silicone", assumed=True)
     magnet_density: float = _quantity(7500, "kg/m3", 1, 25000, "density of the magnet (NdFeB)", assumed=True)
     l0: float = _quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
@@ -239,6 +243,11 @@ class Design:
     def H(self) -> float:
         """Height of the magnet's centre above the base, mm."""
         return self.L - self.D / 2
+
+    @property
+    def polarisation(self) -> float:
+        """Polarisation of the magnet along -z, T: the remanence, negative if the north pole points up."""
+        return POLES[self.magnet_north] * self.remanence
 
     @property
     def shape(self) -> Shape:

@@ -6,7 +6,8 @@ file and the design: f and the electrical fields of the Hall elements for a stat
 carry units, as everywhere in files.
 
 A file stores the fields under `made_for` and their digest under `digest`. A digest that does not match the fields
-shows that they were edited after the file was written.
+shows that they were edited after the file was written. A field that `Design` got later stands in a label only if it
+differs from its default, so that older files keep their labels.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ DIGITS = 12
 """Number of hexadecimal digits of a digest: 48 bits, which a double or an integer of 64 bits holds exactly."""
 PREFIX = "made_for_"
 """Prefix of the field names in files that hold numbers only."""
+LATER: Fields = {"magnet_north": "down"}
+"""Fields that `Design` got after the first labels were written, with their defaults, which older files mean."""
 MOST_NAMED = 3
 """Most differing fields that one message lists, so that it stays one readable sentence."""
 
@@ -53,7 +56,7 @@ def of_readings(design: Design) -> Fields:
     The formula of the magnetic field treats the magnet's edges as sharp, so `magnet_edge_radius` is not among them.
     """
     places = ("f", "l0", "c", "hall_plate") if design.hall_layout == "three" else ("l0", "chip_x")
-    magnet = ("magnet_diameter", "magnet_height", "remanence")
+    magnet = ("magnet_diameter", "magnet_height", "remanence", "magnet_north")
     return _fields(design, (*LENGTHS, *magnet, "hall_layout", *places))
 
 
@@ -76,13 +79,23 @@ def _fields(owner: Design | Shape, names: Iterable[str]) -> Fields:
 def digest(fields: Mapping[str, Any]) -> str:
     """Return a short hash of the fields; the order of the keys does not change it, nor does 8 in place of 8.0."""
     # from 2**53 on, not every whole number is a float: such a number is hashed as it stands
-    plain = {key: float(v) if isinstance(v, int) and abs(v) < 2**53 else v for key, v in fields.items()}
+    values = without_later_defaults(fields)
+    plain = {key: float(v) if isinstance(v, int) and abs(v) < 2**53 else v for key, v in values.items()}
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
 def label(fields: Fields) -> dict[str, Any]:
     """Return the label of a file: the fields and their digest."""
-    return {"digest": digest(fields), "made_for": fields}
+    return {"digest": digest(fields), "made_for": without_later_defaults(fields)}
+
+
+def without_later_defaults(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields without those of `LATER` that have their default.
+
+    >>> without_later_defaults({"D_mm": 8.0, "magnet_north": "down"})
+    {'D_mm': 8.0}
+    """
+    return {key: value for key, value in fields.items() if key not in LATER or value != LATER[key]}
 
 
 def as_numbers(fields: Fields) -> dict[str, float | int]:
@@ -128,6 +141,7 @@ def check(header: Mapping[str, Any], needed: Fields, what: str) -> bool:
             f"{what}: the digest {header.get('digest')!r} does not match the fields in made_for, which were edited "
             f"afterwards: make the file again"
         )
+    made = {**LATER, **made}
     differing = [key for key, value in needed.items() if made.get(key) != value]
     if differing:
         # name the fields that both sensors have, such as the law: a parameter that only one law has differs anyway

@@ -29,6 +29,7 @@ def random_design():
         magnet_diameter=diameter,
         magnet_height=height,
         remanence=RNG.uniform(0.5, 1.5),
+        magnet_north=str(RNG.choice(["down", "up"])),
         hall_gain=RNG.uniform(10, 90),
         hall_low=RNG.uniform(0, 1),
         hall_high=RNG.uniform(3, 5),

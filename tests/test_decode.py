@@ -48,7 +48,9 @@ def coder():
 @pytest.mark.parametrize("tau", [forward_model.NO_TILT, TILT])
 @pytest.mark.parametrize("mode", ["component", "magnitude"])
 @pytest.mark.parametrize(
-    "design", [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1")], ids=["three", "plates", "chip"]
+    "design",
+    [paper(), Design(hall_plate=0.5), Design(hall_layout="tmag5273a1"), Design(magnet_north="up")],
+    ids=["three", "plates", "chip", "north up"],
 )
 def test_forward_model_reads_as_the_elements_do(tau, mode, design):
     model = forward_model.model(design, tau, mode=mode)
@@ -80,6 +82,15 @@ def test_round_trip(coder, ignore_tilt):
     assert np.abs(found.shift[seen] - shift.T[seen]).max() < 1e-7
     assert np.isnan(found.shift[~seen]).all()
     assert_allclose(found.tilt[:, 1][seen], 0 if ignore_tilt else 0.1 * shift[0][seen], atol=1e-7)
+
+
+def test_a_reversed_magnet_decodes_to_the_same_poses(coder):
+    other = decode.decoder(Design(magnet_north="up"), coder.mechanics)
+    _, field = poses(coder, 200)
+    decoded, expected = decode.decode(other, -field.T), decode.decode(coder, field.T)
+    assert decoded.status == expected.status
+    for name in ("shift", "tilt", "force", "condition"):
+        assert_allclose(getattr(decoded, name), getattr(expected, name), rtol=1e-9, atol=1e-9)
 
 
 def test_condition_is_that_of_singular_values():

@@ -16,7 +16,7 @@ OTHER = Design(D=10.0, L=12.0, E=0.5, l0=9.2)
         ({"law": "yeoh"}, True),
         ({"magnet_edge_radius": 0.2}, True),
         ({"f": 6.0, "l0": 8.0, "hall_gain": 20.0, "remanence": 1.0, "density": 1000.0}, False),
-        ({"yeoh_2": 0.5}, False),
+        ({"yeoh_2": 0.5, "magnet_north": "up"}, False),
     ],
 )
 def test_states_depend_on_the_mechanical_fields(change, differs):
@@ -28,6 +28,7 @@ def test_states_depend_on_the_mechanical_fields(change, differs):
     ("change", "differs"),
     [
         ({"remanence": 1.0}, True),
+        ({"magnet_north": "up"}, True),
         ({"f": 6.0}, True),
         ({"hall_plate": 0.5}, True),
         ({"hall_layout": "tmag5273a1"}, True),
@@ -41,6 +42,13 @@ def test_readings_depend_on_magnet_and_elements(change, differs):
 def test_the_size_of_an_ignored_magnet_is_not_in_the_label():
     one, other = (design_digest.of_mechanics(Design(magnet_height=h), "ignored") for h in (2.0, 3.0))
     assert one == other != design_digest.of_mechanics(paper())
+
+
+def test_digests_of_kept_files_stay():
+    """Digests in states files and tables that exist: a new field of `Design` must not change them at its default."""
+    mechanics, readings = design_digest.of_mechanics(paper()), design_digest.of_readings(paper())
+    assert [design_digest.digest(fields) for fields in (mechanics, readings)] == ["dc6c50a4a84d", "579249936f98"]
+    assert "magnet_north" not in design_digest.label(readings)["made_for"]
 
 
 def test_equal_values_have_one_digest():

@@ -53,9 +53,9 @@ def test_readings_of_a_chip_and_of_noise(run, strict):
     assert noisy[0] == noisy[1] != noisy[2]
 
 
-@pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
-def test_magpylib_agrees_on_readings(layout):
-    design, shift, tilt = Design(hall_layout=layout), (0.6, -0.3, -1.1), (0.08, 0.15)
+@pytest.mark.parametrize(("layout", "north"), [("three", "down"), ("tmag5273a1", "down"), ("three", "up")])
+def test_magpylib_agrees_on_readings(layout, north):
+    design, shift, tilt = Design(hall_layout=layout, magnet_north=north), (0.6, -0.3, -1.1), (0.08, 0.15)
     exported = field_readings.to_magpylib(design, shift, tilt)
     (magnet,) = exported.sources
     seen = [sensor.getB(magnet)[2] for sensor in exported.sensors]

@@ -47,6 +47,21 @@ def test_field_at_rest_is_the_magnets_own_with_its_north_down():
     assert_allclose(field_at(p, paper()), expected, rtol=1e-12, atol=1e-16)
 
 
+@pytest.mark.parametrize("field", FIELDS)
+def test_a_reversed_magnet_mirrors_the_outputs_at_the_null_voltage(field):
+    down, up = (
+        readings(Design(magnet_north=north, hall_null=2.3), shift=(0.4, -0.2, -1), tilt=(0.05, 0.1), field=field)
+        for north in ("down", "up")
+    )
+    assert [-b for b in up.B_T] == list(down.B_T)
+    assert_allclose(up.V, 2 * 2.3 - np.array(down.V), rtol=1e-15)
+
+
+def test_a_reversed_magnet_has_the_same_magnitude():
+    one, other = (readings(Design(magnet_north=north), mode="magnitude").B_T for north in ("down", "up"))
+    assert one == other
+
+
 def test_signs():
     rest = readings(paper()).B_T
     assert min(rest) > 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import hall, lookup
 from analytic.inverse import forward_model
@@ -96,6 +96,10 @@ def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
     table, about = lookup_table.read(tmp_path / "t.npy", replace(paper(), E=2.0, hall_noise=0.1))
     assert table.shape == tuple(about["shape"])
     assert capsys.readouterr().err == ""
+    # tables of versions without this field are those of a magnet whose north pole points down
+    assert "magnet_north" not in about["made_for"] | about["design"]
+    with pytest.raises(BadInput, match="with magnet_north down where this design has magnet_north up"):
+        lookup_table.read(tmp_path / "t.npy", replace(paper(), magnet_north="up"))
     with pytest.raises(
         BadInput, match=r"with remanence 1\.2 T, f 5 mm where this design has remanence 1\.1 T, f 6 mm"
     ):
@@ -107,6 +111,16 @@ def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
     (tmp_path / "t.json").write_text("{}")
     with pytest.raises(BadInput, match="is not a table"):
         lookup_table.read(tmp_path / "t.npy", paper())
+
+
+@pytest.mark.parametrize("plane", [(), ("--plane",)])
+def test_the_table_of_a_reversed_magnet_has_the_opposite_sign(run, tmp_path, plane):
+    for name, sets in (("down", ()), ("up", ("--set", "magnet_north=up"))):
+        assert run("table", "paper", "--step", 1, "--out", f"{name}.npy", *plane, *sets)[0] == 0
+    assert_array_equal(np.load(tmp_path / "up.npy"), -np.load(tmp_path / "down.npy"))
+    lookup_table.read(tmp_path / "up.npy", replace(paper(), magnet_north="up"))
+    with pytest.raises(BadInput, match="with magnet_north up where this design has magnet_north down"):
+        lookup_table.read(tmp_path / "up.npy", paper())
 
 
 def test_a_tilted_table_depends_on_the_mechanics(run, tmp_path):

@@ -24,6 +24,7 @@ from studies.exploration.study_cases import varied
 from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.output import console
+from studies.simulation.design_summary import OuterSize
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
 SHEETS = {"sensor.svg", "base.svg", "mold.svg", "assembly.step", "mold.step", "assembly.png", "README.md"}
@@ -76,6 +77,18 @@ def test_no_cure_is_hotter_than_mould_and_magnet_stand(process):
     recipe = casting_recipe.recipe_of(bare, sensor_solids.FabricationChoices(Mold(process=process)))
     assert recipe.magnet_limit_C is None
     assert all(cure.second_cure_C is None for cure in recipe.cures)
+
+
+def test_the_recipe_says_where_the_north_pole_points():
+    """The mould holds the sensor upside down: up in the mould is towards the base."""
+    for north, words in (
+        ("down", "its north pole up, out of the mould"),
+        ("up", "its north pole down, into the mould"),
+    ):
+        design = dataclasses.replace(paper(), magnet_north=north)
+        choices, size = sensor_solids.FabricationChoices(Mold()), OuterSize((8, 8, 9), None, None)
+        row, recipe = FabricationRow("ok", "", Path("out")), casting_recipe.recipe_of(design, choices)
+        assert words in casting_recipe.text(design, choices, row, recipe, size, None, "", "magtip cad")
 
 
 def test_the_recipe_says_what_magnet_and_mould_need(made):

@@ -26,8 +26,9 @@ def coder_of(design, tau):
         (Design(l0=6.0, c=2.5), TAU),
         (Design(hall_layout="tmag5273a1"), TAU),
         (Design(hall_plate=0.5), TAU),
+        (Design(magnet_north="up"), TAU),
     ],
-    ids=["paper", "no tilt", "folded", "chip", "plates"],
+    ids=["paper", "no tilt", "folded", "chip", "plates", "north up"],
 )
 def test_stream_is_the_decoder(design, tau):
     coder = coder_of(design, tau)

@@ -22,13 +22,15 @@ PLAN = Plan(
     ("force",),
 )
 
+NORTH = (Factor(("magnet_north",), (("down", "up"),)),)
+
 
 def seen(cases, indices):
     """The values, sensors and problems of cases."""
     batch = cases.batch(np.array(indices))
     return [
         (
-            {name: float(values[k]) for name, values in batch.axes.items()},
+            {name: values[k] if name == "magnet_north" else float(values[k]) for name, values in batch.axes.items()},
             float(batch.E[k]),
             batch.sensors[batch.sensor[k]],
             batch.problems[batch.problem[k]],
@@ -65,6 +67,9 @@ def test_f_and_E_make_no_further_problems():
     assert Cases(PLAN).distinct_problems().tolist() == [0, 1, 2, 3, 4, 5]
     only_E = Plan(**{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": grid({"E": [1.0, 2.0]})})
     assert Cases(only_E).distinct_problems().tolist() == [0]
+    turned = Plan(**{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": NORTH})
+    assert Cases(turned).distinct_problems().tolist() == [0]
+    assert [row[2].magnet_north for row in seen(Cases(turned), range(2))] == ["down", "up"]
     pushed = Plan(**{name: getattr(only_E, name) for name in PLAN.__slots__} | {"load": {"imperfection": 0.01}})
     # a dead force is not proportional to E
     assert Cases(pushed).distinct_problems().tolist() == [0, 1]

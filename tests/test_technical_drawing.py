@@ -125,6 +125,8 @@ def test_the_main_dimensions_are_on_the_sheets():
     text = sheets(Design(), Mold())
     for label in ("Ø8", "L = 9", "magnet Ø4", "l0 = 7.2", "f = 5", "c = 2", "S2", "S3"):
         assert f">{label}<" in text["Sensor"]
+    assert "north pole down" in text["Sensor"]
+    assert "north pole up" in sheets(Design(magnet_north="up"), Mold())["Sensor"]
     for label in ("3.27", "4 holes Ø2.2 for screws", "4.26"):
         assert f">{label}<" in text["Base"]
     for label in ("Ø8", "pin Ø4", "vent Ø1", "6", "A", "B"):

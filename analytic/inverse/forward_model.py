@@ -6,8 +6,9 @@ tau(rho^2, s_z) in rad/mm. Hence
 
     m = (sin(t) e, cos(t)),    B = -B_magnet(x; m),    x = p - (0, 0, H) - s,
 
-with m the magnet's axis (its polarisation is -J m, north down) and p a point of an element. With G = grad B, which
-is symmetric, and g = G n, the slope of a reading B.n along s_j is -g_j + (dm/ds_j).[(B x n - x x g) x m].
+with m the magnet's axis (its polarisation is -J m, with J < 0 if the north pole points up) and p a point of an
+element. With G = grad B, which is symmetric, and g = G n, the slope of a reading B.n along s_j is
+-g_j + (dm/ds_j).[(B x n - x x g) x m].
 
 Arrays have the poses in their last axis. Lengths in mm, B in T, angles in rad.
 """
@@ -158,7 +159,7 @@ def _positions(forward: Forward, shift: Array) -> tuple[Array, Array | None, Arr
 
 def _magnet(design: Design) -> tuple[float, float, float]:
     """Return the magnet's radius and height, mm, and its polarisation along m, T."""
-    return design.magnet_diameter / 2, design.magnet_height, -design.remanence
+    return design.magnet_diameter / 2, design.magnet_height, -design.polarisation
 
 
 def _normal(forward: Forward, B: Array) -> Array:

@@ -32,7 +32,9 @@ from studies.inputs.study_input import QuantityName
 from studies.inputs.user_input import Value
 
 READING_FIELDS = frozenset(
-    name for name in DESIGN if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence")
+    name
+    for name in DESIGN
+    if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence", "magnet_north")
 )
 """Fields of a design on which the mechanics do not depend."""
 MOST_KEPT = 20_000

@@ -207,10 +207,15 @@ def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> lis
             "primer for platinum (addition-cure) silicone, and let it dry: silicone does not bond to nickel plating "
             "by itself, and the finite elements take magnet and silicone as bonded all round."
         )
+        # the mould holds the sensor upside down
+        down = design.magnet_north == "down"
+        north = (
+            "up, out of the mould: it points to the base" if down else "down, into the mould: it points to the tip"
+        )
         steps.append(
             f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
-            "pocket with a drop of the same silicone, its north pole up, out of the mould: it points to the base "
-            "later. Glues of tin-cured silicone or amine-cured epoxy keep platinum silicone from curing."
+            f"pocket with a drop of the same silicone, its north pole {north} later. Glues of tin-cured silicone or "
+            "amine-cured epoxy keep platinum silicone from curing."
         )
         steps.append(
             "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "

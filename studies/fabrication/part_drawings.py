@@ -85,7 +85,7 @@ def _sensor_sheet(
         f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)} mm, J = {design.remanence:g} T"
     )
     notes = [
-        f"{magnet}, north pole down" if "magnet" in parts else "no magnet",
+        f"{magnet}, north pole {design.magnet_north}" if "magnet" in parts else "no magnet",
         f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
         f"Hall elements: {', '.join(where)}; l0, c and f go to their plates, which lie inside the bodies",
         "section: base hatched, silicone yellow, magnet grey, Hall elements dark",

@@ -201,7 +201,7 @@ def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[flo
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0): give it a magnet")
     magnet = magpylib.magnet.Cylinder(
-        polarization=(0.0, 0.0, -design.remanence),
+        polarization=(0.0, 0.0, -design.polarisation),
         dimension=(1e-3 * design.magnet_diameter, 1e-3 * design.magnet_height),
         position=[1e-3 * v for v in (shift[0], shift[1], design.H + shift[2])],
         orientation=Rotation.from_rotvec([*tilt, 0.0]),

@@ -213,7 +213,7 @@ def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
     """Return the description of a table for FILE.json, without its axes."""
     return {
-        "design": dataclasses.asdict(model.design),
+        "design": design_digest.without_later_defaults(dataclasses.asdict(model.design)),
         **design_digest.label(_made_for(model.design, tilted=bool(model.tau.any()))),
         "mode": model.mode,
         "tau": model.tau.tolist(),
