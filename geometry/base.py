@@ -1,15 +1,11 @@
-"""The rigid base: a plate with its top in the plane z = 0, seats for the Hall elements, and holes for screws.
+"""The rigid base: a square or round plate with seats for the Hall elements, holes for screws, and a recess.
 
-S1 lies in a pocket under the beam. The pocket is open below, and a channel towards -x holds the leads.
+The base plane z = 0 is the glued underside of the beam. Without a recess it is the top of the plate. With one, the
+plate is as much thicker as the recess is deep, and the floor of the recess is the base plane: the distances l0 and c
+from the magnet to the elements do not depend on the recess.
 
-S2 and S3 beside the beam stand in slots that are open at the top, with their marked faces towards the beam. A ledge
-in each slot sets the height of the element, and the leads pass down through the plate. An element that rises above
-the top of the base gets a post, open towards the beam and as high as the element's Hall plate. Under the beam, S2 and
-S3 lie in pockets that are open below, as S1 does.
-
-A 3-axis chip is soldered to a board that is glued to the underside of the base; a pocket holds its body.
-
-The base is printed with its underside down. All lengths are in mm, in the sensor's frame.
+`geometry.fabrication.element_seats` places the elements. The base is printed with its underside down. All lengths are
+in mm, in the sensor's frame.
 """
 
 from __future__ import annotations
@@ -20,16 +16,18 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from geometry.cad import beam, cut, overlap
-from geometry.design import BadInput, Design
+from geometry.cad import beam, cut, overlap, turned
+from geometry.design import BadInput, Design, nearest
+from geometry.fabrication import element_seats
+from geometry.fabrication.element_seats import WEB, Block, Seats
 from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, Range, at_least, at_most
 
 if TYPE_CHECKING:
     from build123d import Solid
 
-WEB = 0.6
-"""Least thickness of base between an element and the beam, and of the ledge under an element, mm."""
+SHAPES = ("square", "round")
+"""Outlines of the base."""
 
 DEFAULT_THICKNESS = 3.0
 """Thickness of the plate, mm, unless the elements need a thicker one."""
@@ -43,10 +41,19 @@ PRESS = 3 / 8
 EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
 
+SCREW = 2.2
+"""Diameter of the holes of a square base, mm: M2 screws."""
+
+RECESS = 0.4
+"""Depth of the recess of a round base, mm: two common layers of filament printing, enough to feel the rim."""
+
 RANGES = {
+    "outer": Range(0.1, 4000.0),
     "thickness": Range(1.0, 1200.0),
     "seat_fit": Range(0.0, 1.0),
     "seat_wall": Range(0.4, 10.0),
+    "recess": Range(0.0, 10.0),
+    "recess_gap": Range(0.0, 1.0),
     "screw": Range(0.0, 10.0),
 }
 
@@ -57,49 +64,43 @@ class Base:
 
     Attributes
     ----------
-    thickness : thickness of the plate; default: as much as the elements need, and at least 3 mm.
+    shape : outline of the plate, square or round.
+    outer : side of a square plate or diameter of a round one; default: the least that holds everything.
+    thickness : thickness of the plate below the base plane; default: as much as the elements need, at least 3 mm.
     seat_fit : gap around an element in its seat; default: half the fit of the process.
-    seat_wall : thickness of the posts' walls, and least distance between a seat and the edge of the base.
-    screw : diameter of the four holes in the corners (2.2 for M2 screws); 0 for none.
+    seat_wall : thickness of the posts' walls, and least distance of the edge of the base from a seat. The edge of a
+        round base is as far from the recess too.
+    recess : depth of the pocket that centres the beam, 0 for none; default: 0.4 on a round base, 0 on a square one.
+    recess_gap : radial gap between beam and pocket; default: the fit of the process.
+    screw : diameter of the four holes on the diagonals (2.2 for M2 screws), 0 for none; default: 2.2 on a square
+        base, 0 on a round one.
 
     Raises
     ------
     BadInput
-        A value lies outside its range.
+        A value lies outside its range, or the shape is unknown.
     """
 
+    shape: str = "square"
+    outer: float | None = None
     thickness: float | None = None
     seat_fit: float | None = None
     seat_wall: float = 1.2
-    screw: float = 2.2
+    recess: float | None = None
+    recess_gap: float | None = None
+    screw: float | None = None
 
     def __post_init__(self) -> None:
-        for spec in dataclasses.fields(self):
-            value: object = getattr(self, spec.name)
-            if value is not None or spec.default is not None:
-                RANGES[spec.name].check(spec.name, value)
+        if self.shape not in SHAPES:
+            raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
+        for name, bounds in RANGES.items():
+            value: object = getattr(self, name)
+            if value is not None or name == "seat_wall":
+                bounds.check(name, value)
 
-
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A box with sides along x, y and z: its corner of least x, y and z, and the lengths of its sides, mm."""
-
-    corner: Vector
-    sides: Vector
-
-    def solid(self) -> Solid:
-        import build123d as bd
-
-        return bd.Solid.make_box(*self.sides, bd.Plane(self.corner))
-
-    def meets(self, other: Block, gap: float) -> bool:
-        """Return True if two boxes are closer than `gap` along all three axes."""
-        return all(
-            start < other_start + other_side + gap and other_start < start + side + gap
-            for start, side, other_start, other_side in zip(
-                self.corner, self.sides, other.corner, other.sides, strict=True
-            )
-        )
+    @property
+    def is_round(self) -> bool:
+        return self.shape == "round"
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,22 +109,29 @@ class Plan:
 
     Attributes
     ----------
-    half : half the side of the square plate.
-    thickness : thickness of the plate.
+    is_round : whether the plate is round; else it is square.
+    half : half the diameter of the plate, or half its side.
+    thickness : thickness of the plate below the base plane z = 0.
+    recess, recess_radius : depth and radius of the pocket for the beam; the plate's top is at z = recess.
     screw : diameter of the screw holes (0: none).
     screw_at : |x| and |y| of the centres of the screw holes.
     seats : hollows for the bodies of the elements, by element.
     passages : hollows for their leads.
     posts : parts of the base above z = 0.
+    openings : hollows that remove walls too thin to print: those between two seats, or between a seat and the recess.
     """
 
+    is_round: bool
     half: float
     thickness: float
+    recess: float
+    recess_radius: float
     screw: float
     screw_at: float
     seats: dict[str, Block]
     passages: dict[str, Block]
     posts: dict[str, Block]
+    openings: tuple[Block, ...]
 
 
 def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
@@ -132,13 +140,13 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     Raises
     ------
     BadInput
-        An element would lie in the beam or too close to it, or two seats would meet.
+        An element would lie in the beam or too close to it, two seats would meet, or `outer` is too small.
     """
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        thickness = _thickness(base, _least_thickness(where))
-        seats, passages, posts = _three(design, where, fit, base.seat_wall, thickness)
+        thickness = _thickness(base, element_seats.least_thickness(where))
+        seats = element_seats.three_elements(design, where, fit, base.seat_wall, thickness)
     else:
         # the chip stands on the board under the base, so the height of its Hall plates fixes the thickness
         thickness = CHIPS[design.hall_layout].plate - where[design.hall_layout][2]
@@ -147,21 +155,100 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
                 f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "
                 "leave thickness out"
             )
-        seats, passages, posts = {design.hall_layout: _chip(design, where, fit, thickness)}, {}, {}
-    blocks = [*seats.values(), *posts.values()]
-    reach = max(max(abs(b.corner[k]), b.corner[k] + b.sides[k]) for b in blocks for k in (0, 1))
-    hole = base.screw / 2
-    # the holes lie on the diagonals, EDGE away from the beam, and reach as far out as the seats and their walls
-    at = max((design.R + hole + EDGE) / math.sqrt(2), reach + base.seat_wall - hole if hole else 0.0)
-    half = max(at + hole + EDGE if hole else 0.0, design.R + EDGE, reach + base.seat_wall)
-    if "S1" in passages:
+        seats = Seats({design.hall_layout: element_seats.chip_seat(design, where, fit, thickness)}, {}, {})
+    recess = (RECESS if base.is_round else 0.0) if base.recess is None else base.recess
+    recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
+    screw = (0.0 if base.is_round else SCREW) if base.screw is None else base.screw
+    half, screw_at = _outline(design, base, seats, recess_radius if recess else design.R, screw)
+    if "S1" in seats.passages:
         # only now is the edge known to which the channel for the leads of S1 runs
-        passages["S1"] = dataclasses.replace(
-            passages["S1"],
-            corner=(-half, *passages["S1"].corner[1:]),
-            sides=(half + seats["S1"].corner[0], *passages["S1"].sides[1:]),
+        channel = seats.passages["S1"]
+        seats.passages["S1"] = dataclasses.replace(
+            channel,
+            corner=(-half, *channel.corner[1:]),
+            sides=(half + seats.bodies["S1"].corner[0], *channel.sides[1:]),
         )
-    return Plan(half, thickness, base.screw, at, seats, passages, posts)
+    return Plan(
+        is_round=base.is_round,
+        half=half,
+        thickness=thickness,
+        recess=recess,
+        recess_radius=recess_radius,
+        screw=screw,
+        screw_at=screw_at,
+        seats=seats.bodies,
+        passages=seats.passages,
+        posts=seats.posts,
+        openings=_openings(seats, recess, recess_radius),
+    )
+
+
+def _outline(design: Design, base: Base, seats: Seats, foot: float, screw: float) -> tuple[float, float]:
+    """Return half the side or half the diameter of the plate, and |x| and |y| of the screw holes, mm.
+
+    foot : radius of the recess, or of the beam without one, mm.
+    """
+    hole, wall = screw / 2, base.seat_wall
+    # the farthest point of each seat along x and along y, on either side
+    reaches = [
+        (max(-b.corner[0], b.corner[0] + b.sides[0]), max(-b.corner[1], b.corner[1] + b.sides[1]))
+        for b in (*seats.bodies.values(), *seats.posts.values())
+    ]
+    at_beam = (foot + hole + EDGE) / math.sqrt(2)
+    if base.is_round:
+        # a hole on the diagonal lies beside the seats; its wall to a seat is at least as thick as that of a post
+        at = max(at_beam, *(min(reach) + wall + hole for reach in reaches)) if hole else 0.0
+        reach = max(math.hypot(*reach) for reach in reaches)
+        least = max(math.sqrt(2) * at + hole + EDGE if hole else 0.0, foot + wall, reach + wall)
+    else:
+        reach = max(max(reach) for reach in reaches)
+        # the holes lie on the diagonals, EDGE away from the beam, and reach as far out as the seats and their walls
+        at = max(at_beam, reach + wall - hole if hole else 0.0)
+        least = max(at + hole + EDGE if hole else 0.0, foot + EDGE, reach + wall)
+    if base.outer is None:
+        return least, at
+    if not base.outer >= 2 * least - 1e-9:
+        raise BadInput(
+            f"outer must be at least {math.ceil(2e3 * least) / 1e3:g} mm for a {base.shape} base of this design; got "
+            f"{base.outer:g} mm: set a larger outer, or a smaller seat_wall or screw, or move the elements inwards"
+        )
+    far = base.outer / 2 - hole - EDGE
+    return base.outer / 2, (far / math.sqrt(2) if base.is_round else far) if hole else at
+
+
+def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block, ...]:
+    """Return the hollows that remove walls too thin to print."""
+    seat = seats.bodies.get("S2")
+    if seat is None:
+        return ()
+    opening = element_seats.opening(seat)
+    openings = [] if opening is None else [opening]
+    x, y, _ = seat.corner
+    if recess and x + seat.sides[0] > 0 and recess_radius > x - WEB and seat.corner[2] + seat.sides[2] > 0:
+        # in front of S2 and S3 the recess opens into their slots
+        gate = Block((0.0, y, 0.0), (x + seat.sides[0] / 2, seat.sides[1], recess))
+        openings += [gate, element_seats.swapped(gate)]
+    return tuple(openings)
+
+
+def least_outer_size(design: Design, shape: str = "round", process: str = "fdm") -> float:
+    """Return the least side of a square base or the least diameter of a round one, mm, with default choices.
+
+    A square base has holes for screws; a round one has a recess for the beam. No solid is built: a call takes some
+    tens of microseconds.
+
+    Raises
+    ------
+    BadInput
+        The elements do not fit this design, or the shape is unknown.
+
+    >>> round(least_outer_size(Design(), "square"), 2)
+    17.74
+    """
+    return 2 * plan(design, _DEFAULTS.get(shape) or Base(shape=shape), process).half
+
+
+_DEFAULTS = {shape: Base(shape=shape) for shape in SHAPES}
 
 
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
@@ -171,7 +258,8 @@ def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
     `geometry.fabrication.hall_bodies.LEAD` long; a maker cuts them to the length needed.
     """
     top, low = heights(design)
-    return (2 * plan.half, 2 * plan.half, max(design.L, top) + plan.thickness), max(0.0, -plan.thickness - low)
+    high = max(design.L, top, plan.recess)
+    return (2 * plan.half, 2 * plan.half, high + plan.thickness), max(0.0, -plan.thickness - low)
 
 
 def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
@@ -185,13 +273,19 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     import build123d as bd
 
     p = plan(design, choices, process)
-    plate = Block((-p.half, -p.half, -p.thickness), (2 * p.half, 2 * p.half, p.thickness)).solid()
+    height = p.thickness + p.recess
+    if p.is_round:
+        plate = turned([(0, -p.thickness, 0), (p.half, -p.thickness, 0), (p.half, p.recess, 0), (0, p.recess, 0)])
+    else:
+        plate = Block((-p.half, -p.half, -p.thickness), (2 * p.half, 2 * p.half, height)).solid()
     if p.posts:
         plate = plate.fuse(*(post.solid() for post in p.posts.values())).solids()[0]
-    tools = [block.solid() for block in (*p.seats.values(), *p.passages.values())]
+    tools = [block.solid() for block in (*p.seats.values(), *p.passages.values(), *p.openings)]
+    if p.recess > 0:
+        tools.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
     if p.screw > 0:
         corners = [(x, y, -p.thickness) for x in (-p.screw_at, p.screw_at) for y in (-p.screw_at, p.screw_at)]
-        tools += [bd.Solid.make_cylinder(p.screw / 2, p.thickness, bd.Plane(corner)) for corner in corners]
+        tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane(corner)) for corner in corners]
     return cut(plate, *tools)
 
 
@@ -201,82 +295,6 @@ def _thickness(base: Base, least: float) -> float:
     if not thickness >= least - 1e-9:
         raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
     return thickness
-
-
-def _least_thickness(where: dict[str, Vector]) -> float:
-    """Return the least thickness of the plate that holds three one-axis elements, mm."""
-    p = SS495A
-    return max(p.thickness - p.depth - where["S1"][2], p.height / 2 - where["S2"][2] + WEB)
-
-
-def _three(
-    design: Design, where: dict[str, Vector], fit: float, wall: float, thickness: float
-) -> tuple[dict[str, Block], dict[str, Block], dict[str, Block]]:
-    """Return seats, passages and posts of three one-axis elements, by element."""
-    p, (_, _, z1), (_, _, z23) = SS495A, where["S1"], where["S2"]
-    roof = z1 + p.depth + fit
-    if not roof <= -WEB:
-        raise BadInput(
-            f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base between S1 and the "
-            f"beam; got {design.l0:g} mm"
-        )
-    half = p.width / 2 + fit
-    # S1 lies flat with its marked face up, so its height runs along x and its leads point to -x
-    seats = {"S1": Block((-p.height / 2 - fit, -half, -thickness), (p.height + 2 * fit, 2 * half, roof + thickness))}
-    lead_roof = z1 + p.depth - (p.thickness - p.lead) / 2 + fit
-    aside = p.leads / 2 + fit
-    passages = {"S1": Block((0.0, -aside, -thickness), (0.0, 2 * aside, lead_roof + thickness))}
-    # S2 stands upright, its marked face `depth` in front of its Hall plate, which is at x = f
-    near, far = design.f - p.depth - fit, design.f - p.depth + p.thickness + fit
-    low, high = z23 - p.height / 2, z23 + p.height / 2 + fit
-    posts: dict[str, Block] = {}
-    if near >= design.R:
-        top = max(z23, 0.0)
-        if z23 > 0:
-            posts["S2"] = Block((near + fit, -half - wall, 0.0), (far + wall - near - fit, 2 * (half + wall), z23))
-        seats["S2"] = Block((near, -half, low), (far - near, 2 * half, top + p.height - low))
-    elif high <= -WEB:
-        seats["S2"] = Block((near, -half, -thickness), (far - near, 2 * half, high + thickness))
-    else:
-        raise BadInput(
-            f"f must be at least {design.R + p.depth + fit:.4g} mm to place the seats of S2 and S3 beside the beam; "
-            f"got {design.f:g} mm: raise f, or lower c to place the seats under the beam"
-        )
-    middle = design.f - p.depth + p.thickness / 2
-    thin = p.lead / 2 + fit
-    passages["S2"] = Block(
-        (middle - thin, -aside, -thickness), (2 * thin, 2 * aside, max(low, -thickness) + thickness)
-    )
-    # S3 mirrors S2 about the plane x = y, so the pair S1, S3 need not be compared
-    for group in (seats, passages, posts):
-        if "S2" in group:
-            group["S3"] = _swapped(group["S2"])
-    hollows = {name: [block for group in (seats, passages) if (block := group[name]).sides[2] > 0] for name in seats}
-    for one, other in (("S1", "S2"), ("S2", "S3")):
-        if any(a.meets(b, WEB) for a in hollows[one] for b in hollows[other] if a.sides[0] > 0):
-            raise BadInput(
-                f"f = {design.f:g} mm leaves less than {WEB:g} mm between the seats of {one} and {other}: raise f"
-            )
-    return seats, passages, posts
-
-
-def _swapped(block: Block) -> Block:
-    """Return the block with x and y exchanged."""
-    (x, y, z), (length, width, height) = block.corner, block.sides
-    return Block((y, x, z), (width, length, height))
-
-
-def _chip(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Block:
-    """Return the pocket of a 3-axis chip, open below."""
-    chip, (middle, _, z) = CHIPS[design.hall_layout], where[design.hall_layout]
-    roof = z - chip.plate + chip.height + fit
-    if not roof <= -WEB:
-        raise BadInput(
-            f"l0 must be at least {design.l0 + roof + WEB:.4g} mm to leave {WEB:g} mm of base over the chip; "
-            f"got {design.l0:g} mm"
-        )
-    x, y = chip.length / 2 + fit, chip.width / 2 + fit
-    return Block((middle - x, -y, -thickness), (2 * x, 2 * y, roof + thickness))
 
 
 def warnings(design: Design) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 
 from analytic.parts import of_design
 from geometry import cad
-from geometry.base import Base, base, checks, outer_size, plan, warnings
+from geometry.base import Base, base, checks, least_outer_size, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.hall_bodies import SS495A, bodies, places
@@ -24,12 +24,24 @@ DESIGNS = [
     Design(hall_layout="tmag5273a1", chip_x=-11.0),
     Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3),
     Design(D=50, L=25.05, f=40, **BARE),
+    # slots of S2 and S3 that open into each other, beside the beam and under it
+    Design(D=4, L=5, f=2.8, c=1.5, l0=4.5, magnet_diameter=2, magnet_height=1),
+    Design(D=4, L=5, f=3.2, c=4, l0=4.5, magnet_diameter=2, magnet_height=2),
+    Design(f=3.0, c=-6.0, l0=12.0),
+    Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1),
 ]
+SQUARE, ROUND = Base(), Base(shape="round")
+ROUND_RECESS = 0.4
 
 
-@pytest.mark.parametrize("design", DESIGNS, ids=lambda d: f"{d.hall_layout} D{d.D:g} f{d.f:g} c{d.c:g}")
-def test_elements_sit_in_their_seats_and_the_base_prints(design):
-    solid, parts = base(design, Base()), bodies(design)
+def name_of(value):
+    return value.shape if isinstance(value, Base) else f"{value.hall_layout} D{value.D:g} f{value.f:g} c{value.c:g}"
+
+
+@pytest.mark.parametrize("choices", [SQUARE, ROUND], ids=name_of)
+@pytest.mark.parametrize("design", DESIGNS, ids=name_of)
+def test_elements_sit_in_their_seats_and_the_base_prints(design, choices):
+    solid, parts = base(design, choices), bodies(design)
     assert solid.is_valid
     assert [check.name for check in checks(design, solid, parts) if not check.passed] == []
     assert [
@@ -117,9 +129,14 @@ def test_screw_holes_go_through_and_can_be_left_out():
         ({"l0": 5.5}, {}, "l0 must be at least 6.2 mm to leave 0.6 mm of base between S1 and the beam; got 5.5 mm"),
         ({"D": 10, "L": 10}, {}, "f must be at least 5.6 mm to place the seats of S2 and S3 beside the beam"),
         (
-            {"f": 3.0, "c": -6, "l0": 12.0},
+            {"f": 2.7, "c": -6, "l0": 12.0},
             {},
-            "f = 3 mm leaves less than 0.6 mm between the seats of S2 and S3: raise f",
+            "f must be at least 2.8 mm to leave 0.6 mm between the seats of S1 and S2; got 2.7 mm",
+        ),
+        (
+            {"D": 4, "L": 5, "f": 2.7, "c": 6, "l0": 6, "magnet_diameter": 2},
+            {},
+            "f must be at least 2.73 mm, or S2 and S3 meet; got 2.7 mm",
         ),
         ({"hall_layout": "tmag5273a1", "l0": 5.5}, {}, "l0 must be at least 6.55 mm"),
         (
@@ -159,3 +176,63 @@ def test_a_plate_that_touches_the_elements_causes_a_warning():
         "a wide flat plate touches S2 and S3 at a depth of 1.7 mm: lower c or use a smaller plate"
     ]
     assert warnings(Design(c=8.0, hall_layout="tmag5273a1")) == []
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+@pytest.mark.parametrize("shape", ["square", "round"])
+@pytest.mark.parametrize("design", DESIGNS, ids=name_of)
+def test_the_least_outer_size_is_that_of_the_default_base(design, shape, process):
+    least = least_outer_size(design, shape, process)
+    choices = Base(shape=shape)
+    assert least == 2 * plan(design, choices, process).half
+    assert plan(design, Base(shape=shape, outer=least), process).half == pytest.approx(least / 2, rel=1e-12)
+    with pytest.raises(BadInput, match=rf"outer must be at least [\d.]+ mm for a {shape} base"):
+        plan(design, Base(shape=shape, outer=0.999 * least), process)
+
+
+def test_a_round_base_holds_seats_and_beam_within_its_least_diameter():
+    design = Design()
+    p = plan(design, ROUND)
+    # the farthest corner of the slot of S2, and the wall behind it
+    corner = math.hypot(design.f - SS495A.depth + SS495A.thickness + 0.1, SS495A.width / 2 + 0.1)
+    assert p.half == pytest.approx(corner + 1.2)
+    assert least_outer_size(Design(hall_layout="tmag5273a1")) == pytest.approx(8 + 2 * (0.2 + 1.2))
+    box = base(design, ROUND).bounding_box()
+    assert tuple(box.size)[:2] == pytest.approx((2 * p.half, 2 * p.half), abs=1e-6)
+
+
+def test_a_larger_base_moves_its_screws_outwards():
+    for shape, far in (("square", 1), ("round", math.sqrt(2))):
+        p = plan(Design(), Base(shape=shape, outer=30, screw=2))
+        assert far * p.screw_at == pytest.approx(15 - 1 - 1.5)
+
+
+def test_a_screw_of_a_round_base_keeps_its_wall_to_beam_and_seats():
+    design = Design(hall_layout="tmag5273a1")
+    p = plan(design, Base(shape="round", screw=2.2))
+    assert math.hypot(p.screw_at, p.screw_at) == pytest.approx(4.2 + 1.1 + 1.5)
+    assert p.half == pytest.approx(math.hypot(p.screw_at, p.screw_at) + 1.1 + 1.5)
+
+
+@pytest.mark.parametrize("shape", ["square", "round"])
+def test_the_floor_of_the_recess_is_the_base_plane(shape):
+    """The beam stands on z = 0 with and without a recess, so that l0 and c stay those of the design."""
+    design = Design(hall_layout="tmag5273a1")
+    deep, flat = (Base(shape=shape, outer=16, screw=0, recess=recess, recess_gap=0.1) for recess in (0.5, 0))
+    assert plan(design, deep).thickness == plan(design, flat).thickness
+    assert plan(design, deep).seats == plan(design, flat).seats
+    solid, body = base(design, deep), cad.beam(design)
+    assert cad.overlap(solid, body) == 0
+    assert solid.distance_to(body) == pytest.approx(0, abs=1e-9)
+    top = {"square": 16**2, "round": math.pi * 8**2}[shape]
+    rim = (top - math.pi * 4.1**2) * 0.5
+    assert solid.volume - base(design, flat).volume == pytest.approx(rim, rel=1e-9)
+
+
+def test_the_recess_opens_into_slots_that_are_too_close():
+    """The paper's slots begin 0.4 mm from the beam: a wall of 0.2 mm between recess and slot could not be printed."""
+    gate, mirrored = plan(Design(), ROUND).openings
+    assert gate.corner[0] + gate.sides[0] > Design().f - SS495A.depth
+    assert gate.sides == (mirrored.sides[1], mirrored.sides[0], ROUND_RECESS)
+    assert plan(Design(f=6), ROUND).openings == ()
+    assert plan(Design(), SQUARE).openings == ()
