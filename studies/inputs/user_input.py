@@ -171,6 +171,8 @@ def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> 
     wanted = {
         "float_type": "a number",
         "finite_number": "a finite number",
+        "int_type": "a whole number",
+        "bool_type": "true or false",
         "list_type": "a list of numbers",
         "dict_type": "a table",
         "string_type": "a string",

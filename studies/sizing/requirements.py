@@ -1,0 +1,281 @@
+"""Requirements of a sensor, read from a TOML file, for `magtip size`.
+
+Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
+
+All keys but `force_z` are optional; a number may be a text with its unit, such as "5 mN" or "40 %":
+
+    version = 1                        # of this format
+    force_z = "5 N"                    # range of the press
+    force_x = "2 N"                    # range of the shear, in x and y alike
+    resolution_z = "5 mN"              # standard deviation of the decoded force at the worst pose of the range
+    resolution_x = "5 mN"
+    bandwidth = "100 Hz"               # of the readings, which sets their noise
+    samples = 1                        # readings that are averaged
+    converter_noise = "0.2 mV"         # rms, of the analog-to-digital converter of one-axis parts; default: 0
+    converter_step = "0.3 mV"          # default: 0
+    largest_strain = "60 %"            # of the silicone, at the ends of the ranges
+    no_saturation = true               # no reading reaches a rail; default: true
+    unique_decoding = true             # no two poses of the range have the same readings; default: true
+    stability_margin = 1.2             # critical depth over the depth of the whole range; default: 1
+    first_mode = "100 Hz"              # lowest natural frequency of the unloaded sensor
+    outer_size = "10 mm"               # diameter or side of the base
+    outer_shape = "round"              # or square; default: round
+    height = "20 mm"                   # from the underside of the base to the tip
+    process = "sla"                    # that prints mould and base, sla or fdm; default: fdm
+    wall = "0.5 mm"                    # thinnest printed wall or pin; default: that of the process
+    D = ["6 mm", "10 mm"]              # range of the diameter, or one value
+    catalogues = ["my_parts.toml"]     # catalogues of the user, see `studies.sizing.catalogues`
+    shipped = ["magnets"]              # shipped catalogues in use; default: all three
+    magnets = ["4x2 N35"]              # names of the parts in use; default: all of the catalogues
+    hall_parts = ["SS495A"]
+    silicones = ["Dragon Skin 30"]
+    seed = 0                           # of the search
+    [weights]                          # of the ranking; default: 1 each
+    range = 1
+    resolution = 1
+    size = 1
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from geometry.design import BadInput
+from geometry.fabrication.printability import PROCESSES
+from studies.inputs.quantity_input import quantity
+from studies.inputs.user_input import check_keys, toml_table, validated
+
+VERSION = 1
+"""Newest version of the format of requirements."""
+CATALOGUES = ("magnets", "hall_parts", "silicones")
+"""Kinds of parts, each with a shipped catalogue."""
+OBJECTIVES = ("range", "resolution", "size")
+"""What the search improves, and the ranking weighs."""
+LEAST_SLENDERNESS = 0.75
+"""Least L/D of the beams that the search considers."""
+
+
+def _limit(unit: str, low: float, high: float, text: str) -> Any:
+    """Return an optional field with a number: its unit, range and meaning."""
+    return field(default=None, metadata={"unit": unit, "low": low, "high": high, "text": text})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirements:
+    """What a sensor must reach; None where a requirement is not set. Units: N, mm, Hz, V; strains are fractions.
+
+    Attributes
+    ----------
+    resolution_z, resolution_x : largest standard deviation of the decoded force at the worst pose of the range.
+    bandwidth, samples : -3 dB bandwidth of the readings and number of readings averaged, which set the noise.
+    converter_noise, converter_step : of the analog-to-digital converter of one-axis parts, V.
+    largest_strain : bound of the largest principal nominal strain of the silicone (stretch - 1).
+    stability_margin : least critical depth over the depth at the end of the press range; always a hard bound.
+    D_low, D_high : range of the diameter.
+    wall : thinnest wall or pin of mould and base.
+    catalogues : files of the user. shipped : kinds of parts whose shipped catalogue is used.
+    magnets, hall_parts, silicones : names of the parts in use; empty for all.
+
+    Raises
+    ------
+    BadInput
+        A value is out of range, or two requirements contradict each other whatever the sensor.
+
+    >>> Requirements(force_z=5.0, resolution_z=6.0)
+    Traceback (most recent call last):
+        ...
+    geometry.design.BadInput: resolution_z must be below the range force_z = 5 N; got 6 N
+    """
+
+    force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "range of the press"})
+    force_x: float | None = _limit("N", 1e-3, 1e4, "range of the shear, in x and y alike")
+    resolution_z: float | None = _limit("N", 1e-9, 1e4, "resolution in z at the worst pose")
+    resolution_x: float | None = _limit("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
+    largest_strain: float | None = _limit("1", 0.01, 5.0, "largest strain of the silicone")
+    stability_margin: float = field(
+        default=1.0,
+        metadata={"unit": "1", "low": 1.0, "high": 100.0, "text": "critical depth over depth of the whole range"},
+    )
+    first_mode: float | None = _limit("Hz", 0.1, 1e5, "first mode above")
+    outer_size: float | None = _limit("mm", 0.1, 1000, "outer size of the base")
+    height: float | None = _limit("mm", 0.1, 5000, "total height")
+    D_low: float | None = _limit("mm", 0.1, 200, "least diameter")
+    D_high: float | None = _limit("mm", 0.1, 200, "largest diameter")
+    wall: float | None = _limit("mm", 0.05, 10, "thinnest printed wall")
+    no_saturation: bool = True
+    unique_decoding: bool = True
+    bandwidth: float | None = _limit("Hz", 1e-3, 1e6, "bandwidth of the readings")
+    converter_noise: float | None = _limit("V", 0, 1, "noise of the converter (rms)")
+    converter_step: float | None = _limit("V", 0, 1, "step of the converter")
+    samples: int = 1
+    outer_shape: Literal["round", "square"] = "round"
+    process: Literal["fdm", "sla"] = "fdm"
+    catalogues: tuple[str, ...] = ()
+    shipped: tuple[str, ...] = CATALOGUES
+    magnets: tuple[str, ...] = ()
+    hall_parts: tuple[str, ...] = ()
+    silicones: tuple[str, ...] = ()
+    seed: int = 0
+    weight_range: float = 1.0
+    weight_resolution: float = 1.0
+    weight_size: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, spec in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None:
+                low, high = spec.metadata["low"], spec.metadata["high"]
+                object.__setattr__(self, name, quantity(name, value, spec.metadata["unit"], low, high))
+        if self.samples < 1:
+            raise BadInput(f"samples must be at least 1; got {self.samples}")
+        if self.seed < 0:
+            raise BadInput(f"seed must be 0 or more; got {self.seed}")
+        weights = {name: getattr(self, f"weight_{name}") for name in OBJECTIVES}
+        for name, weight in weights.items():
+            quantity(f"weights: {name}", weight, "1", 0.0, 1e6)
+        if not any(weights.values()):
+            raise BadInput("weights: all are 0, so that nothing ranks the variants: give one of them a value above 0")
+        self._check_together()
+
+    def _check_together(self) -> None:
+        """Raise BadInput for requirements that no sensor can meet, whatever its parts."""
+        for axis in ("z", "x"):
+            force, resolution = getattr(self, f"force_{axis}"), getattr(self, f"resolution_{axis}")
+            if resolution is None:
+                continue
+            if force is None:
+                raise BadInput(
+                    f"resolution_{axis} = {resolution:g} N needs a range: add force_{axis}, or leave it out"
+                )
+            if not resolution < force:
+                raise BadInput(
+                    f"resolution_{axis} must be below the range force_{axis} = {force:g} N; got {resolution:g} N"
+                )
+        low, high = self.D_low, self.D_high
+        if low is not None and high is not None and not low <= high:
+            raise BadInput(f"D: the range must be [low, high] with low <= high; got {low:g} and {high:g} mm")
+        least = low or 0.0
+        if self.outer_size is not None and not self.outer_size >= least:
+            raise BadInput(f"outer_size must be at least the diameter D = {least:g} mm; got {self.outer_size:g} mm")
+        if self.height is not None and not self.height > LEAST_SLENDERNESS * least:
+            raise BadInput(
+                f"height must exceed {LEAST_SLENDERNESS:g} D = {LEAST_SLENDERNESS * least:g} mm, the length of the "
+                f"shortest beam; got {self.height:g} mm"
+            )
+
+    @property
+    def printed_wall(self) -> float:
+        """Thinnest wall or pin of mould and base, mm; default: what the process prints."""
+        return PROCESSES[self.process].detail if self.wall is None else self.wall
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each requirement: its value, unit and whether it is set, a default, or unset.
+
+        >>> [(row["requirement"], row["value"]) for row in Requirements(force_z=5.0).rows() if row["state"] == "set"]
+        [('force_z', 5.0)]
+        """
+        rows = []
+        for spec in (*LIMITS.values(), *SWITCHES):
+            value = getattr(self, spec.name)
+            state = "unset" if value is None else "default" if value == spec.default else "set"
+            unit, text = spec.metadata.get("unit", "1"), spec.metadata.get("text", spec.name.replace("_", " "))
+            rows.append({"requirement": spec.name, "value": value, "unit": unit, "state": state, "meaning": text})
+        return rows
+
+    def warnings(self) -> list[str]:
+        """Return one sentence for each requirement that is set, but probably not meant so."""
+        resolution = self.resolution_z is not None or self.resolution_x is not None
+        if resolution and self.bandwidth is None:
+            text = (
+                "bandwidth is not set, so that resolutions count the noise of Hall parts over their full bandwidth: "
+            )
+            return [text + 'set it to what is needed, such as bandwidth = "100 Hz"']
+        return []
+
+
+LIMITS = {spec.name: spec for spec in dataclasses.fields(Requirements) if "unit" in spec.metadata}
+"""Fields of `Requirements` with a number, a unit and a range, by name."""
+SWITCHES = tuple(
+    spec for spec in dataclasses.fields(Requirements) if spec.name in ("no_saturation", "unique_decoding")
+)
+"""Fields of `Requirements` that are required or not."""
+
+
+def read_requirements(path: str) -> Requirements:
+    """Read the requirements in a TOML file; catalogues are relative to the file's folder.
+
+    Raises
+    ------
+    BadInput
+        The file cannot be read, a key or unit is unknown, a value is out of range, or requirements contradict each
+        other.
+    """
+    table = toml_table(path, "file")
+    check_keys(path, table, _KINDS)
+    values = validated(path, table, _KINDS)
+    version = values.pop("version", VERSION)
+    if version != VERSION:
+        raise BadInput(
+            f"{path}: the requirements have version {version}, and this version of magtip reads version {VERSION}"
+        )
+    if "force_z" not in values:
+        raise BadInput(f'{path}: requirements need force_z, the range of the press, such as force_z = "5 N"')
+    try:
+        return Requirements(**_fields(path, values))
+    except BadInput as error:
+        raise BadInput(error.args[0] if str(error).startswith(path) else f"{path}: {error}") from None
+
+
+_NUMBER: Any = float | str
+_KINDS: dict[str, Any] = {
+    "version": int,
+    **{name: _NUMBER for name in LIMITS if name not in ("D_low", "D_high")},
+    "D": float | str | list[Any],
+    **dict.fromkeys(("no_saturation", "unique_decoding"), bool),
+    "samples": int,
+    "outer_shape": Literal["round", "square"],
+    "process": Literal["fdm", "sla"],
+    **dict.fromkeys(("catalogues", "shipped", *CATALOGUES), list[str]),
+    "seed": int,
+    "weights": dict[str, Any],
+}
+"""Types of the keys of a file."""
+
+
+def _fields(path: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of `Requirements` from the keys of a file."""
+    fields = {name: value for name, value in values.items() if name not in ("D", "weights")}
+    if "D" in values:
+        fields |= _diameters(values["D"])
+    weights = values.get("weights", {})
+    check_keys(f"{path}: weights", weights, OBJECTIVES)
+    fields |= {f"weight_{name}": quantity(f"weights: {name}", weight, "1") for name, weight in weights.items()}
+    for name in ("shipped", *CATALOGUES):
+        if name in values:
+            fields[name] = _names(name, values[name])
+    check_keys(f"{path}: shipped", fields.get("shipped", ()), CATALOGUES)
+    folder = Path(path).parent
+    return fields | {"catalogues": tuple(str(folder / file) for file in values.get("catalogues", ()))}
+
+
+def _diameters(value: object) -> dict[str, float]:
+    """Return the range of the diameter from one value, or from a list of two."""
+    ends: Sequence[object] = value if isinstance(value, list) else [value, value]
+    if len(ends) != 2:
+        raise BadInput(f"D must be one diameter, or a range [low, high]; got {value!r:.60}")
+    low, high = (quantity("D", end, "mm", 0.1, 200) for end in ends)
+    return {"D_low": low, "D_high": high}
+
+
+def _names(key: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of a list, each of which may occur once."""
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"{key} lists {name!r} twice: give it once")
+    if not names and key in CATALOGUES:
+        raise BadInput(f"{key} is empty: name one or more, or leave it out for all")
+    return tuple(names)
