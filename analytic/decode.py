@@ -7,7 +7,7 @@ pose is the right one: several poses can have the same readings. The decoder the
 status "ambiguous".
 
 With A = dB/ds (k, 3), the pose's covariance is P C P' with P = (A'WA)^-1 A'W. C is the covariance of the readings:
-the variance of each is noise^2 + step^2/12 of its element. The condition number is that of A in the 2-norm.
+the variance of each is that of `analytic.reading_noise`. The condition number is that of A in the 2-norm.
 """
 
 from __future__ import annotations
@@ -134,8 +134,7 @@ def decoder(
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     pad = PAD * (high - low)
     table = start_table_construction.build(forward, low - pad, high + pad, cells)
-    gain = np.array([e.gain for e in forward.elements])
-    sigma = np.array([np.hypot(e.noise, e.step / np.sqrt(12)) for e in forward.elements]) / gain
+    sigma = np.array([element.noise_T for element in forward.elements])
     tolerance = np.where(sigma > 0, DOUBT * sigma, SHARE * table.span)
     return Decoder(forward, law, np.array(low, dtype=float), np.array(high, dtype=float), table, sigma, tolerance)
 

@@ -2,9 +2,9 @@
 
 An element measures B.n averaged over its plate, with an ambient field added to B. The average uses 2 x 2 Gauss
 points, which are exact for fields up to third order. The output is null + gain B.n plus noise, rounded to the
-converter's steps and limited by the rails. The field is that of a sharp-edged cylinder magnet in air. It ignores the
-edge radius, iron nearby and the recoil permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere
-outside.
+converter's steps and limited by the rails; `analytic.reading_noise` has the noise of the average of several samples.
+The field is that of a sharp-edged cylinder magnet in air. It ignores the edge radius, iron nearby and the recoil
+permeability, of which a value of 1.05 weakens the field by 1.7 % everywhere outside.
 """
 
 from __future__ import annotations
@@ -156,7 +156,8 @@ def readings(
     field : as in `field_at`.
     elements : elements to read; default: those of the design's layout.
     ambient : uniform field in the sensor's frame that adds to the magnet's, T (the Earth's is about 5e-5).
-    noise : generator that draws one sample of the noise; without it the outputs have no noise.
+    noise : generator that draws the noise of one reading, which may be the average of several samples; without it the
+        outputs have no noise.
 
     Raises
     ------
@@ -179,14 +180,9 @@ def readings(
     values = np.linalg.norm(b, axis=1) if mode == "magnitude" else (b * directions).sum(axis=1)
     # mean over the points of each plate
     measured = np.bincount(owners, values) / np.bincount(owners)
-    gain, null, low, high, rms, step = (
-        np.array([getattr(element, name) for element in chosen])
-        for name in ("gain", "null", "low", "high", "noise", "step")
-    )
+    gain, null, low, high, step = _values(chosen, "gain", "null", "low", "high", "step")
     raw = null + gain * measured
-    if noise is not None:
-        raw = raw + rms * noise.standard_normal(len(raw))
-    output, saturated = converted(raw, low, high, step)
+    output, saturated = converted(raw, low, high, step) if noise is None else averaged(chosen, raw, noise)
     units = tuple(element.unit for element in chosen)
     return Readings(tuple(measured.tolist()), tuple(output.tolist()), tuple(saturated.tolist()), units)
 
@@ -226,6 +222,25 @@ def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, 
     # the converter rounds before the rails limit: a rail need not be a whole number of steps
     whole = np.where(step > 0, np.round(raw / np.where(step > 0, step, 1.0)) * step, raw)
     return np.clip(whole, low, high), (raw <= low) | (raw >= high)
+
+
+def averaged(elements: Sequence[Element], raw: Array, noise: np.random.Generator) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the averages of noisy samples through the converter, and whether any sample lies at a rail; shape (k,).
+
+    `raw` are the outputs of the k elements without noise, before the converter, shape (k,).
+    """
+    low, high, step, rms, floor, count = _values(elements, "low", "high", "step", "noise", "floor", "average")
+    draws = noise.standard_normal((int(count.max()), len(raw)))
+    slow = floor * noise.standard_normal(len(raw)) if floor.any() else 0.0
+    samples, at_rails = converted(raw + slow + rms * draws, low, high, step)
+    # elements may average different numbers of samples
+    kept = np.arange(len(samples))[:, None] < count
+    return (samples * kept).sum(axis=0) / count, np.asarray((at_rails & kept).any(axis=0))
+
+
+def _values(elements: Sequence[Element], *names: str) -> list[Array]:
+    """Return for each name the values of all elements, shape (k,)."""
+    return [np.array([getattr(element, name) for element in elements]) for name in names]
 
 
 def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:

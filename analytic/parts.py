@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from analytic import reading_noise
 from geometry.design import BadInput, Design
 
 Vector = tuple[float, float, float]
@@ -28,7 +29,8 @@ Vector = tuple[float, float, float]
 class Element:
     """Hall element with one axis, its amplifier and its converter, fixed in the sensor's frame.
 
-    The output is null + gain B.n plus noise, rounded to whole steps and limited to the range from low to high.
+    The output is null + gain B.n plus noise, rounded to whole steps and limited to the range from low to high. A
+    reading is the average of several samples of it (see `analytic.reading_noise`).
 
     Attributes
     ----------
@@ -38,10 +40,12 @@ class Element:
     gain : output per T, in `unit`/T.
     null : output in zero field, including the element's offset, in `unit`.
     low, high : rails of the output, in `unit`.
-    noise : root mean square of the output's noise, in `unit`.
+    noise : root mean square of the noise of one sample, in `unit`.
     step : step of the converter, in `unit`; 0 for none.
     plate : side of the square plate over which B.n is averaged, mm; 0 for a point.
     unit : unit of the output: "V", or "T" for a part that sends the flux density itself.
+    floor : root mean square of the noise that no average reduces, in `unit`.
+    average : number of samples of which a reading is the average.
 
     Raises
     ------
@@ -60,10 +64,12 @@ class Element:
     step: float = 0.0
     plate: float = 0.0
     unit: Literal["V", "T"] = "V"
+    floor: float = 0.0
+    average: int = 1
 
     def __post_init__(self) -> None:
         numbers = (*self.position, *self.direction, self.gain, self.null, self.low, self.high)
-        if not all(map(math.isfinite, (*numbers, self.noise, self.step, self.plate))):
+        if not all(map(math.isfinite, (*numbers, self.noise, self.step, self.plate, self.floor))):
             raise BadInput(f"element {self.name}: every number must be finite")
         if not abs(math.hypot(*self.direction) - 1) < 1e-9:
             raise BadInput(
@@ -71,8 +77,15 @@ class Element:
             )
         if not self.low < self.null < self.high:
             raise BadInput(f"element {self.name}: null must lie between low and high; got {self.null:g} {self.unit}")
-        if not min(self.noise, self.step, self.plate) >= 0:
-            raise BadInput(f"element {self.name}: noise, step and plate must be 0 or more")
+        if not min(self.noise, self.step, self.plate, self.floor) >= 0:
+            raise BadInput(f"element {self.name}: noise, step, plate and floor must be 0 or more")
+        if not self.average >= 1:
+            raise BadInput(f"element {self.name}: average must be at least 1 sample; got {self.average}")
+
+    @property
+    def noise_T(self) -> float:
+        """Standard deviation of a reading, T, from noise, converter and average."""
+        return reading_noise.of_average(self.noise, self.step, self.floor, self.average) / self.gain
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,13 +115,14 @@ def of_design(design: Design) -> tuple[Element, ...]:
 
     Layout "three" has the one-axis elements S1 on the axis, S2 at x = f and S3 at y = f, with the values of the
     design's fields hall_gain to hall_plate (default: an SS495A at 5 V). A chip has all three axes at x = chip_x and
-    at S1's height, with the chip's own values.
+    at S1's height, with the chip's own values. All of them average hall_average samples.
     """
     three = design.hall_layout == "three"
     names = ("S1", "S2", "S3") if three else ("chip -z", "chip x", "chip y")
     unit: Literal["V", "T"] = "V" if three else "T"
+    average = design.hall_noise_floor if three else 0.0, int(design.hall_average)
     return tuple(
-        Element(name, place, axis, *common_values(design), unit)
+        Element(name, place, axis, *common_values(design), unit, *average)
         for name, place, axis in zip(names, positions(design), AXES, strict=True)
     )
 
@@ -124,12 +138,13 @@ def positions(design: Design) -> tuple[Vector, Vector, Vector]:
 
 
 def common_values(design: Design) -> tuple[float, float, float, float, float, float, float]:
-    """Return gain, null, low, high, noise, step and plate, which the three elements of the layout have in common."""
+    """Return gain, null, low, high, noise of one sample, step and plate, which the three elements have in common."""
     if design.hall_layout != "three":
         chip = CHIPS[design.hall_layout]
         return 1.0, 0.0, -chip.range, chip.range, chip.noise, chip.step, 0.0
     rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
-    return *rails, design.hall_noise, design.hall_step, design.hall_plate
+    noise = reading_noise.of_sample(design.hall_noise, design.hall_noise_density, design.hall_bandwidth)
+    return *rails, noise, design.hall_step, design.hall_plate
 
 
 def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
@@ -137,7 +152,7 @@ def with_noise(elements: Sequence[Element]) -> tuple[tuple[Element, ...], str]:
 
     The source is a phrase for messages, such as "the design's".
     """
-    if any(element.noise or element.step for element in elements):
+    if any(element.noise or element.step or element.floor for element in elements):
         return tuple(elements), "the design's" if elements[0].unit == "V" else "the chip's"
     converted = [
         dataclasses.replace(e, noise=CONVERTER_NOISE, step=CONVERTER_STEP) if e.unit == "V" else e for e in elements

@@ -41,7 +41,7 @@ HALL_LAYOUTS = ("three", "tmag5273a1", "tle493d-p2b6")
 OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
     "three": (
         *("f", "c", "hall_gain", "hall_null", "hall_low", "hall_high"),
-        *("hall_noise", "hall_step", "hall_plate"),
+        *("hall_noise", "hall_noise_density", "hall_bandwidth", "hall_noise_floor", "hall_step", "hall_plate"),
     ),
     "tmag5273a1": ("chip_x",),
     "tle493d-p2b6": ("chip_x",),
@@ -175,6 +175,10 @@ class Design:
     hall_low: float = _quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
     hall_high: float = _quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
     hall_noise: float = _quantity(0.0, "V", 0.0, 10, "noise (rms) of a Hall element's output", assumed=True)
+    hall_noise_density: float = _quantity(0.0, "V/sqrt(Hz)", 0.0, 1, "white noise of the output", assumed=True)
+    hall_bandwidth: float = _quantity(1000.0, "Hz", 1e-3, 1e9, "noise bandwidth of one sample", assumed=True)
+    hall_noise_floor: float = _quantity(0.0, "V", 0.0, 10, "noise (rms) that no average reduces", assumed=True)
+    hall_average: float = _quantity(1.0, "1", 1, 1e6, "number of samples that each reading averages", assumed=True)
     hall_step: float = _quantity(0.0, "V", 0.0, 10, "step of the analog-to-digital converter (0: none)", assumed=True)
     hall_plate: float = _quantity(
         0.0, "mm", 0.0, 10, "side of a Hall element's square plate (0: a point)", assumed=True
@@ -203,6 +207,8 @@ class Design:
                 f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; "
                 f"got {self.hall_null:g} V"
             )
+        if self.hall_average % 1:
+            raise BadInput(f"hall_average must be a whole number of samples; got {self.hall_average:g}")
         for name, alpha in (("ogden_alpha1", self.ogden_alpha1), ("ogden_alpha2", self.ogden_alpha2)):
             if not abs(alpha) >= LEAST_ALPHA:
                 raise BadInput(f"{name} must be at least {LEAST_ALPHA:g} or at most -{LEAST_ALPHA:g}; got {alpha:g}")
@@ -269,6 +275,8 @@ class Design:
         reasons = {name: f"the law is {self.law}" for law, names in LAWS.items() if law != self.law for name in names}
         for names in OF_ONE_LAYOUT.values():
             reasons |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in used}
+        if not self.hall_noise_density:
+            reasons = {"hall_bandwidth": "hall_noise_density is 0"} | reasons
         return reasons if self.shape.has_magnet else reasons | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
 
     def unused_field_warnings(self) -> list[str]:

@@ -190,6 +190,16 @@ def test_ambiguous_streams_follow_one_branch():
     assert_allclose(near.shift[0], shift[:, k], atol=1e-5)
 
 
+def test_noise_of_an_average_is_smaller():
+    plain, averaged = (
+        decode.decoder(design, tilting(paper()))
+        for design in (Design(hall_noise=2e-3), Design(hall_noise_density=2e-4, hall_bandwidth=100, hall_average=25))
+    )
+    field = forward_model.readings_with_slopes(plain.forward, np.array([[0.8], [-0.4], [-1.0]]))[0].T
+    one, many = (decode.decode(coder, field).noise_N for coder in (plain, averaged))
+    assert_allclose(many, one / 5)
+
+
 def test_noise_is_that_of_a_sample():
     design = Design(hall_noise=2e-3)
     coder = decode.decoder(design, tilting(design))

@@ -178,6 +178,7 @@ def test_fields_that_a_layout_does_not_use_are_named(layout):
     design = Design(hall_layout=layout)
     changes = {"f": 6.0, "c": 1.0, "chip_x": 1.0, "hall_gain": 30.0, "hall_null": 2.4, "hall_low": 0.3}
     changes |= {"hall_high": 4.7, "hall_noise": 0.01, "hall_step": 0.01, "hall_plate": 0.5, "l0": 8.0}
+    changes |= {"hall_noise_density": 1e-6, "hall_noise_floor": 1e-4, "hall_average": 4.0}
     read = {name: of_design(replace(design, **{name: value})) for name, value in changes.items()}
     unread = {name for name, elements in read.items() if elements == of_design(design)}
     assert unread == {name for name in changes if name in design.unused_fields()}
@@ -187,6 +188,11 @@ def test_fields_that_a_layout_does_not_use_are_named(layout):
     assert set(sentence.partition(" no effect")[0].rpartition(" ")[0].split(", ")) == unread
     assert sentence.endswith(f" no effect: hall_layout is {layout}")
     assert sentence in other.warnings()
+
+
+def test_a_bandwidth_needs_a_density():
+    assert Design(hall_bandwidth=50.0).warnings() == ["hall_bandwidth has no effect: hall_noise_density is 0"]
+    assert Design(hall_bandwidth=50.0, hall_noise_density=1e-6).warnings() == []
 
 
 def test_remanence_has_no_effect_without_a_magnet():

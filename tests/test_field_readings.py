@@ -46,6 +46,12 @@ def test_readings_of_a_chip_and_of_noise(run, strict):
     (chip,) = strict(run("readings", "paper", "--set", "hall_layout=tle493d-p2b6", "--json")[1])
     assert chip["readings_V"] is None
     assert len(chip["output_T"]) == 3
+    assert_allclose(chip["noise_of_readings_T"], (1e-4**2 + 1.3e-4**2 / 12) ** 0.5)
+    (mean,) = strict(
+        run("readings", "paper", "--set", "hall_layout=tle493d-p2b6", "--set", "hall_average=100", "--json")[1]
+    )
+    # the chip's noise of 0.1 mT dithers its steps of 0.13 mT
+    assert_allclose(mean["noise_of_readings_T"], chip["noise_of_readings_T"][0] / 10, rtol=1e-6)
     noisy = [
         strict(run("readings", "paper", "--set", "hall_noise=0.01", "--seed", s, "--json")[1])[0]["readings_V"]
         for s in (1, 1, 2)

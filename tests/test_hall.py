@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from analytic.hall import FIELDS, elements, field_at, readings
 from analytic.magnet import cylinder_field
-from analytic.parts import CHIPS, Element
+from analytic.parts import CHIPS, Element, of_design
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Response
 
@@ -216,6 +216,26 @@ def test_noise_has_its_size_and_only_on_request():
     rng = np.random.default_rng(1)
     spread = np.std([np.subtract(readings(loud, noise=rng).V, readings(paper()).V) for _ in range(200)], axis=0)
     assert_allclose(spread, 0.01, rtol=0.2)
+
+
+def test_a_reading_averages_its_samples():
+    """With a step far above the noise of an average: the spread about the true output is that of the elements."""
+    design = Design(
+        hall_noise_density=1e-4, hall_bandwidth=100.0, hall_step=1e-3, hall_average=16, hall_noise_floor=1e-4
+    )
+    rng, true = np.random.default_rng(3), np.array(readings(Design()).V)
+    errors = [np.subtract(readings(design, noise=rng).V, true) for _ in range(1000)]
+    expected = np.array([element.noise_T * element.gain for element in of_design(design)])
+    assert_allclose(np.sqrt(np.square(errors).mean(axis=0)), expected, rtol=0.1)
+    assert_allclose(expected, math.sqrt((1e-6 + 1e-6 / 12) / 16 + 1e-8), rtol=1e-3)
+
+
+def test_elements_may_average_different_numbers_of_samples():
+    plain, *others = of_design(Design(hall_noise=0.01))
+    mixed = [plain, dataclasses.replace(others[0], average=100), others[1]]
+    rng = np.random.default_rng(4)
+    spread = np.std([readings(paper(), elements=mixed, noise=rng).V for _ in range(500)], axis=0)
+    assert_allclose(spread, [0.01, 0.001, 0.01], rtol=0.15)
 
 
 def test_converter_rounds_to_steps():

@@ -85,7 +85,7 @@ AXES = {**DESIGN, **LOAD, **METHOD}
 COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
 
-UNITS = {"1": "", "V/T": "_V_per_T", "kg/m3": "_kg_per_m3"}
+UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3"}
 """Last part of a column's name for units that cannot stand there as they are."""
 
 

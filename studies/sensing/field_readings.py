@@ -67,7 +67,7 @@ def sensing_of(design: Design, level: FieldLevel, mode: Mode, ambient: str, seed
 
     bx, by, bz = vector("--ambient", ambient, 3)
     noise = None if seed is None else np.random.default_rng(_seed(seed))
-    if noise is not None and not any(element.noise for element in of_design(design)):
+    if noise is not None and not any(element.noise or element.floor for element in of_design(design)):
         input_warnings.say_no_effect("--seed", "hall_noise is 0")
     return Sensing(level, mode, (bx, by, bz), noise)
 
@@ -84,7 +84,8 @@ class PoseReadings:
     tilt_rad, tilt_y_rad : lean of the magnet's axis towards x and y.
     readings_T : B.n, or |B| in mode "magnitude".
     readings_V : outputs in V; None if the outputs of the elements are flux densities, which are in `output_T`.
-    noise_V, noise_T, step_T : standard deviation of the noise and step of the converter.
+    noise_V, noise_T, step_T : standard deviation of the noise of one sample, and step of the converter.
+    noise_of_readings_T : standard deviation of a reading, from noise, converter and average.
     magnet_gap_mm, wall_gap_mm : distance of the magnet and of the beam's wall from each element.
     """
 
@@ -104,6 +105,7 @@ class PoseReadings:
     noise_V: list[float] | None
     noise_T: list[float]
     step_T: list[float]
+    noise_of_readings_T: list[float]
     saturated: list[bool]
     magnet_gap_mm: list[float]
     wall_gap_mm: list[float]
@@ -148,6 +150,7 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
         noise_V=[element.noise for element in elements] if volts else None,
         noise_T=[element.noise / element.gain for element in elements],
         step_T=[element.step / element.gain for element in elements],
+        noise_of_readings_T=[element.noise_T for element in elements],
         saturated=list(measured.saturated),
         magnet_gap_mm=[clearance.magnet_gap(design, element.position, shift, tilt) for element in elements],
         wall_gap_mm=[clearance.wall_gap(design, element.position, shift) for element in elements],
