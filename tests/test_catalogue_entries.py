@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from analytic.parts import CHIPS
+from analytic.parts import of_design
 from geometry.design import Design
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements
@@ -34,23 +34,19 @@ def test_the_papers_hall_part_has_the_values_of_the_preset(parts):
     assert Design(**named(parts.hall_parts, "SS495A").fields()) == Design()
 
 
+def reading_noise(part, **choices):
+    """Standard deviation of a reading of a design with this part, T."""
+    return of_design(Design(**part.fields(), **part.noise_fields(**choices)))[0].noise_T
+
+
 def test_noise_grows_with_the_root_of_the_bandwidth(parts):
     part = named(parts.hall_parts, "DRV5055A2")
-    assert part.output_noise(400) == pytest.approx(2 * part.output_noise(100))
-    assert part.output_noise(100) == pytest.approx(50 * 130e-9 * math.sqrt(100 * math.pi / 2))
-    assert part.output_noise(1e6) == part.output_noise()
+    assert reading_noise(part, bandwidth=400) == pytest.approx(2 * reading_noise(part, bandwidth=100))
+    assert reading_noise(part, bandwidth=100) == pytest.approx(130e-9 * math.sqrt(100 * math.pi / 2))
+    assert reading_noise(part, bandwidth=1e6) == reading_noise(part)
 
 
-def test_noise_falls_with_the_root_of_the_samples(parts):
-    part = named(parts.hall_parts, "DRV5055A2")
-    assert part.output_noise(100, 9, 1e-3) == pytest.approx(part.output_noise(100, 1, 1e-3) / 3)
-
-
-def test_noise_of_the_converter_adds_in_squares(parts):
-    part = named(parts.hall_parts, "DRV5055A2")
-    assert part.output_noise(100, converter=3e-4) == pytest.approx(math.hypot(part.output_noise(100), 3e-4))
-
-
-def test_noise_of_a_chip_is_that_of_its_output(parts):
+def test_noise_of_a_chip_is_that_of_its_layout(parts):
     part = named(parts.hall_parts, "TMAG5273A1")
-    assert part.output_noise(100, 4, 1.0) == CHIPS["tmag5273a1"].noise / 2
+    assert part.noise_fields(100) == {}
+    assert reading_noise(part) == pytest.approx(math.hypot(part.noise, part.step / math.sqrt(12)))

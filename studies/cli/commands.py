@@ -40,7 +40,7 @@ app = App(
 )
 
 VERBS = {
-    "Design": {"design_commands": "design cad mesh cache"},
+    "Design": {"design_commands": "design cad mesh cache", "catalogue_commands": "catalogue"},
     "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
     "Sensing": {"sensing_commands": "field readings decode table layout"},
     "Exploration": {"exploration_commands": "sweep"},

@@ -86,27 +86,24 @@ class HallPartEntry:
     assumed: tuple[str, ...]
 
     def fields(self) -> dict[str, float | str]:
-        """Return the fields of a `Design` with this part; `hall_noise` is set apart, by `output_noise`."""
+        """Return the fields of a `Design` with this part, but for its noise: see `noise_fields`."""
         if self.layout != "three":
             return {"hall_layout": self.layout}
         values = {"gain": self.gain, "null": self.null, "low": self.low, "high": self.high, "plate": self.plate}
         return {"hall_layout": "three", **{f"hall_{name}": value for name, value in values.items()}}
 
-    def output_noise(self, bandwidth: float | None = None, samples: int = 1, converter: float = 0.0) -> float:
-        """Return the rms of the mean of some output values, V; T for a chip.
+    def noise_fields(self, bandwidth: float | None = None) -> dict[str, float]:
+        """Return the fields of a `Design` for the part's white noise; none for a chip, whose noise the layout has.
 
         Parameters
         ----------
-        bandwidth : -3 dB of a low pass of first order before the converter, Hz; default: that of the part. It has no
-            effect on a chip, whose noise is stated for each output value.
-        samples : number of output values that are averaged; their noise is taken as independent.
-        converter : rms noise of the converter of a one-axis part, V.
+        bandwidth : -3 dB of a low pass of first order before the converter, Hz; default: that of the part, which is
+            also the largest.
         """
         if self.noise_density is None or self.bandwidth is None:
-            return (self.noise or 0.0) / math.sqrt(samples)
+            return {}
         band = self.bandwidth if bandwidth is None else min(bandwidth, self.bandwidth)
-        rms = self.gain * self.noise_density * math.sqrt(FILTER * band)
-        return math.hypot(rms, converter) / math.sqrt(samples)
+        return {"hall_noise_density": self.gain * self.noise_density, "hall_bandwidth": FILTER * band}
 
 
 @dataclass(frozen=True, slots=True)

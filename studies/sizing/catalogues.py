@@ -63,6 +63,9 @@ def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[d
     table = []
     for part in parts:
         row = {COLUMNS.get(name, name): value for name, value in dataclasses.asdict(part).items()}
+        if isinstance(part, HallPartEntry):
+            row["gain_V_per_mT"] = part.gain / 1000 if part.layout == "three" else None
+            row["noise_density_V_per_sqrtHz"] = part.noise_fields().get("hall_noise_density")
         table.append(row | {"assumed": ", ".join(part.assumed)})
     return table
 
@@ -74,10 +77,10 @@ COLUMNS = {
     **{name: f"{name}_MPa" for name in ("E_low", "E", "E_high")},
     "thickness": "thickness_mm",
     "cure_hours": "cure_h",
-    "density": "density_kg_m3",
+    "density": "density_kg_per_m3",
     "bandwidth": "bandwidth_Hz",
-    "gain": "gain_V_T",
-    "noise_density": "noise_density_T_sqrtHz",
+    "gain": "gain_V_per_mT",
+    "noise_density": "noise_density_V_per_sqrtHz",
 }
 """Columns that carry a unit, by field. null, low and high have none: V for one-axis parts, T for chips."""
 

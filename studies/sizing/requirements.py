@@ -11,8 +11,8 @@ All keys but `force_z` are optional; a number may be a text with its unit, such 
     resolution_x = "5 mN"
     bandwidth = "100 Hz"               # of the readings, which sets their noise
     samples = 1                        # readings that are averaged
-    converter_noise = "0.2 mV"         # rms, of the analog-to-digital converter of one-axis parts; default: 0
-    converter_step = "0.3 mV"          # default: 0
+    converter_noise = "0.05 mV"        # rms, of the converter that reads one-axis parts; default: NI 9205, 0.244 mV
+    converter_step = "0.076 mV"        # default: NI 9205, 0.305 mV
     largest_strain = "60 %"            # of the silicone, at the ends of the ranges
     no_saturation = true               # no reading reaches a rail; default: true
     unique_decoding = true             # no two poses of the range have the same readings; default: true
@@ -44,6 +44,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from analytic.parts import CONVERTER_NOISE, CONVERTER_STEP
 from geometry.design import BadInput
 from geometry.fabrication.printability import PROCESSES
 from studies.inputs.quantity_input import quantity
@@ -61,7 +62,12 @@ LEAST_SLENDERNESS = 0.75
 
 def _limit(unit: str, low: float, high: float, text: str) -> Any:
     """Return an optional field with a number: its unit, range and meaning."""
-    return field(default=None, metadata={"unit": unit, "low": low, "high": high, "text": text})
+    return _default(None, unit, low, high, text)
+
+
+def _default(default: float | None, unit: str, low: float, high: float, text: str) -> Any:
+    """Return a field with a number that has a default: its unit, range and meaning."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "text": text})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,10 +102,7 @@ class Requirements:
     resolution_z: float | None = _limit("N", 1e-9, 1e4, "resolution in z at the worst pose")
     resolution_x: float | None = _limit("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
     largest_strain: float | None = _limit("1", 0.01, 5.0, "largest strain of the silicone")
-    stability_margin: float = field(
-        default=1.0,
-        metadata={"unit": "1", "low": 1.0, "high": 100.0, "text": "critical depth over depth of the whole range"},
-    )
+    stability_margin: float = _default(1.0, "1", 1, 100, "critical depth over depth of the whole range")
     first_mode: float | None = _limit("Hz", 0.1, 1e5, "first mode above")
     outer_size: float | None = _limit("mm", 0.1, 1000, "outer size of the base")
     height: float | None = _limit("mm", 0.1, 5000, "total height")
@@ -109,8 +112,8 @@ class Requirements:
     no_saturation: bool = True
     unique_decoding: bool = True
     bandwidth: float | None = _limit("Hz", 1e-3, 1e6, "bandwidth of the readings")
-    converter_noise: float | None = _limit("V", 0, 1, "noise of the converter (rms)")
-    converter_step: float | None = _limit("V", 0, 1, "step of the converter")
+    converter_noise: float = _default(CONVERTER_NOISE, "V", 0, 1, "noise of the converter (rms)")
+    converter_step: float = _default(CONVERTER_STEP, "V", 0, 1, "step of the converter")
     samples: int = 1
     outer_shape: Literal["round", "square"] = "round"
     process: Literal["fdm", "sla"] = "fdm"

@@ -1,0 +1,56 @@
+"""The verb that lists the parts from which sensors are sized: catalogue."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from studies.cli.parameters import AsJson, Wide
+from studies.inputs.exit_status import GOOD
+from studies.output import console
+
+Kind = Annotated[
+    Literal["magnets", "hall_parts", "silicones"] | None,
+    Parameter(name="KIND", help="magnets, hall_parts or silicones; default: all three."),
+]
+
+
+def catalogue(
+    kind: Kind = None,
+    /,
+    *,
+    file: list[Path] | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """List the magnets, Hall parts and silicones from which sensors are sized, with ranges and sources.
+
+    Parameters
+    ----------
+    file
+        TOML file with parts of your own, which are added to the shipped ones or replace those of the same name;
+        repeatable.
+    """
+    from studies.sizing import catalogues
+    from studies.sizing.requirements import CATALOGUES, Requirements
+
+    # the parts do not depend on what a sensor must reach
+    parts = catalogues.catalogues_of(Requirements(force_z=1.0, catalogues=tuple(map(str, file or []))))
+    for each in CATALOGUES if kind is None else (kind,):
+        rows = catalogues.rows(getattr(parts, each))
+        title = f"{each.replace('_', ' ').capitalize()}: {len(rows)}"
+        records = [{"kind": each, **row} for row in rows] if as_json else rows
+        console.report(records, as_json=as_json, title=title, brief=("source",), first=FIRST[each], wide=wide)
+    if not as_json:
+        console.note("--wide shows the sources; `assumed` names values without a source that was read.")
+    return GOOD
+
+
+FIRST = {
+    "magnets": ("name", "diameter_mm", "height_mm", "remanence_low_T", "remanence_high_T", "largest_temperature_C"),
+    "hall_parts": ("name", "layout", "gain_V_per_mT", "low", "high"),
+    "silicones": ("name", "E_low_MPa", "E_MPa", "E_high_MPa", "mixed"),
+}
+"""Columns that a table must show, by the kind of parts."""
