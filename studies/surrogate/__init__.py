@@ -1,0 +1,1 @@
+"""The surrogate: a fast model of the finite elements, trained on stored states, with intervals for its errors."""

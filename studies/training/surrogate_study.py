@@ -1,0 +1,170 @@
+"""The study that builds the surrogate: training beams, some of them where it is least sure, and a test on new beams.
+
+The first training beams fill the range evenly. Each round then adds the beams, of a large random pool, whose shears
+have the widest intervals, one after the other: every one narrows the intervals around it before the next is chosen.
+The test beams are independent random ones at random depths and shears, and serve for nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from geometry.arrays import Array
+from geometry.messages import Progress
+from studies.exploration.needed_paths import Processes
+from studies.exploration.store import Store
+from studies.output.provenance import versions
+from studies.surrogate import prediction, surrogate_range
+from studies.surrogate.gaussian_process import GaussianProcess, correlation
+from studies.surrogate.surrogate_file import Surrogate
+from studies.training.surrogate_fit import TrainingSet, surrogate_of
+from studies.training.training_beams import Beams, random_beams, training_beams
+from studies.training.training_states import Solver, shear_depth
+
+TRAINING_SEED, POOL_SEED, TEST_SEED = 1, 3, 2
+POOL = 1500
+"""Random beams among which the next training beams are chosen."""
+TEST_DEPTHS, TEST_SHEARS = 5, 3
+"""States of each press and each shear of the test."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Size of the study.
+
+    Attributes
+    ----------
+    first : number of evenly spread training beams.
+    rounds : number of beams that each round adds where intervals are widest.
+    test : number of beams of the test; `critical` of them also with their critical depth by `fem.stability`.
+    """
+
+    first: int = 300
+    rounds: tuple[int, ...] = (100, 100)
+    test: int = 220
+    critical: int = 60
+
+
+QUICK = Extent(first=40, rounds=(8,), test=12, critical=2)
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """Beams that training has not seen, with their states.
+
+    Attributes
+    ----------
+    critical : critical depths of the first beams over D, infinite where there is none.
+    """
+
+    set: TrainingSet
+    critical: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The surrogate, its training set, and the test.
+
+    Attributes
+    ----------
+    failed : number of beams of training and of test that are left out because a state failed.
+    """
+
+    surrogate: Surrogate
+    training: TrainingSet
+    test: Test
+    failed: tuple[int, int]
+
+
+def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:
+    """Build and test the surrogate; states that the store has are not solved again."""
+    solver = Solver(store, processes, progress)
+    beams = training_beams(extent.first, TRAINING_SEED)
+    states = training_states(solver, beams)
+    for k, count in enumerate(extent.rounds):
+        surrogate = surrogate_of(states.complete(), {})
+        more = widest(surrogate, random_beams(POOL, POOL_SEED + k), count)
+        states = states.joined(training_states(solver, more))
+    complete = states.complete()
+    new = random_beams(extent.test, TEST_SEED)
+    test = test_states(solver, new)
+    tested = test.complete()
+    critical = solver.critical_depths(tested.beams[: extent.critical])
+    about = {
+        "accuracy": solver.accuracy.name,
+        "beams": len(complete.beams),
+        "test_beams": len(tested.beams),
+        "versions": versions(),
+    }
+    surrogate = surrogate_of(complete, about)
+    failed = len(states.beams) - len(complete.beams), len(test.beams) - len(tested.beams)
+    return Result(surrogate, complete, Test(tested, critical), failed)
+
+
+def training_states(solver: Solver, beams: Beams) -> TrainingSet:
+    """Return the states of training beams: at the nodes of the surrogate."""
+    press = solver.presses(beams, surrogate_range.press_depths(beams.L, beams.height))
+    mode = solver.first_modes(beams)
+    shear = solver.shears(beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
+    return TrainingSet(beams, press, mode, shear)
+
+
+def test_states(solver: Solver, beams: Beams) -> TrainingSet:
+    """Return the states of beams of the test: at random depths and shears."""
+    depths, shears = test_loads(beams)
+    press = solver.presses(beams, depths)
+    mode = solver.first_modes(beams)
+    return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
+
+
+def test_loads(beams: Beams) -> tuple[Array, Array]:
+    """Return random depths, spread in their root, and random shears of beams over D, (n, k) each, rising."""
+    rng = np.random.default_rng(TEST_SEED)
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))
+    share = np.sort(rng.random((len(beams), TEST_DEPTHS)), axis=1)
+    depths = (low + (high[:, None] - low) * share) ** 2
+    least = surrogate_range.SHEAR_NODES[0] / 2
+    part = np.sort(least + (1 - least) * rng.random((len(beams), TEST_SHEARS)), axis=1)
+    return np.round(depths, 6), np.round(part * surrogate_range.farthest(beams.L)[:, None], 6)
+
+
+def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
+    """Return the beams of a pool at which the next finite elements narrow the widest intervals.
+
+    The width at a point is the spread of the shear's process, at a depth in the middle of the beam's range, times the
+    mean quantile of its region.
+    """
+    group = surrogate.groups["shear"]
+    x = prediction.features(pool.L, pool.diameter, pool.height, pool.nu, pool.edge)
+    low, high = np.sqrt(surrogate_range.SHALLOWEST_SHEAR), np.sqrt(surrogate_range.deepest(pool.L, pool.height))
+    depth = (low + (high - low) * pool.share) ** 2
+    region = prediction.shear_region(prediction.beam_region(pool.L, pool.height), depth)
+    quantile = np.mean([values.mean(axis=1) for values in group.quantiles.values()], axis=0)
+    points = prediction.shear_features(x, depth)
+    return pool[widest_points(group.process, points, quantile[region], count)]
+
+
+def widest_points(process: GaussianProcess, points: Array, weight: Array, count: int) -> NDArray[np.int64]:
+    """Return the indices of points (m, p) with the widest intervals, each after all before it have been added.
+
+    Parameters
+    ----------
+    weight : factor on the spread at each point, shape (m,).
+    """
+    k = correlation(points / process.lengths, process.x / process.lengths)
+    v = linalg.solve_triangular(process.factor, k.T, lower=True)
+    covariance = correlation(points / process.lengths, points / process.lengths) - v.T @ v
+    chosen: list[int] = []
+    for _ in range(min(count, len(points))):
+        width = weight * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        width[chosen] = -1.0
+        best = int(np.argmax(width))
+        chosen.append(best)
+        # condition on the new point: one step of a pivoted Cholesky factorisation
+        column = covariance[:, best] / np.sqrt(covariance[best, best] + process.nugget)
+        covariance -= np.outer(column, column)
+    return np.array(chosen, dtype=np.int64)

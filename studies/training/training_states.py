@@ -1,0 +1,157 @@
+"""Finite-element states of beams, from the store or solved: presses, first modes, and glued shears.
+
+A shear begins at a depth between `SHALLOWEST_SHEAR` and the deepest press, but before the tip would buckle sideways:
+beyond that depth an equilibrium depends on the path. So presses come first, and tell each beam's critical depth.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.accuracy import STANDARD, Accuracy
+from fem.scene import Scene
+from geometry.arrays import Array
+from geometry.loads import Load, Response
+from geometry.messages import Progress
+from studies.exploration import store as store_module
+from studies.exploration.needed_paths import NeededPath, Processes, Solves
+from studies.exploration.path_keys import Kind, place
+from studies.exploration.solved_paths import Answer
+from studies.exploration.store import Position, Store
+from studies.surrogate import surrogate_range
+from studies.surrogate.prediction import first_zero
+from studies.training.training_beams import DIAMETER_MM, Beams
+
+SAFE = 0.95
+"""Deepest shear over the critical depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """States of beams at their depths or shears: arrays of shape (n, k), NaN where a solve failed.
+
+    Attributes
+    ----------
+    depth, shear : position over D.
+    quantities : by name, forces over E D^2, lengths over D, tilt in rad.
+    """
+
+    depth: Array
+    shear: Array
+    quantities: Mapping[str, Array]
+
+    @property
+    def complete(self) -> NDArray[np.bool_]:
+        """Which beams have all their states, shape (n,)."""
+        return np.asarray(~np.isnan(self.quantities["force_z"]).any(axis=1))
+
+    def kept(self, rows: NDArray[Any]) -> States:
+        """Return the states of some beams."""
+        return States(self.depth[rows], self.shear[rows], {name: q[rows] for name, q in self.quantities.items()})
+
+    def joined(self, other: States) -> States:
+        """Return the states of the beams of both."""
+        return States(
+            np.concatenate([self.depth, other.depth]),
+            np.concatenate([self.shear, other.shear]),
+            {name: np.concatenate([q, other.quantities[name]]) for name, q in self.quantities.items()},
+        )
+
+
+class Solver:
+    """Finds the answers to scenes in the store, and solves what is missing with all processes."""
+
+    def __init__(self, store: Store, processes: Processes, progress: Progress | None, accuracy: Accuracy = STANDARD):
+        self.store, self.processes, self.progress, self.accuracy = store, processes, progress, accuracy
+
+    def answers(self, scenes: Sequence[Scene], kind: Kind = "states") -> list[list[Answer]]:
+        """Return for each scene the answers to its loads, which lie on one path."""
+        paths: dict[str, NeededPath] = {}
+        where: list[tuple[str, list[Position]]] = []
+        for scene in scenes:
+            places = [place(replace(scene, loads=(load,)), kind) for load in scene.loads]
+            key = store_module.key(places[0].content)
+            path = paths.setdefault(key, NeededPath(places[0], len(paths) + 1))
+            path.wanted |= {one.at: None for one in places}
+            where.append((key, [one.at for one in places]))
+        with contextlib.closing(Solves(paths, self.store, self.processes, self.progress)) as solves:
+            found = []
+            for key, positions in where:
+                solves.wait(key)
+                stored = solves.answers(key)
+                found.append([stored[at] for at in positions])
+        return found
+
+    def presses(self, beams: Beams, depths: Array) -> States:
+        """Return the states of frictionless presses to depths over D, shape (n, k), rising."""
+        scenes = [
+            Scene(beams.design(k), tuple(Load(depth=float(x) * DIAMETER_MM) for x in row), self.accuracy)
+            for k, row in enumerate(depths)
+        ]
+        return _states(depths, np.zeros_like(depths), self.answers(scenes))
+
+    def shears(self, beams: Beams, depth: Array, shears: Array) -> States:
+        """Return the states of glued shears, over D, shape (n, k), rising, each at one depth, shape (n,)."""
+        scenes = []
+        for k, row in enumerate(shears):
+            at = float(depth[k]) * DIAMETER_MM
+            loads = tuple(Load(depth=at, shear_x=float(x) * DIAMETER_MM, friction="stick") for x in row)
+            scenes.append(Scene(beams.design(k), loads, self.accuracy, model="harmonic"))
+        return _states(np.broadcast_to(depth[:, None], shears.shape), shears, self.answers(scenes))
+
+    def critical_depths(self, beams: Beams) -> Array:
+        """Return the critical depths over D, shape (n,), infinite where a press stays stable, NaN where it fails."""
+        scenes = [Scene(beams.design(k), (Load(depth=1.0),), self.accuracy) for k in range(len(beams))]
+        found = []
+        for (answer,) in self.answers(scenes, "critical depth"):
+            depth = answer.values.get("critical_depth_over_D")
+            found.append((np.inf if answer.status == "ok" else np.nan) if depth is None else depth)
+        return np.array(found)
+
+    def first_modes(self, beams: Beams) -> Array:
+        """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`, shape (n,)."""
+        rest, ratios = (Load(depth=0.0),), beams.density_ratio
+        scenes = []
+        for k in range(len(beams)):
+            design = beams.design(k)
+            design = replace(design, magnet_density=float(ratios[k]) * design.density)
+            scenes.append(Scene(design, rest, self.accuracy, model="axisymmetric"))
+        lowest = [(answer.values.get("frequency") or [np.nan])[0] for (answer,) in self.answers(scenes, "modes")]
+        return np.array(lowest)
+
+
+def shear_depth(beams: Beams, press: States) -> Array:
+    """Return the depth of each beam's shear, over D, shape (n,), above the depth at which its press buckles."""
+    low = np.sqrt(surrogate_range.SHALLOWEST_SHEAR)
+    critical = first_zero(press.depth, np.nan_to_num(press.quantities["sideways_ratio"], nan=-1.0))
+    most = np.minimum(surrogate_range.deepest(beams.L, beams.height), SAFE * critical)
+    high = np.maximum(np.sqrt(most), low)
+    return np.asarray(np.round((low + (high - low) * beams.share) ** 2, 5))
+
+
+def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> States:
+    """Return the quantities of answers, which are for D = DIAMETER_MM and E = 1 MPa."""
+    D = DIAMETER_MM
+
+    def table(read: Callable[[Answer, Response], Any]) -> Array:
+        rows = [[np.nan if a.response is None else read(a, a.response) for a in row] for row in answers]
+        return np.array(rows, dtype=float)
+
+    force, length = 1 / D**2, 1 / D
+    quantities = {
+        "force_x": force * table(lambda _, r: r.force[0]),
+        "force_z": force * table(lambda _, r: r.force[2]),
+        "shift_x": length * table(lambda _, r: r.shift[0]),
+        "shift_z": length * table(lambda _, r: r.shift[2]),
+        "tilt": table(lambda _, r: r.tilt),
+        "contact_radius": length * table(lambda _, r: r.contact_radius),
+        "strain": table(lambda a, _: a.values["largest_strain"]),
+        "sideways_ratio": table(lambda a, _: a.values.get("sideways_stiffness_ratio")),
+    }
+    return States(depth, shear, quantities)

@@ -1,0 +1,161 @@
+"""The shipped surrogate: its range, its limits, its errors against finite elements, its speed."""
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fem.accuracy import STANDARD
+from fem.equilibrium import solve, trace
+from fem.modes import modes
+from fem.stability import critical
+from geometry.design import Design, paper
+from geometry.loads import Load
+from studies.exploration.solved_paths import frequency_unit
+from studies.surrogate import prediction, surrogate_file, surrogate_range
+from studies.training.training_beams import random_beams
+
+PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))
+
+
+def beams(count, seed=4):
+    b = random_beams(count, seed)
+    smaller = np.minimum(b.diameter, b.height)
+    return prediction.beams(b.L, b.diameter, b.height, b.nu, b.edge * smaller)
+
+
+def test_a_press_of_the_papers_sensor_is_that_of_finite_elements():
+    """Three times the 90 % interval: a wrong form or unit would be far outside."""
+    state = solve(paper(), Load(depth=1.0), STANDARD)
+    predicted = prediction.beams(*PAPER).press(np.array([[1.0 / 8]]))
+    found = {
+        "force": state.response.force[2] / 64,
+        "shift": -state.response.shift[2] / 8,
+        "contact_radius": state.response.contact_radius / 8,
+        "strain": state.facts.largest_strain,
+        "sideways_ratio": state.facts.sideways_stiffness_ratio,
+    }
+    for name, value in found.items():
+        quantity = predicted[name]
+        assert abs(quantity.value[0, 0] - value) < 3 * quantity.half_width[0, 0], name
+
+
+def test_a_glued_shear_of_the_papers_sensor_is_that_of_finite_elements():
+    state = trace(paper(), [Load(depth=1.0, shear_x=1.5, friction="stick")], STANDARD)[-1]
+    predicted = prediction.beams(*PAPER).shear(np.array([[1.0 / 8]]), np.array([[1.5 / 8]]))
+    response = state.response
+    found = {
+        "force_x": response.force[0] / 64,
+        "force_z": response.force[2] / 64,
+        "shift_x": response.shift[0] / 8,
+        "shift_z": -response.shift[2] / 8,
+        "tilt": response.tilt,
+        "contact_radius": response.contact_radius / 8,
+        "strain": state.facts.largest_strain,
+    }
+    for name, value in found.items():
+        quantity = predicted[name]
+        assert abs(quantity.value[0, 0] - value) < 3 * quantity.half_width[0, 0], name
+
+
+def test_the_critical_depth_is_that_of_finite_elements():
+    slender = Design(L=20.0, l0=18.2)
+    state = critical(slender, estimate=False)
+    quantity = prediction.beams(np.array([2.5]), *PAPER[1:]).critical_depth()
+    assert abs(quantity.value[0] - state.depth / 8) < 3 * quantity.half_width[0]
+
+
+def test_the_first_mode_is_that_of_finite_elements():
+    design = paper()
+    first = modes(design, count=1, estimate=False).frequency[0]
+    quantity = prediction.beams(*PAPER).first_mode(np.array([design.magnet_density / design.density]))
+    unit = frequency_unit(design.D, design.E, design.density)
+    assert abs(quantity.value[0] - first / unit) < 3 * quantity.half_width[0]
+
+
+def test_a_shear_that_vanishes_is_a_press():
+    b = beams(50)
+    depth = 0.9 * b.deepest[:, None]
+    press, shear = b.press(depth), b.shear(depth, np.zeros_like(depth))
+    assert shear["force_z"].value == pytest.approx(press["force"].value, rel=1e-12)
+    assert shear["shift_z"].value == pytest.approx(press["shift"].value, rel=1e-12)
+    assert np.abs(shear["force_x"].value).max() == np.abs(shear["tilt"].value).max() == 0
+
+
+def test_the_force_rises_with_the_depth_and_the_side_force_with_the_shear():
+    b = beams(300)
+    share = np.linspace(0, 1, 12)
+    depth = surrogate_range.SHALLOWEST + share * (b.deepest[:, None] - surrogate_range.SHALLOWEST)
+    assert (np.diff(b.press(depth)["force"].value, axis=1) > 0).all()
+
+
+def test_equal_depths_share_their_work_and_do_not_change_the_answer():
+    b = beams(5)
+    depth = 0.5 * b.deepest[:, None] * np.ones((1, 3))
+    shear = b.farthest[:, None] * np.array([[0.3, 0.9, 0.6]])
+    together = b.shear(depth, shear)
+    alone = b.shear(depth[:, 1:2], shear[:, 1:2])
+    for name in prediction.SHEAR:
+        assert together[name].value[:, 1:2] == pytest.approx(alone[name].value, rel=1e-12)
+        assert together[name].half_width[:, 1:2] == pytest.approx(alone[name].half_width, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({0: 0.6}, "L/D within 0.75 and 4; got 0.6"),
+        ({1: 0.1}, "magnet_diameter/D within 0.2 and 0.8; got 0.1"),
+        ({2: 0.85}, "magnet_height/D within 0.1 and 0.8; got 0.85"),
+        ({3: 0.3}, "nu within 0.45 and 0.5; got 0.3"),
+        ({1: 0.8, 2: 0.7}, "the silicone around the magnet at least 0.04; got -0.0"),
+    ],
+)
+def test_a_beam_outside_the_range_is_refused(change, reason):
+    values = [np.array([change.get(k, value[0])]) for k, value in enumerate(PAPER)]
+    b = prediction.beams(*values)
+    assert reason in b.outside[0]
+    assert np.isnan(b.press(np.array([[0.1]]))["force"].value).all()
+    assert np.isnan(b.critical_depth().value).all()
+    assert np.isnan(b.first_mode(np.array([7.0])).value).all()
+
+
+@pytest.mark.parametrize(("depth", "shear"), [(0.005, 0.1), (0.36, 0.1), (0.1, 0.4), (0.1, -0.1), (0.02, 0.1)])
+def test_a_load_outside_the_range_has_no_answer(depth, shear):
+    b = prediction.beams(*PAPER)
+    assert math.isnan(b.shear(np.array([[depth]]), np.array([[shear]]))["tilt"].value[0, 0])
+
+
+def test_ten_thousand_designs_a_second_on_one_core():
+    """Press, shear, critical depth and mode of 4000 designs; the bound leaves room for a busy machine."""
+    b = beams(4000)
+    begin = time.process_time()
+    b.press(0.5 * b.deepest[:, None])
+    b.shear(0.5 * b.deepest[:, None], 0.5 * b.farthest[:, None])
+    b.critical_depth()
+    b.first_mode(np.full(4000, 7.0))
+    assert time.process_time() - begin < 4.0
+
+
+def test_the_file_is_small_and_holds_no_objects():
+    assert surrogate_file.FILE.stat().st_size < 5e6
+    with np.load(surrogate_file.FILE, allow_pickle=False) as archive:
+        assert all(archive[name].dtype.kind in "fiU" for name in archive.files)
+
+
+def test_a_file_comes_back_as_it_was_written(tmp_path):
+    shipped = surrogate_file.shipped()
+    surrogate_file.write(tmp_path / "copy.npz", shipped)
+    copy = surrogate_file.read(tmp_path / "copy.npz")
+    x = shipped.groups["press"].process.x[:3] * 1.01
+    assert np.array_equal(copy.groups["press"].process.mean(x), shipped.groups["press"].process.mean(x))
+    assert copy.groups["shear"].quantities == prediction.SHEAR
+
+
+@pytest.mark.parametrize("content", [b"", b"not an archive"])
+def test_another_file_is_refused_in_a_sentence(tmp_path, content):
+    file = Path(tmp_path / "other.npz")
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="is no surrogate"):
+        surrogate_file.read(file)
