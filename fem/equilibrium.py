@@ -125,7 +125,7 @@ def _walk_part(
     with contextlib.closing(states), contextlib.closing(coarse_states):
         for state in states:
             coarse_state = next(coarse_states, None)
-            yield state if coarse_state is None else _with_estimates(state, coarse_state, scene)
+            yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
 
 
 def _report_share(progress: Progress, done: int, count: int, whole: int, share: float, text: str) -> None:
@@ -133,7 +133,7 @@ def _report_share(progress: Progress, done: int, count: int, whole: int, share: 
     progress((done + share * count) / whole, text)
 
 
-def _with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
+def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Solution:
     """Return the state with error estimates, if the coarser solve has reached the same load."""
     seconds = state.seconds + coarse_state.seconds
     one, other = state.load, coarse_state.load

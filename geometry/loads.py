@@ -275,7 +275,7 @@ def check_load(design: Design, load: Load, magnet: Magnet = "rigid") -> None:
 
 
 def _check_imperfection(design: Design, force: float) -> None:
-    most = design.R / _compliance(design)
+    most = design.R / tip_compliance(design)
     if not abs(force) <= most:
         raise BadInput(
             f"imperfection must lie within +-{most:.3g} N, which bends the free beam by the tip radius; got "
@@ -287,7 +287,7 @@ def _check_pull(design: Design, grip: float, shear: float) -> None:
     radius = math.sqrt(grip * (2 * design.R - grip)) if grip < design.R else design.R
     disc = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
     # beam and held part carry the same force, so they share the shear in proportion to their compliances
-    most = MOST_PULL * radius * (1 + _compliance(design) / disc)
+    most = MOST_PULL * radius * (1 + tip_compliance(design) / disc)
     if not shear <= most:
         raise BadInput(
             f"shear must not exceed {most:.3g} mm under a grip of {grip:g} mm, which holds a spot of {radius:.3g} mm "
@@ -295,7 +295,7 @@ def _check_pull(design: Design, grip: float, shear: float) -> None:
         )
 
 
-def _compliance(design: Design) -> float:
+def tip_compliance(design: Design) -> float:
     """Return the sideways compliance of the tip of a straight beam of silicone, from bending and shear, mm/N."""
     # 0.9: shear coefficient of a solid circular section
     area, G = math.pi * design.R**2, design.E / (2 * (1 + design.nu))

@@ -82,15 +82,14 @@ def _read_response(state: PathState, nodal: State, turn: Array, design: Design) 
     turn : (2, 2) rotation from the model's x and y to the user's.
     """
     d, D = state.d, design.D
-    residual, _, _ = plate_contact.traction(state.skin, nodal.u, state.plate)
-    total = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual) * design.E * D**2
+    total = tip_force(state) * design.E * D**2
     shift, tilt = read_pose(d, nodal.u, state.q)
-    # components that symmetry forbids contain only sums of radial tractions and rounding errors
+    # components that symmetry forbids contain only rounding errors
     if d.model == "axisymmetric":
-        total[0] = shift[0] = tilt[0] = 0.0
+        shift[0] = tilt[0] = 0.0
     if d.model != "full":
-        total[1] = shift[1] = tilt[1] = 0.0
-    force, shift_xy, tilt_xy = turn @ -total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
+        shift[1] = tilt[1] = 0.0
+    force, shift_xy, tilt_xy = turn @ total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
     radius = plate_contact.equal_area_radius if state.sheared else plate_contact.contact_radius
     return Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
@@ -99,6 +98,15 @@ def _read_response(state: PathState, nodal: State, turn: Array, design: Design) 
         contact_radius=0.0 if state.grip else radius(state.skin, nodal.u, state.plate) * D,
         tilt_y=float(tilt_xy[1]),
     )
+
+
+def tip_force(state: PathState) -> Array:
+    """Return the force (3,) on the tip in the model's frame, over E D^2; z is positive in compression."""
+    d = state.d
+    residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
+    x, y, z = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual)
+    # components that symmetry forbids contain only sums of radial tractions and rounding errors
+    return np.array([0.0 if d.model == "axisymmetric" else -x, -y if d.model == "full" else 0.0, z])
 
 
 def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:

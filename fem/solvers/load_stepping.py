@@ -42,7 +42,7 @@ class Path:
 
     Attributes
     ----------
-    state : the present state; only `go` replaces it.
+    state : the present state; only the methods replace it.
     iterations : Newton iterations of the last load.
     raised : as above.
     """
@@ -73,10 +73,25 @@ class Path:
         self.state, self.iterations = reached.state, reached.iterations
         return reached.stop
 
+    def begin_shear(self) -> None:
+        """Change to the model of a shear and glue the contact where required, before the plate moves sideways."""
+        self.state = self._prepare_shear(self.state)
+
+    def restart(self, state: PathState) -> None:
+        """Return to an earlier state of this path."""
+        if state.d is not self.state.d:
+            self._renew_solver()
+        self.state = state
+
     def close(self) -> None:
         """Free the memory of the factorisations."""
         self._solver.close()
         self._reduced_solver.close()
+
+    def _renew_solver(self) -> None:
+        """Replace the solver, because the matrices of another model have another pattern."""
+        self._solver.close()
+        self._solver = Solver()
 
     def _follow_load(self, depth: float, shear: Array) -> Segment:
         """Follow one load: press to its depth, then shear."""
@@ -100,9 +115,7 @@ class Path:
         low, state = state, replace(state, sheared=True)
         if self.raised is not None and state.d.model == "axisymmetric":
             state = with_harmonics(state, self.raised())
-            # the new matrices have another pattern
-            self._solver.close()
-            self._solver = Solver()
+            self._renew_solver()
             if self._predictor is not None:
                 state = with_predictor(state, self._predictor(), low)
         if state.bond is None and state.friction is None:

@@ -52,7 +52,8 @@ def solve(
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
     If a solve stops early, the last converged state is printed and the exit status is 3. With --tolerance, formulas
-    may replace the finite elements, and all states are printed at the end.
+    may replace the finite elements, and all states are printed at the end. With --force the model for a tolerance is
+    chosen for the depth that accuracy quick finds, and formulas are not chosen.
 
     Parameters
     ----------
@@ -61,41 +62,35 @@ def solve(
     picture
         File (.png) for the deformed section of the last state.
     """
-    from studies.simulation import load_cases, within_tolerance
+    from studies.simulation import force_cases, load_cases, within_tolerance
 
     design = design_of(source, sets, method.magnet)
     atomic_files.check_apart([out, picture], [source, method.mesh])
-    loads = load_cases.loads_of(motion)
+    targets = force_cases.targets_of(motion)
+    loads = force_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
-    title, keys = "Finite elements", load_cases.columns(loads)
-    chosen = None
-    if method.tolerance is not None:
-        chosen = within_tolerance.choose(design, loads, method, files=out is not None or picture is not None)
-        chosen.say()
-        title = "Formulas" if chosen.choice.model_kind == "formula" else title
+    keys = force_cases.columns(targets) if targets else load_cases.columns(loads)
     with console.progress(as_json=as_json) as progress:
-        if chosen is None:
-            states = load_cases.solve(design, loads, method, out=out, picture=picture, progress=progress)
-            reached = load_cases.rows(states)
-        else:
-            reached = within_tolerance.solve(
-                design, loads, method, chosen, out=out, picture=picture, progress=progress
-            )
-        with contextlib.closing(reached):
+        title, rows = within_tolerance.run(
+            design, loads, method, targets, out=out, picture=picture, progress=progress
+        )
+        with contextlib.closing(rows):
             records = console.stream(
-                reached,
+                rows,
                 as_json=as_json,
                 title=title,
                 keys=keys,
                 count=len(loads),
-                brief=load_cases.UNSHOWN,
+                brief=(*load_cases.UNSHOWN, *force_cases.unshown(targets)),
                 first=load_cases.FIRST,
                 wide=wide,
             )
     if len(loads) > 1 and not as_json:
         for remark in console.remarks(records, load_cases.MOVED):
             console.note(remark)
+    if targets and not as_json and (change := force_cases.change_of_force(records[-1])):
+        console.note(change)
     return report_failures(records)
 
 

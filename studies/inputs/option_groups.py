@@ -52,8 +52,18 @@ class Motion:
     ----------
     depths
         Several depths of a press, d1,d2,d3, mm.
+    force
+        Normal force of a press, N, instead of its depth, which is searched for.
+    forces
+        Several normal forces of a press, f1,f2,f3, N.
+    shear_force
+        Force along x, N, to which the plate shears the tip after the press to --force. The depth stays fixed, so the
+        normal force changes; the state shows it.
+    shear_force_y
+        The same along y, N.
     steps
-        Number of equal steps of the depth, or of the shear (at full depth) if there is one; default: 1.
+        Number of equal steps of the depth, or of the shear (at full depth) if there is one; or of the forces in
+        their place; default: 1.
     plate_tilt
         Rotation of the plate about y, degrees; positive values turn its normal from z towards x.
     imperfection
@@ -67,6 +77,10 @@ class Motion:
 
     depth: Annotated[float | None, DEPTH] = None
     depths: str | None = None
+    force: float | None = None
+    forces: str | None = None
+    shear_force: float | None = None
+    shear_force_y: float | None = None
     steps: Whole | None = None
     shear: Annotated[float | None, SHEAR] = None
     shear_y: Annotated[float | None, SHEAR_Y] = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,6 +23,7 @@ from studies.simulation.state_rows import FormulaRow, StateRow
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
+    from fem.force_targets import ForceTarget
     from fem.solution import Solution
     from geometry.mesh import Parts
 
@@ -45,13 +46,13 @@ def loads_of(motion: Motion) -> list[Load]:
     [0.5, 1.0]
     """
     slides = _check_motion(motion)
-    contact = _friction(motion.friction, "stick" if slides and motion.grip is None else "none")
-    tilt = math.radians(motion.plate_tilt)
+    contact = friction_of(motion.friction, "stick" if slides and motion.grip is None else "none")
+    tilt = plate_tilt_of(motion)
     if motion.depths is not None:
         depths = user_input.parse_numbers("--depths", motion.depths)
         unpressed = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
         return [replace(unpressed, depth=value) for value in depths]
-    count = _count(motion.steps)
+    count = count_of(motion.steps)
     full = Load(
         depth=motion.depth or 0.0,
         shear_x=motion.shear or 0.0,
@@ -70,7 +71,8 @@ def loads_of(motion: Motion) -> list[Load]:
 def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]:
     """Return each option that has no effect, with the reason."""
     options = []
-    if motion.friction == "stick" and not (motion.shear or motion.shear_y):
+    sideways = (motion.shear, motion.shear_y, motion.shear_force, motion.shear_force_y)
+    if motion.friction == "stick" and not any(sideways):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
     if method.mesh is not None and method.level != "standard" and motion.grip is None:
         options.append(("--accuracy", "the mesh comes from --mesh"))
@@ -83,7 +85,7 @@ def _check_motion(motion: Motion) -> bool:
     if motion.depth is not None and motion.depths is not None:
         raise BadInput("--depth and --depths exclude each other: give only one")
     if motion.depth is None and motion.depths is None and motion.grip is None:
-        raise BadInput("no load is given: add --depth D in mm, or --grip HEIGHT with --shear X")
+        raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
     if motion.grip is not None and not slides:
         raise BadInput("--grip needs a shear: add --shear X in mm")
     if motion.grip is not None and motion.friction is not None:
@@ -99,13 +101,18 @@ def _check_motion(motion: Motion) -> bool:
                 raise BadInput(
                     f"--depths is for presses only and cannot be combined with {name}: give one --depth instead"
                 )
-    steepest = math.degrees(STEEPEST)
-    if not abs(motion.plate_tilt) <= steepest:
-        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {motion.plate_tilt:g}")
     return slides
 
 
-def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
+def plate_tilt_of(motion: Motion) -> float:
+    """Return the plate tilt of --plate-tilt, rad."""
+    steepest = math.degrees(STEEPEST)
+    if not abs(motion.plate_tilt) <= steepest:
+        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {motion.plate_tilt:g}")
+    return math.radians(motion.plate_tilt)
+
+
+def friction_of(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
     """Parse --friction: none, stick or a coefficient."""
     if text is None:
         return default
@@ -117,7 +124,7 @@ def _friction(text: str | None, default: Literal["none", "stick"]) -> float | Li
         raise BadInput(f"--friction must be none, stick or a coefficient of 0 or more; got {text!r}") from None
 
 
-def _count(steps: int | None) -> int:
+def count_of(steps: int | None) -> int:
     """Check --steps; default: 1."""
     if steps is None:
         return 1
@@ -158,6 +165,7 @@ def solve(
     out: Path | None,
     picture: Path | None,
     progress: Progress,
+    targets: Sequence[ForceTarget] = (),
 ) -> Generator[StateRow]:
     """Solve the loads one after the other, and yield the row of each state as soon as it is reached.
 
@@ -166,21 +174,27 @@ def solve(
     Parameters
     ----------
     out, picture : paths of the .vtu file and of the .png file; None writes none.
+    targets : forces that the states must have; `loads` are then loads of the same kind.
 
     Raises
     ------
     BadInput
         Before the first state: a file cannot be written, or the loads do not suit design, method or each other.
     """
-    from fem import equilibrium
+    from fem import equilibrium, force_targets
     from fem.scene import Scene
 
     vtu = None if out is None else atomic_files.check_output_file(out, ".vtu")
     png = None if picture is None else atomic_files.check_output_file(picture, ".png")
     method, mesh = _read_mesh(design, method)
-    scene = Scene(design, tuple(loads), _level(loads, method), method.magnet, method.model)
-    states = equilibrium.walk(scene, progress=progress, mesh=mesh)
-    return _rows(design, loads, method, states, vtu, png)
+    level = _level(loads, method)
+    if targets:
+        states = force_targets.walk_forces(
+            design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
+        )
+        return _rows(design, [target.load for target in targets], method, states, vtu, png)
+    scene = Scene(design, tuple(loads), level, method.magnet, method.model)
+    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress, mesh=mesh), vtu, png)
 
 
 def rows(states: Generator[StateRow]) -> Generator[FlatRow]:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
@@ -19,9 +19,12 @@ from studies.inputs.option_groups import Method
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.output import console
 from studies.output.records import FlatRow
-from studies.simulation import load_cases, model_choice, state_rows
+from studies.simulation import force_cases, load_cases, model_choice, state_rows
 from studies.simulation.model_choice import Choice, percent
 from studies.simulation.state_rows import StateRow
+
+if TYPE_CHECKING:
+    from fem.force_targets import ForceTarget
 
 FINER: dict[str, AccuracyName] = {"quick": "standard", "standard": "fine"}
 """Next finer accuracy of the finite elements."""
@@ -49,6 +52,38 @@ class Chosen:
         console.say(f"magtip: tolerance {percent(self.tolerance)}: {name}, because {choice.reason}")
 
 
+def run(
+    design: Design,
+    loads: list[Load],
+    method: Method,
+    targets: Sequence[ForceTarget] = (),
+    *,
+    out: Path | None,
+    picture: Path | None,
+    progress: Progress,
+) -> tuple[str, Generator[FlatRow]]:
+    """Return the title of a table of states, and their rows, which are solved one after the other.
+
+    Parameters
+    ----------
+    targets : forces that the states must have; `loads` are then of the same kind. The model for a tolerance is chosen
+        for their loads at accuracy quick: it would otherwise depend on the depth that it has to find.
+    """
+    files = {"out": out, "picture": picture}
+    if method.tolerance is None:
+        states = load_cases.solve(design, loads, method, **files, progress=progress, targets=targets)
+        title, rows = "Finite elements", load_cases.rows(states)
+    else:
+        check(method)
+        if targets:
+            loads = force_cases.loads_at_quick(design, targets, method, progress)
+        chosen = choose(design, loads, method, files=bool(targets) or any(files.values()))
+        chosen.say()
+        title = "Formulas" if chosen.choice.model_kind == "formula" else "Finite elements"
+        rows = solve(design, loads, method, chosen, **files, progress=progress, targets=targets)
+    return title, force_cases.with_targets(rows, targets) if targets else rows
+
+
 def check_alone(options: dict[str, Any]) -> None:
     """Refuse options that --tolerance decides; `options` holds their values by name, None where one is not used."""
     for name, value in options.items():
@@ -63,8 +98,14 @@ def choose(design: Design, loads: Sequence[Load], method: Method, *, files: bool
 
     Parameters
     ----------
-    files : whether the deformed body is to be written, which formulas do not compute.
+    files : whether the deformed body is to be written, which formulas do not compute; or a force is searched for.
     """
+    tolerance = check(method)
+    return Chosen(tolerance, model_choice.choose(design, loads, tolerance, method.magnet, formulas=not files))
+
+
+def check(method: Method) -> float:
+    """Return the tolerance of a method, a fraction; refuse options that it decides."""
     assert method.tolerance is not None
     check_alone(
         {
@@ -74,8 +115,7 @@ def choose(design: Design, loads: Sequence[Load], method: Method, *, files: bool
             "--mesh": method.mesh,
         }
     )
-    tolerance = parse_tolerance(method.tolerance)
-    return Chosen(tolerance, model_choice.choose(design, loads, tolerance, method.magnet, formulas=not files))
+    return parse_tolerance(method.tolerance)
 
 
 def solve(
@@ -87,11 +127,16 @@ def solve(
     out: Path | None,
     picture: Path | None,
     progress: Progress,
+    targets: Sequence[ForceTarget] = (),
 ) -> Generator[FlatRow]:
     """Yield the rows of the states by the chosen model, each with the columns of `chosen`.
 
     The rows of finite elements come when the whole path is solved, because its error estimates may require another
     one.
+
+    Parameters
+    ----------
+    targets : forces that the states must have, for finite elements; `loads` are then rough ones.
     """
     if chosen.choice.model_kind == "formula":
         for load in loads:
@@ -100,7 +145,10 @@ def solve(
     accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
     while True:
         at_level = replace(method, accuracy=accuracy, tolerance=None)
-        rows = list(load_cases.solve(design, loads, at_level, out=out, picture=picture, progress=progress))
+        states = load_cases.solve(
+            design, loads, at_level, out=out, picture=picture, progress=progress, targets=targets
+        )
+        rows = list(states)
         estimate = largest_estimate(rows)
         if estimate is None or estimate <= chosen.tolerance:
             break

@@ -1,0 +1,183 @@
+"""States with a wanted force: against single solves, under similarity, with friction, and where no state has it."""
+
+import math
+import re
+from dataclasses import replace
+
+import pytest
+from scipy.optimize import brentq
+
+from fem.accuracy import QUICK
+from fem.equilibrium import solve, trace
+from fem.force_targets import ForceTarget, solve_force, walk_forces
+from fem.solvers.depth_ranges import SHALLOW
+from fem.solvers.loading_curve import FORCE_TOLERANCE, SHARED_TOLERANCE
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+
+ROUGH = replace(
+    QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
+)
+STICK = Load(friction="stick")
+
+
+def normal(state):
+    return state.response.force[2]
+
+
+def alone(load, accuracy=ROUGH, **options):
+    (state,) = trace(paper(), [load], accuracy, estimate=False, **options)
+    return state
+
+
+def test_the_depth_is_that_of_a_root_search_over_single_solves():
+    state = solve_force(paper(), 5.0, ROUGH)
+    depth = brentq(lambda depth: normal(alone(Load(depth=depth))) - 5.0, 0.5, 2.0, xtol=1e-4)
+    assert normal(state) == pytest.approx(5.0, rel=FORCE_TOLERANCE)
+    assert state.load.depth == pytest.approx(depth, rel=2e-4)
+    assert state.estimates.force > FORCE_TOLERANCE
+
+
+@pytest.mark.parametrize("depth", [1e-5, 0.03, 0.15, 0.4, 2.5])
+def test_the_force_of_a_depth_leads_back_to_it(depth):
+    state = solve_force(paper(), normal(alone(Load(depth=depth))), ROUGH)
+    assert state.load.depth == pytest.approx(depth, rel=FORCE_TOLERANCE)
+
+
+def test_the_state_is_that_of_a_single_solve_at_its_depth():
+    state = solve_force(paper(), 2.0, ROUGH)
+    single = solve(paper(), state.load, ROUGH)
+    assert state.response.shift == pytest.approx(single.response.shift, rel=1e-7)
+    assert state.estimates.force == pytest.approx(single.estimates.force, rel=1e-6)
+    assert (state.status, state.message, state.facts.remark) == (single.status, single.message, single.facts.remark)
+
+
+def test_the_depth_depends_on_force_over_E_only():
+    soft, stiff = (solve_force(Design(E=E), 2 * E, ROUGH) for E in (1.0, 30.0))
+    assert stiff.load.depth == pytest.approx(soft.load.depth, rel=1e-9)
+
+
+def test_a_slender_beam_sinks_beyond_the_contact():
+    slender = Design(L=48.0)
+    state = solve_force(slender, 1.0, ROUGH, magnet="ignored")
+    assert normal(state) == pytest.approx(1.0, rel=FORCE_TOLERANCE)
+    assert state.load.depth > 1.5 * solve_force(paper(), 1.0, ROUGH, magnet="ignored").load.depth
+
+
+def test_the_order_of_the_forces_does_not_matter():
+    up, down = (
+        [state.load.depth for state in walk_forces(paper(), [ForceTarget(f) for f in forces], ROUGH)]
+        for forces in ((0.05, 1.0, 5.0), (5.0, 1.0, 0.05))
+    )
+    assert up == pytest.approx(down[::-1], rel=2 * FORCE_TOLERANCE)
+
+
+def test_a_force_between_those_of_two_meshes_has_a_state():
+    """The meshes of light and of deep presses meet at a depth where their forces differ a little."""
+    bound = SHALLOW * paper().D
+    forces = [normal(alone(Load(depth=bound * factor))) for factor in (1 - 1e-9, 1 + 1e-9)]
+    for force in (*forces, sum(forces) / 2):
+        state = solve_force(paper(), force, ROUGH)
+        assert normal(state) == pytest.approx(force, rel=FORCE_TOLERANCE)
+        assert state.load.depth == pytest.approx(bound, rel=abs(forces[0] / forces[1] - 1) + FORCE_TOLERANCE)
+
+
+def test_a_glued_shear_has_both_forces_one_after_the_other():
+    state = solve_force(paper(), 3.0, ROUGH, shear_force=(-0.3, 0.4))
+    force, load = state.response.force, state.load
+    assert force[:2] == pytest.approx((-0.3, 0.4), rel=FORCE_TOLERANCE)
+    assert load.shear_x / load.shear_y == pytest.approx(-0.75)
+    assert normal(alone(replace(load, shear_x=0.0, shear_y=0.0, friction="none"))) == pytest.approx(3.0, rel=0.02)
+    # its mesh is made for a depth within SAME_MESH
+    assert force == pytest.approx(alone(load).response.force, rel=2e-3)
+
+
+def test_a_plate_that_shears_lets_the_normal_force_fall():
+    targets = [ForceTarget(3.0, (force, 0.0), STICK) for force in (0.2, 1.0)]
+    near, far = walk_forces(paper(), targets, ROUGH)
+    assert near.load.depth == far.load.depth
+    assert 0 < near.load.shear_x < far.load.shear_x
+    assert 3.0 > normal(near) > normal(far) > 0
+    assert far.estimates.sideways > 0
+
+
+def test_coulomb_friction_carries_a_force_below_slip():
+    friction = Load(friction=0.5)
+    (state,) = walk_forces(paper(), [ForceTarget(1.0, (0.2, 0.0), friction)], ROUGH)
+    assert state.response.force[0] == pytest.approx(0.2, rel=SHARED_TOLERANCE)
+    assert 0 < state.slip_share < 1
+
+
+def test_a_press_with_friction_has_the_force_of_a_single_path():
+    (state,) = walk_forces(paper(), [ForceTarget(1.0, None, Load(friction=0.5))], ROUGH)
+    assert normal(alone(state.load)) == pytest.approx(1.0, rel=SHARED_TOLERANCE)
+
+
+def test_a_shear_force_beyond_slip_is_refused_with_the_bound(refused):
+    with refused("0.5 x 5 N = 2.5 N", "slips", "got 3 N"):
+        ForceTarget(5.0, (3.0, 0.0), Load(friction=0.5))
+
+
+def test_a_shear_force_that_slips_before_the_bound_names_what_is_reached():
+    """The normal force falls during the shear, so the plate slips below the coefficient times the first force."""
+    with pytest.raises(BadInput, match="whole contact area slips") as raised:
+        list(walk_forces(paper(), [ForceTarget(1.0, (0.0999, 0.0), Load(friction=0.1))], ROUGH))
+    largest = float(re.search(r"largest force is (\S+) N", str(raised.value))[1])
+    assert 0.09 < largest < 0.0999
+
+
+def test_a_force_that_no_press_reaches_names_the_largest_one():
+    """States before it are kept."""
+    states = walk_forces(paper(), [ForceTarget(1.0), ForceTarget(1e6)], ROUGH, magnet="ignored", estimate=False)
+    assert normal(next(states)) == pytest.approx(1.0, rel=FORCE_TOLERANCE)
+    with pytest.raises(BadInput, match=r"does not reach 1e\+06 N.*where the solve stops") as raised:
+        next(states)
+    force, depth = map(float, re.search(r"largest force is (\S+) N at depth (\S+) mm", str(raised.value)).groups())
+    before = alone(Load(depth=0.8 * depth), magnet="ignored")
+    assert normal(before) < force < 1e6
+
+
+@pytest.mark.parametrize("load", [Load(plate_tilt=0.1), Load()])
+def test_tetrahedra_have_the_force(load):
+    (state,) = walk_forces(
+        paper(), [ForceTarget(0.5, None, load)], ROUGH, magnet="ignored", model="half", estimate=False
+    )
+    assert normal(state) == pytest.approx(0.5, rel=FORCE_TOLERANCE)
+    assert state.estimates.force is None
+
+
+def test_an_imperfect_press_follows_the_buckled_branch():
+    target = ForceTarget(1.0, None, Load(imperfection=0.002))
+    (state,) = walk_forces(Design(L=24.0), [target], ROUGH, magnet="ignored", estimate=False)
+    assert normal(state) == pytest.approx(1.0, rel=FORCE_TOLERANCE)
+    assert state.response.tilt > 0
+
+
+def test_progress_grows_from_0_and_stays_below_1():
+    shares = []
+    targets = [ForceTarget(0.5), ForceTarget(1.0)]
+    list(walk_forces(paper(), targets, ROUGH, progress=lambda share, _: shares.append(share)))
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1] < 1) == (0.0, True)
+
+
+@pytest.mark.parametrize(
+    ("values", "parts"),
+    [
+        ((0.0,), ["force must be", "got 0"]),
+        ((-5.0,), ["force must be", "got -5"]),
+        ((math.nan,), ["force must be", "got nan"]),
+        ((1.0, (0.0, 0.0)), ["shear force must be", "other than 0"]),
+        ((1.0, (1.0, 0.0)), ["frictionless plate carries no shear force"]),
+        ((1.0, None, Load(grip=1.0, shear_x=1.0)), ["a grip has no plate"]),
+        ((1.0, None, Load(depth=1.0)), ["depth 0 and shear 0"]),
+    ],
+)
+def test_impossible_targets_are_refused(values, parts, refused):
+    with refused(*parts):
+        ForceTarget(*values)
+
+
+def test_a_model_that_cannot_carry_a_target_is_refused_before_the_first_state(refused):
+    with refused("model axisymmetric cannot carry a shear"):
+        walk_forces(paper(), [ForceTarget(1.0, (0.5, 0.0), STICK)], ROUGH, model="axisymmetric")
