@@ -55,6 +55,7 @@ SOLVE_KEYS = {
     "inside_out_share",
     "sideways_stiffness_ratio",
     "critical_depth_mm_estimate",
+    "largest_strain_percent",
 }
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 
