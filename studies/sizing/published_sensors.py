@@ -1,0 +1,122 @@
+"""Published sensors beside variants that are sized for the same box of size and force range.
+
+The figures, where each was read, and what is not comparable are in published_sensors.toml. A variant's resolution
+is the standard deviation that the noise of the readings causes at the worst pose of the range. It is a lower bound
+of the error of a made sensor, which has hysteresis, creep and the error of its calibration too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput
+from studies.inputs.quantity_input import quantity
+from studies.inputs.user_input import toml_table
+
+DATA = Path(__file__).with_name("published_sensors.toml")
+FOLDER = Path(__file__).resolve().parent.parent / "examples" / "sizing"
+"""Folder of the files of requirements that are made from the boxes."""
+UNITS = {"range_z": "N", "range_x": "N", "resolution_z": "N", "resolution_x": "N", "outer_size": "mm", "height": "mm"}
+"""Quantities that are compared, with their units."""
+REQUIRED = {"range_z": "force_z", "range_x": "force_x"}
+"""Keys of requirements that have another name than the quantity."""
+ORIGINS = ("abstract", "paper", "recording", "derived", "assumed")
+"""Where a figure was read; "derived" follows from figures that were read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A published figure: its value in the unit of `UNITS`, what it is statistically, and where it was read."""
+
+    quantity: str
+    value: float
+    statistic: str
+    origin: str
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedSensor:
+    """A published sensor.
+
+    Attributes
+    ----------
+    requirements : path of the file of requirements with the same box.
+    read_out, body : how its forces are found, and what it is.
+    differs : what is not comparable, in sentences without a capital letter.
+    """
+
+    name: str
+    source: str
+    requirements: Path
+    read_out: str
+    body: str
+    figures: tuple[Figure, ...]
+    differs: tuple[str, ...]
+
+
+def published_sensors() -> tuple[PublishedSensor, ...]:
+    """Return the published sensors.
+
+    >>> [sensor.name for sensor in published_sensors()][:2]
+    ['Chathuranga 2016', 'MagOne']
+    """
+    return tuple(_sensor(**table) for table in toml_table(str(DATA), "file")["sensor"])
+
+
+def _sensor(requirements: str, figures: list[dict[str, Any]], differs: list[str], **texts: str) -> PublishedSensor:
+    """Return a sensor from its table."""
+    return PublishedSensor(
+        **texts,
+        requirements=FOLDER / requirements,
+        figures=tuple(_figure(texts["name"], **figure) for figure in figures),
+        differs=tuple(differs),
+    )
+
+
+def _figure(sensor: str, **table: str) -> Figure:
+    """Return a figure from its table."""
+    name = table["quantity"]
+    if name not in UNITS or table["origin"] not in ORIGINS:
+        raise BadInput(f"{DATA.name}: {sensor}: {name} or {table['origin']} is unknown")
+    return Figure(
+        name, quantity(f"{sensor}: {name}", table["value"], UNITS[name]), table["statistic"], table["origin"]
+    )
+
+
+def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
+    """Return a row for each published figure, beside what the sized variant reaches.
+
+    Parameters
+    ----------
+    reached : by the name of a sensor, the values of its variant by quantity, in the units of `UNITS`; a sensor that
+        is left out has no variant that meets its box.
+    """
+    rows = []
+    for sensor in published_sensors():
+        variant = reached.get(sensor.name, {})
+        for figure in sensor.figures:
+            value = variant.get(figure.quantity, math.nan)
+            rows.append(
+                {
+                    "sensor": sensor.name,
+                    "quantity": figure.quantity,
+                    "unit": UNITS[figure.quantity],
+                    "published": figure.value,
+                    "statistic": figure.statistic,
+                    "origin": figure.origin,
+                    "variant": value if math.isfinite(value) else None,
+                }
+            )
+    return rows
+
+
+def remarks() -> list[str]:
+    """Return one sentence for each published sensor: what it is, and what is not comparable."""
+    return [
+        f"{sensor.name} ({sensor.source}) is {sensor.body}, read by {sensor.read_out}: {'; '.join(sensor.differs)}."
+        for sensor in published_sensors()
+    ]

@@ -1,0 +1,69 @@
+"""Published sensors: figures and their origins, files of requirements with the same boxes, the table."""
+
+import re
+
+import pytest
+
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.published_sensors import REQUIRED, comparison, published_sensors, remarks
+from studies.sizing.requirements import read_requirements
+
+SENSORS = {sensor.name: sensor for sensor in published_sensors()}
+
+
+def figure(name, quantity):
+    (one,) = [each for each in SENSORS[name].figures if each.quantity == quantity]
+    return one
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "value"),
+    [
+        ("MagOne", "resolution_z", 1.42e-3),
+        ("MagOne", "resolution_x", 0.71e-3),
+        ("Dwivedi 2018", "resolution_z", 11.7e-3),
+        ("Tomo 2016", "range_z", 14.2),
+        ("eFlesh 2025", "resolution_z", 0.27),
+        ("eFlesh 2025", "resolution_x", 0.12),
+    ],
+)
+def test_figures_of_the_abstracts(name, quantity, value):
+    one = figure(name, quantity)
+    assert (one.value, one.origin) == (pytest.approx(value), "abstract")
+
+
+def test_the_range_that_an_error_in_percent_implies():
+    assert figure("Dwivedi 2018", "range_z").value == pytest.approx(11.7e-3 / 0.022, rel=1e-3)
+    assert figure("Tomo 2016", "range_z").value == pytest.approx(1.45 * 9.80665, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_requirements_have_the_same_box(name):
+    sensor = SENSORS[name]
+    requirements = read_requirements(str(sensor.requirements))
+    for each in sensor.figures:
+        assert getattr(requirements, REQUIRED.get(each.quantity, each.quantity)) == pytest.approx(each.value)
+    assert catalogues_of(requirements).magnets
+
+
+def test_every_file_of_requirements_is_valid():
+    files = sorted(SENSORS["MagOne"].requirements.parent.glob("*.toml"))
+    assert len(files) == 8
+    for file in files:
+        requirements = read_requirements(str(file))
+        assert not requirements.warnings()
+        assert catalogues_of(requirements).hall_parts
+
+
+def test_what_is_not_comparable_is_stated():
+    texts = remarks()
+    assert len(texts) == len(SENSORS)
+    assert all(re.search(r": [^:]*(noise|deviation)", text) for text in texts)
+
+
+def test_a_variant_stands_beside_each_figure():
+    rows = comparison({"MagOne": {"resolution_z": 2e-3}})
+    assert sum(len(sensor.figures) for sensor in SENSORS.values()) == len(rows)
+    values = {(row["sensor"], row["quantity"]): row["variant"] for row in rows}
+    assert values["MagOne", "resolution_z"] == 2e-3
+    assert values["MagOne", "range_z"] is None
