@@ -29,6 +29,7 @@ HEAVY = {
     "pymoo",
     "SALib",
     "jinja2",
+    "markdown_it",
 }
 FILES = sorted(path for package in ALLOWED for path in (ROOT / package).rglob("*.py"))
 

@@ -40,6 +40,16 @@ def made(command: str, origin: str) -> str:
     return f"Made with `{command}`, {origin}." if command else f"Made {origin}."
 
 
+def origin_in(page: str) -> str:
+    """Return the last paragraph of a page of results if it is the sentence of `made`, else an empty text.
+
+    >>> origin_in("# Title\\n\\n" + made("magtip verify", "on Python 3.12") + "\\n")
+    'Made with `magtip verify`, on Python 3.12.'
+    """
+    last = page.rstrip().rpartition("\n\n")[2]
+    return " ".join(last.split()) if last.startswith(("Made with `", "Made on Python ")) else ""
+
+
 def installed(name: str) -> str | None:
     """Return the version of a package, None if it is not installed."""
     try:

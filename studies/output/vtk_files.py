@@ -42,6 +42,11 @@ def write_field(path: str | Path, solution: Solution) -> None:
     displacement_mm for the undeformed place. Pressure is positive in compression; at the middle of an edge it is the
     mean of the pressures at both ends, because the pressure is linear in each element.
     """
+    _save(path, field_grid(solution))
+
+
+def field_grid(solution: Solution) -> Any:
+    """Return the PyVista grid that `write_field` writes."""
     import numpy as np
 
     from fem.results.revolved_body import place
@@ -53,7 +58,7 @@ def write_field(path: str | Path, solution: Solution) -> None:
     grid.point_data["displacement_mm"] = moved
     grid.point_data["pressure_MPa"] = nodal_pressure(solid)
     grid.cell_data["region"] = np.zeros(solid.mesh.nelements, dtype=np.int64)
-    _save(path, grid)
+    return grid
 
 
 def grid_of(mesh: skfem.Mesh) -> Any:

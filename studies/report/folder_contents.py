@@ -1,0 +1,241 @@
+"""What a folder of results holds: tables, pages, pictures, solutions, designs and the record of the run.
+
+Files are recognised by name and content; what cannot be read is named with the reason, and spoils nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from studies.inputs import table_input, user_input
+from studies.output import run_record
+
+IGNORED = (".stl", ".step", ".3mf", ".msh", ".html", ".sh", ".log", ".tmp", ".lock")
+"""Suffixes of files that are no results to show: solids for a printer, and pages."""
+PICTURES = (".png", ".svg")
+MOST_FOLDERS = 200
+"""Number of sub-folders beyond which a folder is no folder of results: somebody's home, for instance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A table of a file: its columns as texts, shape (n,) each, and the text of the file if that is CSV."""
+
+    name: str
+    columns: dict[str, NDArray[Any]]
+    text: str = ""
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(next(iter(self.columns.values()), ()))
+
+    def has(self, *names: str) -> bool:
+        """Return whether the table has all these columns."""
+        return all(name in self.columns for name in names)
+
+    def floats(self, name: str) -> Array:
+        """Return a column as numbers, shape (n,), NaN where a cell is empty, a text, or the column is missing."""
+        if name not in self.columns:
+            return np.full(len(self), np.nan)
+        return np.array([_float(cell) for cell in self.columns[name]], dtype=float)
+
+    def texts(self, name: str) -> list[str]:
+        """Return a column as texts, empty where the column is missing."""
+        return [str(cell) for cell in self.columns[name]] if name in self.columns else [""] * len(self)
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Whether each row succeeded; a table without a status has only such rows."""
+        if "status" not in self.columns:
+            return np.ones(len(self), dtype=np.bool_)
+        return np.array([text == "ok" for text in self.texts("status")], dtype=np.bool_)
+
+
+@dataclass(slots=True)
+class Contents:
+    """What one folder holds, without its sub-folders.
+
+    Attributes
+    ----------
+    name : its path below the folder of the report; "" for that folder itself.
+    tables, records, pages, designs : by file name; a page is Markdown, a record an object of a JSON file.
+    pictures, solutions : file names.
+    run : record of the command that made the folder; None where there is none.
+    unread : sentences on files that could not be read or that the report does not show.
+    """
+
+    path: Path
+    name: str
+    tables: dict[str, Table] = field(default_factory=dict)
+    records: dict[str, dict[str, Any]] = field(default_factory=dict)
+    pages: dict[str, str] = field(default_factory=dict)
+    designs: dict[str, Design] = field(default_factory=dict)
+    pictures: list[str] = field(default_factory=list)
+    solutions: list[str] = field(default_factory=list)
+    run: run_record.Run | None = None
+    read: list[Path] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not (self.tables or self.records or self.pages or self.pictures or self.solutions or self.designs)
+
+
+def read(root: Path) -> list[Contents]:
+    """Read a folder and its sub-folders, those with something to show, the folder itself first.
+
+    Raises
+    ------
+    BadInput
+        There is no such folder, it holds no results, or a newer version of magtip made it.
+    """
+    if not root.exists():
+        raise BadInput(f"there is no folder {str(root)!r}: give a folder that a verb filled by --out")
+    if not root.is_dir():
+        raise BadInput(f"{str(root)!r} is a file: give the folder that holds it")
+    contents = [_folder(path, root) for path in _folders(root)]
+    filled = [folder for folder in contents if not folder.empty or folder.unread]
+    if all(folder.empty for folder in filled):
+        raise BadInput(
+            f"the folder {str(root)!r} holds no results of magtip: give a folder that a verb filled by --out, such "
+            "as magtip compare paper --out out/compare"
+        )
+    return filled
+
+
+def _folders(root: Path) -> Iterator[Path]:
+    """Yield the folder and its sub-folders by name, without hidden ones."""
+    for count, (path, names, _) in enumerate(os.walk(root)):
+        names[:] = sorted(name for name in names if not name.startswith((".", "__")))
+        if count == MOST_FOLDERS:
+            raise BadInput(
+                f"the folder {str(root)!r} has more than {MOST_FOLDERS} sub-folders: give a folder of results"
+            )
+        yield Path(path)
+
+
+def _folder(path: Path, root: Path) -> Contents:
+    """Read the files of one folder."""
+    contents = Contents(path, "" if path == root else path.relative_to(root).as_posix())
+    for file in sorted(path.iterdir()):
+        if file.is_file() and not file.name.startswith(".") and file.suffix.lower() not in IGNORED:
+            try:
+                _read_file(contents, file)
+            except run_record.Newer as error:
+                raise BadInput(str(error)) from None
+            except BadInput as error:
+                contents.unread.append(f"{file.name} was not read: {error}.")
+    return contents
+
+
+def _read_file(contents: Contents, file: Path) -> None:
+    """Read one file into the contents of its folder."""
+    suffix, name = file.suffix.lower(), file.name
+    contents.read.append(file)
+    if name == run_record.NAME:
+        contents.run = run_record.read(file)
+    elif suffix == ".csv":
+        contents.tables[name] = csv_table(file)
+    elif suffix == ".parquet":
+        contents.tables[name] = _parquet_table(file)
+    elif suffix == ".jsonl":
+        contents.tables[name] = states_table(file)
+    elif suffix == ".json":
+        contents.records[name] = _record(file)
+    elif suffix == ".md":
+        contents.pages[name] = table_input.text_of(file, "Markdown")
+    elif suffix == ".toml":
+        contents.designs[name] = user_input.read_design(str(file))
+    elif suffix in PICTURES:
+        contents.pictures.append(name)
+    elif suffix == ".vtu":
+        contents.solutions.append(name)
+    elif suffix in (".sqlite", ".db"):
+        contents.unread.append(f"{name} is a store of solved states: magtip store list --store {name} shows it.")
+    else:
+        contents.unread.append(f"{name} is not shown: the report does not know files that end in {suffix or name!r}.")
+
+
+def csv_table(file: Path) -> Table:
+    """Read a CSV file as a table.
+
+    Raises
+    ------
+    BadInput
+        The file is no CSV table with a header and rows of its length.
+    """
+    rows = table_input.csv_rows(file)
+    if not rows:
+        raise BadInput(f"{file.name} is empty")
+    head = [cell.strip() for cell in rows[0][1]]
+    for line, row in rows[1:]:
+        table_input.check_length(file, line, head, row)
+    columns = {name: np.array([row[k] for _, row in rows[1:]], dtype=object) for k, name in enumerate(head)}
+    return Table(file.name, columns, table_input.text_of(file, "CSV"))
+
+
+def _parquet_table(file: Path) -> Table:
+    """Read a Parquet file as a table."""
+    import pandas as pd
+
+    try:
+        frame = pd.read_parquet(file)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"it is no Parquet table ({str(error).splitlines()[0]})") from None
+    return Table(file.name, {str(name): frame[name].to_numpy() for name in frame})
+
+
+def states_table(file: Path) -> Table:
+    """Read states that `solve --json` printed as a table; vectors become columns force_x_N, force_y_N, force_z_N."""
+    rows: list[dict[str, Any]] = []
+    for _, record in table_input.json_objects(file):
+        row: dict[str, Any] = {}
+        for key, value in record.items():
+            if isinstance(value, list) and len(value) == 3 and key in ("force_N", "shift_mm"):
+                name, unit = key.split("_")
+                row |= {f"{name}_{way}_{unit}": part for way, part in zip("xyz", value, strict=True)}
+            elif isinstance(value, (int, float, str)):
+                row[key] = value
+        rows.append(row)
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    if not names:
+        raise BadInput(f"{file.name} is empty")
+    return Table(file.name, {name: np.array([row.get(name, "") for row in rows], dtype=object) for name in names})
+
+
+def _record(file: Path) -> dict[str, Any]:
+    """Read a JSON file that holds one object."""
+    try:
+        record = json.loads(table_input.text_of(file, "JSON"))
+    except (ValueError, RecursionError):
+        raise BadInput(f"{file.name} is not JSON") from None
+    if not isinstance(record, dict):
+        raise BadInput(f"{file.name} holds no JSON object")
+    run_record.check_format(file, record)
+    return record
+
+
+def _float(cell: Any) -> float:
+    """Return a cell as a number, True as 1, NaN if it is none."""
+    if cell in ("True", "False"):
+        return float(cell == "True")
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def inputs(contents: Sequence[Contents]) -> list[Path]:
+    """Return all files that were read."""
+    return [file for folder in contents for file in folder.read]

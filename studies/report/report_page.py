@@ -1,0 +1,272 @@
+"""The page of a report: one HTML file with its style, scripts and data, which opens without a network.
+
+Texts of files enter the page escaped, data as JSON in which no tag can end; the page's Content-Security-Policy lets
+only its own three scripts run, by their hashes, and lets nothing be loaded.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geometry.design import BadInput
+from geometry.messages import Progress
+from studies.output import atomic_files, provenance
+from studies.report import folder_contents, page_pictures, report_sections
+from studies.report.folder_contents import Contents, Table
+from studies.report.page_text import lead_of, page_html, title_of
+from studies.report.report_sections import Section
+
+OWN = Path(__file__).parent
+SCRIPTS = ("plots.js", "deformed.js", "page.js")
+GENERATOR = "magtip report"
+"""Text by which a page of a report is recognised, so that no other file is replaced."""
+MOST_BYTES = 8_000_000
+"""Largest size of a page."""
+MOST_TABLE_BYTES = 3_500_000
+"""Bytes of whole tables in a page; those beyond, the largest first, are left out with a sentence."""
+MOST_PICTURE_BYTES = 1_800_000
+"""Bytes of pictures in a page."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A page that was written.
+
+    Attributes
+    ----------
+    sections, figures, surfaces : counts.
+    remarks : sentences on what was left out, with the folder they belong to.
+    """
+
+    out: Path
+    size: int
+    sections: int
+    figures: int
+    surfaces: int
+    remarks: tuple[str, ...]
+
+    def row(self) -> dict[str, Any]:
+        """Return what the command prints."""
+        return {
+            "file": str(self.out),
+            "size_MB": round(self.size / 1e6, 2),
+            "sections": self.sections,
+            "figures": self.figures,
+            "surfaces": self.surfaces,
+            "warnings": list(self.remarks),
+        }
+
+
+def report(
+    folder: Path,
+    out: Path | None = None,
+    *,
+    command: str = "",
+    solve: bool = True,
+    progress: Progress | None = None,
+) -> Made:
+    """Write the page of a folder of results.
+
+    Parameters
+    ----------
+    out : file of the page, .html; default: report.html in the folder.
+    command : command line that the page names.
+    solve : whether sensors that the folders name are solved for the figures in 3D.
+
+    Raises
+    ------
+    BadInput
+        The folder is missing, holds no results or those of a newer version, or the file cannot be written.
+    """
+    contents = folder_contents.read(folder)
+    file = atomic_files.check_output_file(out or folder / "report.html", ".html", ".htm")
+    atomic_files.check_apart([file], folder_contents.inputs(contents))
+    _check_replaced(file)
+    sections = []
+    for k, one in enumerate(contents):
+        if progress is not None:
+            progress(k / len(contents), one.name or str(folder))
+        sections.append(report_sections.section(one, solve=solve))
+    text = page(folder, sections, command)
+    size = len(text.encode())
+    if size > MOST_BYTES:
+        raise BadInput(
+            f"the page would have {size / 1e6:.1f} MB and may have {MOST_BYTES / 1e6:.0f} MB: report a sub-folder"
+        )
+    atomic_files.write_text(file, text)
+    remarks = tuple(f"{one.name}: {remark}" if one.name else remark for one in sections for remark in one.remarks)
+    figures, surfaces = sum(len(one.figures) for one in sections), sum(len(one.surfaces) for one in sections)
+    return Made(file, size, len(sections), figures, surfaces, remarks)
+
+
+def _check_replaced(file: Path) -> None:
+    """Refuse to replace a file that is no page of a report."""
+    if file.exists() and f'content="{GENERATOR}"' not in file.read_bytes()[:2000].decode("utf-8", "replace"):
+        raise BadInput(f"{str(file)!r} is there and is no report of magtip: choose another name for --out")
+
+
+def page(folder: Path, sections: Sequence[Section], command: str) -> str:
+    """Return the text of the page."""
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(OWN), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    tables, left_out = _kept_tables(sections)
+    images = page_pictures.Budget(MOST_PICTURE_BYTES)
+    data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables}
+    shown = []
+    for number, section in enumerate(sections):
+        shown.append(_section(section, number, data, left_out, images))
+    scripts = [(OWN / name).read_text("utf-8") for name in SCRIPTS]
+    title = folder.resolve().name or str(folder)
+    figures = len(data["figures"]) + len(data["surfaces"])
+    text = environment.get_template("page.html.jinja").render(
+        generator=GENERATOR,
+        title=f"Results in {title}",
+        lead=f"{_count(figures, 'figure')} of {_count(len(sections), 'folder')}. The pointer or, on a figure with "
+        "the focus, the arrow keys read it off; its numbers are below it, also as CSV.",
+        style=Markup((OWN / "style.css").read_text("utf-8")),
+        scripts=[Markup(text) for text in scripts],
+        hashes=" ".join(f"'sha256-{_digest(text)}'" for text in scripts),
+        sections=shown,
+        data=data,
+        origin=provenance.versions(("jinja2", "pyvista")),
+        command=command,
+        origins=_origins(sections),
+    )
+    return str(text)
+
+
+def _count(number: int, name: str) -> str:
+    return f"{number} {name}{'' if number == 1 else 's'}"
+
+
+def _digest(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _kept_tables(sections: Sequence[Section]) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
+    """Return the CSV texts of tables by their names in the page, and the reason where one is left out."""
+    every = [(one.name, table) for one in sections for table in one.contents.tables.values()]
+    kept: dict[str, str] = {}
+    left_out: dict[tuple[str, str], str] = {}
+    total = 0
+    for name, table in sorted(every, key=lambda pair: _bytes(pair[1])):
+        total += _bytes(table)
+        if not table.text:
+            left_out[name, table.name] = "it is no CSV file"
+        elif total > MOST_TABLE_BYTES:
+            left_out[name, table.name] = f"it has {_bytes(table) / 1e6:.1f} MB, too many for the page"
+        else:
+            kept[_table_key(name, table)] = table.text
+    return kept, left_out
+
+
+def _bytes(table: Table) -> int:
+    return len(table.text) or 20 * len(table) * len(table.columns)
+
+
+def _table_key(folder: str, table: Table) -> str:
+    return f"{folder}/{table.name}"
+
+
+def _section(
+    section: Section,
+    number: int,
+    data: dict[str, Any],
+    left_out: Mapping[tuple[str, str], str],
+    images: page_pictures.Budget,
+) -> dict[str, Any]:
+    """Return a section as the template takes it, and add its figures to the data of the page."""
+    contents, remarks = section.contents, section.remarks
+    figures, surfaces = [], []
+    for k, figure in enumerate(section.figures):
+        key = f"f{number}-{k}"
+        data["figures"][key] = figure.data()
+        figures.append({"id": key, "figure": figure, "file": _file_name(section.name, figure.title)})
+    for k, surface in enumerate(section.surfaces):
+        key = f"s{number}-{k}"
+        data["surfaces"][key] = surface.data()
+        largest = f"{surface.largest:.3g}"
+        surfaces.append(
+            {"id": key, "surface": surface, "largest": largest, "file": _file_name(section.name, surface.title)}
+        )
+    files = []
+    for table in contents.tables.values():
+        reason = left_out.get((section.name, table.name), "")
+        text = f"{table.name}: {_count(len(table), 'row')}, {_count(len(table.columns), 'column')}"
+        key = "" if reason else _table_key(section.name, table)
+        files.append(
+            {"id": key, "name": table.name, "text": text + (f" (not in this page: {reason})" if reason else "")}
+        )
+    pictures = page_pictures.sources(contents, section.replaced, images, remarks)
+    used: set[str] = set()
+    pages = [{"name": name, "html": page_html(text, pictures, used)} for name, text in contents.pages.items()]
+    loose = [
+        {"name": name, "alt": f"Picture {name}", "data": source}
+        for name, source in pictures.items()
+        if name not in used
+    ]
+    count = len(figures) + len(surfaces)
+    return {
+        "id": f"part-{number}",
+        "title": title_of(contents),
+        "folder": section.name,
+        "count": _count(count, "figure") if count else "",
+        "lead": lead_of(contents),
+        "figures": figures,
+        "surfaces": surfaces,
+        "tables": [_sheet(table) for table in section.sheets],
+        "pictures": loose,
+        "pages": pages,
+        "files": files,
+        "remarks": remarks,
+    }
+
+
+def _sheet(table: Table) -> dict[str, Any]:
+    """Return a table as the template takes it."""
+    columns = [table.texts(name) for name in table.columns]
+    rows = [[_cell(column[k]) for column in columns] for k in range(len(table))]
+    return {"title": table.name, "head": [name.replace("_", " ") for name in table.columns], "rows": rows, "note": ""}
+
+
+def _cell(text: str) -> dict[str, Any]:
+    try:
+        return {"text": f"{float(text):.6g}", "number": True}
+    except ValueError:
+        return {"text": text, "number": False}
+
+
+def _file_name(folder: str, title: str) -> str:
+    """Return a name for a CSV file.
+
+    >>> _file_name("out/demo", "Press force: 1 mm")
+    'out-demo-press-force-1-mm.csv'
+    """
+    words = re.sub(r"[^a-z0-9]+", "-", f"{folder} {title}".lower()).strip("-")
+    return f"{words[:80] or 'figure'}.csv"
+
+
+def _origins(sections: Sequence[Section]) -> list[dict[str, str]]:
+    """Return what each folder says of its command and versions."""
+    rows = []
+    for one in sections:
+        texts = _origin_texts(one.contents)
+        rows += [{"name": one.name or ".", "text": text} for text in dict.fromkeys(texts)]
+    return rows
+
+
+def _origin_texts(contents: Contents) -> list[str]:
+    texts = [contents.run.made] if contents.run is not None else []
+    texts += [str(record["made"]) for record in contents.records.values() if isinstance(record.get("made"), str)]
+    texts += [text for page in contents.pages.values() for text in [provenance.origin_in(page)] if text]
+    return texts

@@ -1,0 +1,157 @@
+"""Sections of the report: which figures and tables belong to which files, folder by folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from geometry.design import BadInput, Design, paper
+from studies.inputs import user_input
+from studies.report import deformed_surface, model_figures, paper_figures, sweep_figures, verdict_figures
+from studies.report.deformed_surface import Surface
+from studies.report.folder_contents import Contents, Table
+from studies.report.report_figures import Figure, thinned
+
+MOST_SURFACES = 3
+"""Largest number of solutions of one folder that are shown in 3D, of about 0.4 MB each."""
+MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
+"""Size up to which a table of words is shown at once, and not only on demand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A table that magtip writes: its file, some of its columns, and what draws it (None: it is shown as a table)."""
+
+    file: str
+    columns: tuple[str, ...]
+    figures: Callable[[Table], list[Figure]] | None
+
+
+KNOWN = (
+    Known("press.csv", ("depth_mm", "fem_force_N", "analytic_force_N"), model_figures.press),
+    Known("shear.csv", ("shear_mm", "fem_force_x_N", "analytic_force_x_N"), model_figures.shear),
+    Known("states.jsonl", ("depth_mm", "status"), model_figures.states),
+    Known("trade.csv", ("kind", "model", "level", "cost", "force_error_percent"), verdict_figures.trade),
+    Known("confirm.csv", ("kind", "tolerance", "expected", "error"), None),
+    Known("extremes.csv", ("scene", "verdict", "measured", "bound"), verdict_figures.robustness),
+    Known("verify.csv", ("target", "quantity", "error_percent", "tolerance_percent"), verdict_figures.verification),
+    Known("accuracy.csv", ("force_error", "force_estimate", "level"), verdict_figures.accuracy),
+    Known("friction.csv", ("check", "off", "bound", "passed"), verdict_figures.friction),
+    Known("crosscheck.csv", ("force_difference_percent", "agree"), verdict_figures.crosscheck),
+    Known("stability.csv", ("L_over_D", "critical_depth_mm"), verdict_figures.stability),
+    Known("field.csv", ("region", "height_per_radius", "compiled"), verdict_figures.field),
+    Known("ladder.csv", ("level", "outside", "press_force_error"), verdict_figures.ladder),
+    Known("claims.csv", ("claim", "paper", "computed", "verdict"), None),
+    Known("heights.csv", ("magnet_height_mm", "error_percent_of_largest"), paper_figures.heights),
+    Known("presses.csv", ("magnet_height_mm", "depth_mm", "fem_force_N"), paper_figures.presses),
+    Known("shears.csv", ("tip", "shear_mm", "fem_force_x_N"), paper_figures.shears),
+    Known("readings.csv", ("L_over_D", "element", "mechanics_percent_FS"), paper_figures.readings),
+    Known("best.csv", ("quantity", "region", "best_level"), None),
+)
+"""Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
+
+ASSUMPTION = ("magnet_height_mm", "nu", "depth_mm", "shear_mm", "fem_force_N", "analytic_paper_force_N")
+"""Columns of the sweep of `magtip assumption`, whose figures need them all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What the report says of one folder.
+
+    Attributes
+    ----------
+    name : path of the folder below that of the report.
+    sheets : tables that are shown at once, with their titles.
+    replaced : pictures that a figure replaces.
+    remarks : sentences on what is left out.
+    """
+
+    name: str
+    contents: Contents
+    figures: list[Figure] = field(default_factory=list)
+    surfaces: list[Surface] = field(default_factory=list)
+    sheets: list[Table] = field(default_factory=list)
+    replaced: set[str] = field(default_factory=set)
+    remarks: list[str] = field(default_factory=list)
+
+
+def section(contents: Contents, *, solve: bool) -> Section:
+    """Return the section of a folder.
+
+    Parameters
+    ----------
+    solve : whether the design that the folder names may be solved for the 3D figure.
+    """
+    result = Section(contents.name, contents, remarks=list(contents.unread))
+    assumption = "ASSUMPTION.md" in contents.pages
+    for name, table in contents.tables.items():
+        try:
+            figures, remark = _figures_of(name, table, assumption=assumption)
+        except (ValueError, KeyError, IndexError, TypeError) as error:
+            figures, remark = [], f"{name} has no figure: it is incomplete ({type(error).__name__}: {error})."
+        drawn = [thinned(figure) for figure in figures if not figure.empty]
+        result.figures.extend(drawn)
+        result.remarks.extend([remark] if remark else [])
+        if not drawn and len(table) <= MOST_OPEN_ROWS and len(table.columns) <= MOST_OPEN_COLUMNS and len(table):
+            result.sheets.append(table)
+        result.replaced.update(picture for figure in drawn for picture in figure.replaces)
+    _add_surfaces(result, solve=solve)
+    return result
+
+
+def _figures_of(name: str, table: Table, *, assumption: bool) -> tuple[list[Figure], str]:
+    """Return the figures of a table, and a sentence if there is none that could be expected."""
+    if not len(table):
+        return [], f"{name} has no rows."
+    for known in KNOWN:
+        if known.file == name and table.has(*known.columns):
+            return (known.figures(table) if known.figures else []), ""
+    if assumption and table.has(*ASSUMPTION):
+        return paper_figures.assumption(table), ""
+    if any(column.startswith("fem_") for column in table.columns) and "status" in table.columns:
+        figures = sweep_figures.sweep(table)
+        return figures, "" if figures else f"{name} has no figure: no axis varies, or every case failed."
+    expected = next((known for known in KNOWN if known.file == name), None)
+    if expected is not None:
+        missing = ", ".join(column for column in expected.columns if column not in table.columns)
+        return [], f"{name} has no figure: its columns {missing} are missing."
+    return [], ""
+
+
+def _add_surfaces(result: Section, *, solve: bool) -> None:
+    """Add the solutions of the folder in 3D; without any the sensor that the folder names is solved."""
+    contents = result.contents
+    for name in contents.solutions:
+        if len(result.surfaces) == MOST_SURFACES:
+            result.remarks.append(f"{name} is not shown: the page shows {MOST_SURFACES} solutions of a folder in 3D.")
+            continue
+        try:
+            surface = deformed_surface.from_file(contents.path / name)
+        except BadInput as error:
+            result.remarks.append(f"{name} was not read: {error}.")
+            continue
+        if surface is None:
+            result.remarks.append(f"{name} is a mesh without displacements, which the page does not show.")
+        else:
+            result.surfaces.append(surface)
+    design = design_of(contents)
+    if not result.surfaces and design is not None and solve:
+        try:
+            result.surfaces.append(deformed_surface.solved(design))
+        except BadInput as error:
+            result.remarks.append(f"{error}.")
+
+
+def design_of(contents: Contents) -> Design | None:
+    """Return the design that a folder names: by the record of its run, by its only design file, or by its kind."""
+    if contents.run is not None and contents.run.design:
+        try:
+            return user_input.design_from("paper", contents.run.design, "rigid")
+        except (BadInput, TypeError):
+            return None
+    if len(contents.designs) == 1:
+        return next(iter(contents.designs.values()))
+    # the demonstration and the claims are about the paper's sensor
+    if {"REPORT.md", "CLAIMS.md"} & set(contents.pages):
+        return paper()
+    return None

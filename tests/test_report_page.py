@@ -1,0 +1,273 @@
+"""The page of a report in headless Chromium: what it draws, loads, says by keys and pointer, and prints."""
+
+import base64
+import io
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Browser, executable
+
+from fem import equilibrium
+from fem.accuracy import QUICK
+from geometry.design import paper
+from geometry.loads import Load
+from studies.output import vtk_files
+from studies.report import report_page
+
+RESULTS = Path(__file__).resolve().parent.parent / "results"
+HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">'
+CONTRAST = """(() => {
+  const style = getComputedStyle(document.documentElement), pen = document.createElement('canvas').getContext('2d');
+  const linear = (v) => (v /= 255) <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4;
+  const light = (name) => {
+    pen.fillStyle = style.getPropertyValue(name).trim();
+    pen.fillRect(0, 0, 1, 1);
+    const [r, g, b] = [...pen.getImageData(0, 0, 1, 1).data].map(linear);
+    return .2126 * r + .7152 * g + .0722 * b;
+  };
+  const ground = light('--paper');
+  const ratio = (l) => (Math.max(l, ground) + .05) / (Math.min(l, ground) + .05);
+  const names = ['--ink', '--soft', '--link', ...[0, 1, 2, 3, 4, 5, 6].map((k) => '--s' + k)];
+  return Object.fromEntries(names.map((name) => [name, ratio(light(name))]));
+})()"""
+"""Contrast of texts and of series to the ground, by the definition of WCAG 2."""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if executable() is None:
+        reason = "no Chromium is installed (Debian: apt-get install chromium)"
+        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of many kinds, a solution, and texts that would run if a page did not escape them."""
+    root = tmp_path_factory.mktemp("results")
+    for name in ("demo", "sweep", "trade", "verify"):
+        (root / name).mkdir()
+        for file in (RESULTS / name).iterdir():
+            if file.suffix in (".csv", ".md"):
+                shutil.copy(file, root / name)
+    shutil.copy(RESULTS / "cad" / "base.svg", root)
+    vtk_files.write_field(root / "demo" / "press.vtu", equilibrium.solve(paper(), Load(depth=1.0), QUICK))
+    (root / "<img src=x onerror=alert(1)>.csv").write_text(
+        f'name,value\n"{HOSTILE.replace(chr(34), chr(34) * 2)}",1\n'
+    )
+    (root / "notes.md").write_text(f"# Title {HOSTILE}\n\n{HOSTILE} [link](javascript:window.hacked=1)\n")
+    return root
+
+
+@pytest.fixture(scope="module")
+def report(folder, tmp_path_factory):
+    return report_page.report(folder, tmp_path_factory.mktemp("page") / "report.html", solve=False)
+
+
+@pytest.fixture(scope="module")
+def page(chromium, report):
+    return chromium.page(report.out)
+
+
+@pytest.fixture(scope="module")
+def data(page):
+    return json.loads(page.run("document.getElementById('report-data').textContent"))
+
+
+def colours(page):
+    """The pixels of the figure in 3D as RGB, shape (h, w, 3)."""
+    from PIL import Image
+
+    page.run("document.querySelector('.stage').scrollIntoView({block: 'center'})")
+    page.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    x, y, width, height = middle(page, ".stage canvas")
+    clip = {"x": x - width / 2, "y": y - height / 2, "width": width, "height": height, "scale": 1}
+    clip["y"] += page.run("scrollY")
+    answer = page.call("Page.captureScreenshot", clip=clip, captureBeyondViewport=True)
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(answer["data"]))).convert("RGB")).astype(int)
+
+
+def middle(page, selector):
+    """Centre and size of an element in the window, pixels."""
+    return page.run(
+        f"(() => {{ const r = document.querySelector({json.dumps(selector)}).getBoundingClientRect();"
+        "return [r.x + r.width / 2, r.y + r.height / 2, r.width, r.height]; })()"
+    )
+
+
+def test_page_loads_nothing_and_says_nothing_on_the_console(page):
+    said = page.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
+    requests = {event["request"]["url"].partition(":")[0] for event in page.of("Network.requestWillBeSent")}
+    assert said == []
+    assert "file" in requests
+    assert requests <= {"file", "data", "blob"}
+
+
+def test_every_point_and_cell_is_drawn(page, data):
+    drawn = page.run(
+        "Object.fromEntries([...document.querySelectorAll('[data-figure]')].map((box) => [box.dataset.figure, "
+        "box.querySelectorAll('.plot .mark').length + [...box.querySelectorAll('.plot .line')]"
+        ".filter((line) => !line.parentNode.querySelector('.mark'))"
+        ".reduce((sum, line) => sum + Number(line.dataset.points), 0)]))"
+    )
+    expected = {}
+    for key, figure in data["figures"].items():
+        cells = [value for panel in figure["panels"] for row in panel.get("cells", []) for value in row]
+        series = [one for panel in figure["panels"] for one in panel.get("series", [])]
+        expected[key] = sum(value is not None for value in cells) + sum(
+            len(one.get("drawn", one["x"])) for one in series
+        )
+    assert len(expected) > 10
+    assert min(expected.values()) > 0
+    assert drawn == expected
+
+
+def test_sensor_is_drawn_and_a_drag_turns_it(page):
+    assert page.run("document.querySelector('[data-surface]').dataset.renderer") == "webgl"
+    before = colours(page)
+    assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
+    x, y, *_ = middle(page, ".stage canvas")
+    page.drag((x, y), (x + 120, y + 20))
+    after = colours(page)
+    assert (np.abs(after - before).sum(axis=2) > 30).mean() > 0.02
+
+
+def test_arrow_keys_turn_the_sensor(page):
+    page.run("document.querySelector('.stage canvas').focus()")
+    before = colours(page)
+    for _ in range(5):
+        page.key("ArrowLeft")
+    assert (np.abs(colours(page) - before).sum(axis=2) > 30).mean() > 0.02
+
+
+def test_sensor_is_drawn_without_webgl(chromium, report):
+    with Browser("--disable-3d-apis") as plain:
+        page = plain.page(report.out)
+        assert page.run("document.querySelector('[data-surface]').dataset.renderer") == "canvas"
+        before = colours(page)
+        assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100
+        x, y, *_ = middle(page, ".stage canvas")
+        page.drag((x, y), (x + 120, y))
+        assert (np.abs(colours(page) - before).sum(axis=2) > 30).mean() > 0.02
+
+
+def test_pointer_reads_a_point_off(page, data):
+    page.run("document.querySelector('[data-figure] svg.panel').scrollIntoView({block: 'center'})")
+    x, y, *_ = middle(page, "[data-figure] svg.panel .mark:last-of-type")
+    page.move(x, y)
+    text = page.run("document.getElementById('tip').textContent")
+    assert not page.run("document.getElementById('tip').hidden")
+    assert "press force" in text
+    assert "3 mm" in text
+
+
+def test_keys_read_points_off_in_order(page):
+    page.run("document.querySelector('[data-figure] svg.panel').focus()")
+    page.key("Escape")
+    texts = []
+    for key in ("ArrowRight", "ArrowRight", "End", "ArrowDown", "Home"):
+        page.key(key)
+        texts.append(page.run("document.getElementById('live').textContent"))
+    assert [text.partition("depth: ")[2].partition(",")[0] for text in texts] == [
+        "0.25 mm",
+        "0.5 mm",
+        "3 mm",
+        "3 mm",
+        "0.25 mm",
+    ]
+    assert texts[2].startswith("finite elements, rigid magnet")
+    assert texts[3].startswith("finite elements, all silicone")
+
+
+def test_tab_reaches_everything_in_the_order_of_the_page(page):
+    page.run("document.activeElement.blur(); window.scrollTo(0, 0); document.querySelector('.skip').focus()")
+    count = page.run("document.querySelectorAll('svg.panel, canvas, button, nav a').length")
+    page.run("window.visited = []; document.addEventListener('focusin', (e) => window.visited.push(e.target))")
+    for _ in range(min(count, 60)):
+        page.key("Tab")
+    assert page.run("window.visited.length") >= min(count, 60)
+    assert page.run(
+        "window.visited.every((node, k, all) => !k || "
+        "all[k - 1].compareDocumentPosition(node) & Node.DOCUMENT_POSITION_FOLLOWING)"
+    )
+    assert page.run(
+        "window.visited.some((n) => n.matches('svg.panel')) && window.visited.some((n) => n.matches('canvas'))"
+    )
+
+
+def test_csv_of_a_figure_has_its_numbers(page, data):
+    page.run("window.saved = null; URL.createObjectURL = (blob) => { window.saved = blob.text(); return 'blob:x'; }")
+    page.run("HTMLAnchorElement.prototype.click = function () { window.name_of_file = this.download; }")
+    page.run("document.querySelector('[data-figure] button[data-csv]').click()")
+    lines = page.run("window.saved").strip().split("\r\n")
+    figure = next(iter(data["figures"].values()))
+    assert lines[0] == "series,depth (mm),press force (N)"
+    assert len(lines) - 1 == sum(len(one["x"]) for one in figure["panels"][0]["series"])
+    assert lines[1] == '"finite elements, rigid magnet",0.25,0.472051'
+    assert page.run("window.name_of_file") == "demo-press-force.csv"
+
+
+def test_table_of_a_figure_opens_with_all_rows(page, data):
+    page.run("document.querySelector('[data-figure] details.data').open = true")
+    page.wait("document.querySelector('[data-figure] details.data tbody')")
+    rows = page.run("document.querySelectorAll('[data-figure] details.data')[0].querySelectorAll('tbody tr').length")
+    figure = next(iter(data["figures"].values()))
+    assert rows == sum(len(one["x"]) for one in figure["panels"][0]["series"])
+
+
+def test_texts_of_files_are_never_executed(page):
+    assert page.run("window.hacked === undefined")
+    assert page.run("document.querySelectorAll('script').length") == 4
+    assert page.run("document.querySelectorAll('img[onerror]').length") == 0
+    assert "window.hacked" in page.run("document.body.textContent")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_contrast_suffices_in_both_themes(chromium, report, dark):
+    page = chromium.page(report.out, dark=dark)
+    ratios = page.run(CONTRAST)
+    assert min(ratios[name] for name in ("--ink", "--soft", "--link")) >= 4.5
+    assert min(ratios.values()) >= 3
+    assert page.run("getComputedStyle(document.body).backgroundColor") == (
+        "rgb(20, 23, 27)" if dark else "rgb(255, 255, 255)"
+    )
+
+
+def test_button_changes_the_theme(page):
+    grounds = set()
+    for _ in range(3):
+        page.run("document.getElementById('theme').click()")
+        grounds.add(page.run("getComputedStyle(document.body).backgroundColor"))
+    assert grounds == {"rgb(255, 255, 255)", "rgb(20, 23, 27)"}
+
+
+def test_narrow_screen_does_not_scroll_sideways(chromium, report):
+    page = chromium.page(report.out, width=390, height=800)
+    page.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    page.wait("document.querySelectorAll('details.data tbody').length > 0")
+    assert page.run("document.documentElement.scrollWidth") <= 390
+
+
+def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
+    page = chromium.page(report.out, dark=True)
+    pdf = page.pdf()
+    assert pdf.startswith(b"%PDF")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    assert page.run("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
+    shown = (
+        "[...document.querySelectorAll('figure svg.panel, figure canvas')].filter((n) => n.getClientRects().length)"
+    )
+    panels = sum(len(figure["panels"]) for figure in data["figures"].values())
+    assert page.run(f"{shown}.length") == panels + len(data["surfaces"])
+
+
+def test_size_is_bounded(report):
+    assert report.size == report.out.stat().st_size
+    assert report.size < report_page.MOST_BYTES
