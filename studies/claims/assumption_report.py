@@ -6,10 +6,10 @@ from pathlib import Path
 
 from studies.claims import beam_maps
 from studies.claims.beam_assumption import Assumption
-from studies.claims.claims_report import markdown
 from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
+from studies.output.markdown_tables import markdown
 from studies.output.provenance import made
 
 FILES = (

@@ -13,6 +13,7 @@ from studies.claims.paper_claims import Claims
 from studies.output import records
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
+from studies.output.markdown_tables import markdown
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 
@@ -112,28 +113,3 @@ def shear_table(claims: Claims) -> list[FlatRow]:
             names = ("fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_tilt_rad")
             rows.append({"tip": sheared.tip, "shear_mm": shear} | dict(zip(names, values, strict=True)))
     return rows
-
-
-def markdown(table: Sequence[FlatRow]) -> str:
-    """Return a Markdown table; floats have three digits, and NaN is empty.
-
-    >>> print(markdown([{"tip": "free", "E_MPa": 0.59871}, {"tip": "held", "E_MPa": float("nan")}]))
-    | tip | E_MPa |
-    |---|---|
-    | free | 0.599 |
-    | held |  |
-    """
-    if not table:
-        return ""
-    lines = [list(table[0]), ["---"] * len(table[0])]
-    lines += [[_cell(value) for value in row.values()] for row in table]
-    first, rule, *rest = lines
-    return "\n".join(
-        [f"| {' | '.join(first)} |", f"|{'|'.join(rule)}|", *(f"| {' | '.join(line)} |" for line in rest)]
-    )
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, float):
-        return "" if value != value else f"{value:.3g}"
-    return str(value).replace("|B|", "\\|B\\|")

@@ -48,6 +48,7 @@ VERBS = {
         "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
         "claims_commands": "claims assumption",
         "benchmark_commands": "bench trade",
+        "training_commands": "surrogate",
     },
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from fem.accuracy import QUICK, STANDARD, Accuracy
 from geometry.arrays import Array
 from geometry.messages import Progress
 from studies.exploration.needed_paths import Processes
@@ -25,7 +26,6 @@ from studies.training.surrogate_fit import TrainingSet, surrogate_of
 from studies.training.training_beams import Beams, random_beams, training_beams
 from studies.training.training_states import Solver, shear_depth
 
-TRAINING_SEED, POOL_SEED, TEST_SEED = 1, 3, 2
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
 TEST_DEPTHS, TEST_SHEARS = 5, 3
@@ -47,9 +47,12 @@ class Extent:
     rounds: tuple[int, ...] = (100, 100)
     test: int = 220
     critical: int = 60
+    accuracy: Accuracy = STANDARD
+    seed: int = 1
 
 
-QUICK = Extent(first=40, rounds=(8,), test=12, critical=2)
+FEW = Extent(first=40, rounds=(8,), test=12, critical=2, accuracy=QUICK)
+"""A study of some minutes, whose surrogate has errors of 10 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,16 +85,15 @@ class Result:
 
 def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:
     """Build and test the surrogate; states that the store has are not solved again."""
-    solver = Solver(store, processes, progress)
-    beams = training_beams(extent.first, TRAINING_SEED)
+    solver = Solver(store, processes, progress, extent.accuracy)
+    beams = training_beams(extent.first, extent.seed)
     states = training_states(solver, beams)
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
-        more = widest(surrogate, random_beams(POOL, POOL_SEED + k), count)
+        more = widest(surrogate, random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
-    new = random_beams(extent.test, TEST_SEED)
-    test = test_states(solver, new)
+    test = test_states(solver, random_beams(extent.test, extent.seed + 1), extent.seed + 1)
     tested = test.complete()
     critical = solver.critical_depths(tested.beams[: extent.critical])
     about = {
@@ -113,17 +115,17 @@ def training_states(solver: Solver, beams: Beams) -> TrainingSet:
     return TrainingSet(beams, press, mode, shear)
 
 
-def test_states(solver: Solver, beams: Beams) -> TrainingSet:
+def test_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     """Return the states of beams of the test: at random depths and shears."""
-    depths, shears = test_loads(beams)
+    depths, shears = test_loads(beams, seed)
     press = solver.presses(beams, depths)
     mode = solver.first_modes(beams)
     return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
 
 
-def test_loads(beams: Beams) -> tuple[Array, Array]:
+def test_loads(beams: Beams, seed: int) -> tuple[Array, Array]:
     """Return random depths, spread in their root, and random shears of beams over D, (n, k) each, rising."""
-    rng = np.random.default_rng(TEST_SEED)
+    rng = np.random.default_rng(seed)
     low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))
     share = np.sort(rng.random((len(beams), TEST_DEPTHS)), axis=1)
     depths = (low + (high[:, None] - low) * share) ** 2

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import Accuracy
 from fem.scene import Scene
 from geometry.arrays import Array
 from geometry.loads import Load, Response
@@ -67,7 +67,7 @@ class States:
 class Solver:
     """Finds the answers to scenes in the store, and solves what is missing with all processes."""
 
-    def __init__(self, store: Store, processes: Processes, progress: Progress | None, accuracy: Accuracy = STANDARD):
+    def __init__(self, store: Store, processes: Processes, progress: Progress | None, accuracy: Accuracy):
         self.store, self.processes, self.progress, self.accuracy = store, processes, progress, accuracy
 
     def answers(self, scenes: Sequence[Scene], kind: Kind = "states") -> list[list[Answer]]:
