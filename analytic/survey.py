@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from analytic import decode, hall
 from analytic.clearance import lowest_point, magnet_gaps, wall_gaps
 from analytic.decode import Decoder
+from analytic.force_resolution import force_resolution
 from analytic.inverse import forward_model, observability, response_surface
 from analytic.inverse.polynomials import polynomial
 from geometry.arrays import Array
@@ -51,6 +52,8 @@ class Survey:
     grounded : whether the magnet would reach below the base plane, shape (n,).
     sign : sign of det J, -1, 0 or 1, shape (n,).
     condition, noise_mm, noise_N : shape (n,); the noise is NaN without noise, noise_N without mechanics.
+    axis_noise_N : standard deviations of F_x, F_y and F_n, shape (3, n); NaN without mechanics or if an element has
+        no noise, infinite where the readings do not determine a component.
     multiplicity : number of poses with the same readings, this one included, shape (n,); 0 where not computed.
     alike_mm : distance to the farthest of them, shape (n,).
     """
@@ -69,6 +72,7 @@ class Survey:
     condition: Array
     noise_mm: Array
     noise_N: Array
+    axis_noise_N: Array
     multiplicity: NDArray[np.int64]
     alike_mm: Array
 
@@ -141,7 +145,7 @@ def at_poses(
     )
     saturated = by_element.any(axis=0)
     magnet_hits, wall_hits, grounded = collisions(coder, shift, tilt, clearance)
-    noise_mm, noise_N = _noise(coder, shift, slopes)
+    noise_mm, noise_N, axis_noise_N = _noise(coder, shift, slopes)
     count, far = np.zeros(shift.shape[1], dtype=np.int64), np.zeros(shift.shape[1])
     if multiplicity:
         decodable = np.flatnonzero((weight > 0) & ~saturated)
@@ -161,6 +165,7 @@ def at_poses(
         condition=observability.condition(slopes),
         noise_mm=noise_mm,
         noise_N=noise_N,
+        axis_noise_N=axis_noise_N,
         multiplicity=count,
         alike_mm=far,
     )
@@ -228,14 +233,21 @@ def determinant_sign(coder: Decoder, slopes: Array) -> NDArray[np.int8]:
     return np.asarray(np.sign(det), dtype=np.int8)
 
 
-def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return the standard deviations of shift, mm, and force, N, along their worst directions, each of shape (n,)."""
+def _noise(coder: Decoder, shift: Array, slopes: Array) -> tuple[Array, Array, Array]:
+    """Return the standard deviations of shift, mm, and force, N, along their worst directions, each of shape (n,).
+
+    The third result is those of the force's components, shape (3, n), N.
+    """
     spread = observability.spread(coder.sigma, slopes)
     noise_mm = _largest_singular_value(spread)
     if coder.mechanics is None:
-        return noise_mm, np.full_like(noise_mm, np.nan)
+        return noise_mm, np.full_like(noise_mm, np.nan), np.full_like(shift, np.nan)
     force_slopes = response_surface.forces(coder.mechanics, shift)[1]
-    return noise_mm, _largest_singular_value(np.einsum("jin,jkn->ikn", force_slopes, spread))
+    force_spread = np.einsum("jin,jkn->ikn", force_slopes, spread)
+    axes = np.full_like(shift, np.nan)
+    if (coder.sigma > 0).all():
+        axes = force_resolution(slopes.transpose(2, 1, 0), force_slopes.transpose(2, 1, 0), coder.sigma).T
+    return noise_mm, _largest_singular_value(force_spread), axes
 
 
 def _largest_singular_value(spread: Array) -> Array:

@@ -11,7 +11,13 @@ from analytic import magnet, survey
 from analytic.inverse import uniqueness_margin
 from geometry.design import Design, paper
 from studies.inputs.option_groups import Basis
-from studies.sensing import decode_readings, layout_metrics, layout_report, layout_search, layout_uniqueness
+from studies.sensing import (
+    decode_readings,
+    layout_metrics,
+    layout_report,
+    layout_search,
+    layout_uniqueness,
+)
 
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 
@@ -170,7 +176,8 @@ def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     assert row.message.startswith("no pose")
     assert row.figures.noise_worst_um is None
     assert layout_report.shown(row)
-    layout_report.write(tmp_path, coder, seen, row, None, None, "magtip layout", 50.0)
+    answer = layout_report.Answer(row, None, None, None)
+    layout_report.write(tmp_path, coder, seen, answer, None, "magtip layout", 50.0)
     assert (tmp_path / "layout.png").stat().st_size > 10000
 
 

@@ -225,6 +225,7 @@ def layout(
     ranges: Annotated[list[str] | None, Parameter(name="--range")] = None,
     count: Whole | None = None,
     claim: bool = False,
+    force_range: str | None = None,
     out: Path | None = None,
     sets: Sets = None,
     wide: Wide = False,
@@ -243,6 +244,9 @@ def layout(
         Number of layouts that the search lists, 1 to 16; default: 10.
     claim
         Test the paper's claim that readings are unique, over c, for |B| and for B.n; takes a minute.
+    force_range
+        Range of loads NORMAL,TANGENTIAL, N: report the force resolution along x, y and z from 0 to these limits,
+        where it is worst, and what saturates. The fields hall_noise to hall_average set the noise.
     out
         Folder for layout.csv, layout.png and LAYOUT.md.
     """
@@ -259,7 +263,13 @@ def layout(
     atomic_files.check_apart(atomic_files.inside(out, texts.FILES), [source, basis.responses])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         job = study.Job(
-            design, basis, search, tuple(ranges or ()), layout_search.USUAL if count is None else count, claim
+            design,
+            basis,
+            search,
+            tuple(ranges or ()),
+            layout_search.USUAL if count is None else count,
+            claim,
+            force_range,
         )
         answer = study.run(job, progress, folder, command_line)
     if as_json:
@@ -270,6 +280,12 @@ def layout(
         console.report(texts.shown_search(answer.search), as_json=False, title="Layouts, best first", wide=wide)
     if answer.claim is not None:
         console.report(texts.shown_claim(answer.claim), as_json=False, title="Claim", wide=wide)
-    for warning in (*answer.layout.hits, *answer.layout.warnings):
+    if answer.force_range is not None:
+        console.report([texts.shown_forces(answer.force_range)], as_json=False, title="Range of loads")
+    for warning in (
+        *answer.layout.hits,
+        *answer.layout.warnings,
+        *(answer.force_range.warnings if answer.force_range else ()),
+    ):
         console.warn(warning)
     return GOOD

@@ -155,6 +155,7 @@ class DecodedReadings:
     condition : condition number of the readings with respect to the shift.
     multiplicity : number of poses that have these readings; `poses_mm` lists their shifts.
     noise_um, noise_N : standard deviations of shift and force that the elements' noise causes.
+    noise_N_per_N : noise_N over the size of the force; NaN without a force.
     beyond : limit of the workspace that the pose exceeds; None inside it, or if there is no pose outside either.
     outside_mm : shift of the pose outside the workspace, NaN without one; None if the pose is inside.
     workspace_mm : lowest and highest shift of the workspace.
@@ -180,6 +181,7 @@ class DecodedReadings:
     poses_mm: list[list[float]]
     noise_um: list[float]
     noise_N: list[float]
+    noise_N_per_N: list[float]
     beyond: Limit | None
     outside_mm: list[float] | None
     workspace_mm: list[list[float]]
@@ -214,7 +216,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> Dec
     contact = None if math.isnan(depth) else depth > 0
     if contact is False:
         message = "; ".join(filter(None, [message, NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))]))
-    gap = force_gap(coder, level, decoded)
+    gap, size = force_gap(coder, level, decoded), math.hypot(*decoded.force[0].tolist())
     return DecodedReadings(
         status=status,
         message=message,
@@ -235,6 +237,7 @@ def decode_text(coder: Decoder, text: str, units: str | None, level: str) -> Dec
         poses_mm=decoded.poses.tolist(),
         noise_um=(1e3 * decoded.noise_mm[0]).tolist(),
         noise_N=decoded.noise_N[0].tolist(),
+        noise_N_per_N=[noise / size if size else math.nan for noise in decoded.noise_N[0].tolist()],
         beyond=limit,
         outside_mm=outside,
         workspace_mm=[coder.low.tolist(), coder.high.tolist()],

@@ -83,6 +83,7 @@ class Figures:
     most_alike : largest number of poses with the same readings.
     alike_apart_mm : largest distance between such poses.
     worst_at_mm : shift of the pose with the largest noise.
+    noise_median_axes_N, noise_worst_axes_N : noise of the force along x, y and z.
     """
 
     unique_percent: float
@@ -101,6 +102,8 @@ class Figures:
     noise_median_N: float | None
     noise_worst_N: float | None
     worst_at_mm: list[float] | None
+    noise_median_axes_N: list[float] | None
+    noise_worst_axes_N: list[float] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +176,10 @@ def figures(poses: Survey) -> Figures:
     condition, micrometres, newtons = (
         _median_and_worst(poses, values) for values in (poses.condition, 1e3 * poses.noise_mm, 1.0 * poses.noise_N)
     )
+    axes = [
+        None if any(value is None for value in values) else list(values)
+        for values in zip(*(_median_and_worst(poses, values) for values in poses.axis_noise_N), strict=True)
+    ]
     return Figures(
         unique_percent=100 * poses.share(usable & ~many),
         ambiguous_percent=100 * poses.share(usable & many),
@@ -190,6 +197,8 @@ def figures(poses: Survey) -> Figures:
         noise_median_N=newtons[0],
         noise_worst_N=newtons[1],
         worst_at_mm=_worst_place(poses),
+        noise_median_axes_N=axes[0],
+        noise_worst_axes_N=axes[1],
     )
 
 
@@ -219,10 +228,10 @@ def _hits(coder: Decoder, poses: Survey) -> list[str]:
         for element, hit in zip(coder.forward.elements, flags, strict=True):
             share = poses.share(hit)
             if share > 0:
-                sentences.append(f"{what} meets {element.name} in {_percent(100 * share)} of the workspace")
+                sentences.append(f"{what} meets {element.name} in {percent_text(100 * share)} of the workspace")
     if poses.share(poses.grounded) > 0:
         sentences.append(
-            f"the magnet meets the base in {_percent(100 * poses.share(poses.grounded))} of the workspace"
+            f"the magnet meets the base in {percent_text(100 * poses.share(poses.grounded))} of the workspace"
         )
     return sentences
 
@@ -237,11 +246,11 @@ def sentence(figures: Figures) -> str:
         parts.append(
             "the readings are unique: no two poses in the workspace give the same readings"
             if clear > 100 - 1e-6
-            else f"the readings are unique in the usable {_percent(clear)} of the workspace"
+            else f"the readings are unique in the usable {percent_text(clear)} of the workspace"
         )
     else:
         parts.append(
-            f"{_percent(figures.ambiguous_percent)} of the workspace is ambiguous: poses up to "
+            f"{percent_text(figures.ambiguous_percent)} of the workspace is ambiguous: poses up to "
             f"{figures.alike_apart_mm:.2g} mm apart give the same readings"
         )
     if figures.folded:
@@ -251,10 +260,10 @@ def sentence(figures: Figures) -> str:
     return "; ".join(parts)
 
 
-def _percent(value: float) -> str:
+def percent_text(value: float) -> str:
     """Format a share with enough digits that it is never rounded to 0 or 100.
 
-    >>> _percent(0.004), _percent(12.3456), _percent(99.98), _percent(100.0)
+    >>> percent_text(0.004), percent_text(12.3456), percent_text(99.98), percent_text(100.0)
     ('below 0.01 %', '12.3 %', '99.98 %', '100 %')
     """
     if 0 < value < 0.01:

@@ -3,54 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from studies.output import atomic_files
 from studies.output.provenance import made, versions
-from studies.sensing import layout_map, layout_metrics, layout_plots, layout_search, layout_uniqueness
+from studies.sensing import force_range, layout_map, layout_metrics, layout_plots, layout_search, layout_uniqueness
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
     from analytic.survey import Survey
     from studies.output.records import FlatRow
     from studies.sensing.claim_rows import Claim, HeightRow, LimitRow
+    from studies.sensing.force_range import ForceRange, Loads
     from studies.sensing.layout_metrics import LayoutRow
     from studies.sensing.layout_search import SearchRow
 
-FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "LAYOUT.md")
-"""Files that `write` writes into a folder; those of search and claim only if these were requested."""
+FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
+"""Files that `write` writes into a folder; those of search, claim and range of loads only if these were requested."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Result of the study; search, claim and force_range are None if they were not requested."""
+
+    layout: LayoutRow
+    search: list[SearchRow] | None
+    claim: Claim | None
+    force_range: ForceRange | None
+
+    def row(self) -> FlatRow:
+        """Return the row for JSON, which contains the rows of search, claim and force_range."""
+        row = self.layout.row()
+        if self.search is not None:
+            row["search"] = [each.row() for each in self.search]
+        if self.claim is not None:
+            row["claim"] = self.claim.row()
+        return row if self.force_range is None else row | {"force_range": self.force_range.row()}
 
 
 def write(
     folder: Path,
     coder: Decoder,
     poses: Survey,
-    layout: LayoutRow,
-    search: Sequence[SearchRow] | None,
-    claim: Claim | None,
+    answer: Answer,
+    loads: Loads | None,
     command: str,
     room: float,
 ) -> None:
-    """Write layout.csv, layout.png, LAYOUT.md and the files of search and claim into an existing folder."""
+    """Write layout.csv, layout.png, LAYOUT.md and the files of the other parts into an existing folder."""
     from studies.output.csv_tables import write_table
 
     # before a file of the repository changes
     origin = versions()
     write_table(folder / "layout.csv", (row.row() for row in layout_map.table(coder, poses)))
     layout_plots.maps(folder / "layout.png", coder, poses, room)
-    if search is not None:
-        write_table(folder / "search.csv", [row.row() for row in search])
-    if claim is not None:
-        write_table(folder / "claim.csv", [row.row() for row in claim.heights])
-        layout_plots.claim(folder / "claim.png", claim.heights, coder.forward.design.c)
-    atomic_files.write_text(folder / "LAYOUT.md", text(layout, search, claim, command, origin))
+    if answer.search is not None:
+        write_table(folder / "search.csv", [row.row() for row in answer.search])
+    if answer.claim is not None:
+        write_table(folder / "claim.csv", [row.row() for row in answer.claim.heights])
+        layout_plots.claim(folder / "claim.png", answer.claim.heights, coder.forward.design.c)
+    if loads is not None:
+        write_table(folder / "force_range.csv", [row.row() for row in force_range.table(loads)])
+    atomic_files.write_text(folder / "LAYOUT.md", text(answer, command, origin))
 
 
-def text(
-    layout: LayoutRow, search: Sequence[SearchRow] | None, claim: Claim | None, command: str, origin: str
-) -> str:
+def text(answer: Answer, command: str, origin: str) -> str:
     """Return the text of LAYOUT.md."""
+    layout, search, claim = answer.layout, answer.search, answer.claim
     lines = ["# The layout of the Hall elements", ""]
     verdict = layout.message
     lines += [f"{verdict[0].upper()}{verdict[1:]}.", "", *_figures(layout), ""]
@@ -58,6 +79,8 @@ def text(
     lines += [*remarks, ""] if remarks else []
     lines += ["![Condition, sign of det J, multiplicity and noise over x and z](layout.png)", ""]
     lines += ["Left: the plane y = 0. Right: the worst over all y. The table behind it is layout.csv.", ""]
+    if answer.force_range is not None:
+        lines += _forces(answer.force_range)
     if claim is not None:
         lines += _claim(claim)
     if search is not None:
@@ -87,6 +110,8 @@ def _figures(layout: LayoutRow) -> list[str]:
         ("condition number, median and worst", _pair(figures.condition_median, figures.condition_worst)),
         ("noise of the pose, median and worst", _pair(figures.noise_median_um, figures.noise_worst_um, " µm")),
         ("noise of the force, median and worst", _pair(figures.noise_median_N, figures.noise_worst_N, " N")),
+        ("along x, y, z, median", _axes(figures.noise_median_axes_N)),
+        ("along x, y, z, worst", _axes(figures.noise_worst_axes_N)),
         ("noise of the readings", f"{noise} µT ({layout.noise_source})"),
     ]
     return _markdown(("", ""), rows)
@@ -94,6 +119,10 @@ def _figures(layout: LayoutRow) -> list[str]:
 
 def _pair(median: float | None, worst: float | None, unit: str = "") -> str:
     return f"{_text(median, unit)}, {_text(worst, unit)}"
+
+
+def _axes(values: Sequence[float] | None) -> str:
+    return "-" if values is None else ", ".join(_text(value) for value in values) + " N"
 
 
 def _text(value: float | None, unit: str = "") -> str:
@@ -110,6 +139,31 @@ def _text(value: float | None, unit: str = "") -> str:
 def _markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     lines = [[cell.replace("|", "\\|") for cell in line] for line in (heads, ["---"] * len(heads), *rows)]
     return [f"| {' | '.join(line)} |" for line in lines]
+
+
+def _forces(forces: ForceRange) -> list[str]:
+    """Return the section on the resolution over a range of loads."""
+    lines = ["## Resolution over the range of loads", "", f"{forces.message}.", ""]
+    values = [
+        ("at rest", forces.rest_N),
+        ("median", forces.median_N),
+        ("worst", forces.worst_N),
+        ("full load, worst direction", forces.full_load_N),
+    ]
+    rows = [(name, *(_text(1e3 * v, " mN") for v in each)) for name, each in values if each is not None]
+    if forces.worst_N_per_N is not None:
+        rows.append(
+            (
+                "worst over the range's limit",
+                *(_text(None if v is None else 100 * v, " %") for v in forces.worst_N_per_N),
+            )
+        )
+    for name, places in (("load at the worst, N", forces.worst_at_N), ("shift at the worst, mm", forces.worst_at_mm)):
+        if places is not None:
+            rows.append((name, *(", ".join(f"{v + 0.0:.3g}" for v in place) for place in places)))
+    lines += [*_markdown(("resolution", "x", "y", "z"), rows), ""]
+    lines += [f"- {sentence}" for sentence in forces.warnings]
+    return [*lines, "", *force_range.about().splitlines(), "", "The table behind it is force_range.csv.", ""]
 
 
 def _search(rows: Sequence[SearchRow]) -> list[str]:
@@ -181,6 +235,9 @@ def _span(ends: Sequence[float]) -> str:
 
 # On a terminal
 
+PLACES = ("worst_at_N", "worst_at_mm")
+"""Keys of a range of loads with a vector for each axis."""
+
 
 def shown(layout: LayoutRow) -> FlatRow:
     """Return the row of a layout for the terminal."""
@@ -191,6 +248,13 @@ def shown(layout: LayoutRow) -> FlatRow:
     low, high = short.pop("workspace_mm")
     short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
     return short
+
+
+def shown_forces(forces: ForceRange) -> FlatRow:
+    """Return the row of a range of loads for the terminal."""
+    row = {name: value for name, value in forces.row().items() if value not in (None, []) and name != "warnings"}
+    places = {name: ["; ".join(f"{v + 0.0:.3g}" for v in one) for one in row[name]] for name in PLACES if name in row}
+    return row | places
 
 
 def shown_search(rows: Sequence[SearchRow]) -> list[FlatRow]:

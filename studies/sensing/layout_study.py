@@ -1,4 +1,4 @@
-"""The study of `magtip layout`: the map of a layout, a search for better ones, and the paper's claim."""
+"""The study of `magtip layout`: the map of a layout, better layouts, the paper's claim, and a range of loads."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ from studies.inputs.option_groups import Basis
 from studies.sensing import decode_readings
 
 if TYPE_CHECKING:
-    from studies.output.records import FlatRow
-    from studies.sensing.claim_rows import Claim
-    from studies.sensing.layout_metrics import LayoutRow
-    from studies.sensing.layout_search import SearchRow
+    from studies.sensing.layout_report import Answer
 
 MOST_CLEARANCE = 100.0
 """mm."""
@@ -24,7 +21,9 @@ MOST_CLEARANCE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Requested parts of the study: the map always, a search over ranges NAME=LOW,HIGH, and the claim."""
+    """Requested parts of the study: the map always, a search over ranges NAME=LOW,HIGH, the claim, and the resolution
+    over a range of loads NORMAL,TANGENTIAL.
+    """
 
     design: Design
     basis: Basis
@@ -32,22 +31,7 @@ class Job:
     ranges: Sequence[str]
     count: int
     claim: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """Result of the study; search and claim are None if they were not requested."""
-
-    layout: LayoutRow
-    search: list[SearchRow] | None
-    claim: Claim | None
-
-    def row(self) -> FlatRow:
-        """Return the row for JSON, which contains the rows of search and claim."""
-        row = self.layout.row()
-        if self.search is not None:
-            row["search"] = [each.row() for each in self.search]
-        return row if self.claim is None else row | {"claim": self.claim.row()}
+    force_range: str | None = None
 
 
 def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answer:
@@ -59,7 +43,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
         The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
     """
     from analytic import magnet, survey
-    from studies.sensing import layout_metrics, layout_report, layout_search, layout_uniqueness
+    from studies.sensing import force_range, layout_metrics, layout_report, layout_search, layout_uniqueness
 
     design, basis = job.design, job.basis
     law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
@@ -68,6 +52,7 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
     if not 1 <= job.count <= layout_search.MOST_FOUND:
         raise BadInput(f"--count must lie between 1 and {layout_search.MOST_FOUND}; got {job.count}")
+    limits = None if job.force_range is None else force_range.parse(job.force_range)
     bounds = layout_search.parse_ranges(design, job.ranges)
     if job.claim:
         layout_uniqueness.check(design)
@@ -77,11 +62,11 @@ def run(job: Job, progress: Progress, folder: Path | None, command: str) -> Answ
     poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
     name = decode_readings.level_name(basis.level, basis.responses)
     row = layout_metrics.layout_row(coder, poses, noise, name)
+    loads = None if limits is None else force_range.loads(coder, *limits, basis.clearance)
+    forces = None if loads is None or limits is None else force_range.evaluate(coder, loads, *limits, name)
     search = layout_search.run(design, law, basis, bounds, job.count, progress) if job.search else None
-    answer = Answer(row, search, layout_uniqueness.run(design, progress) if job.claim else None)
+    answer = layout_report.Answer(row, search, layout_uniqueness.run(design, progress) if job.claim else None, forces)
     if folder is not None:
         progress(1.0, "layout.csv, pictures and LAYOUT.md")
-        layout_report.write(
-            folder, coder, poses, answer.layout, answer.search, answer.claim, command, basis.clearance
-        )
+        layout_report.write(folder, coder, poses, answer, loads, command, basis.clearance)
     return answer

@@ -1,0 +1,337 @@
+"""Force resolution over a range of loads: which noise each axis has, where it is worst, and what saturates.
+
+The loads form a grid of normal forces, tangential forces and directions of the tangential force round the axis. The
+mechanics give the magnet's shift under each load, and a survey of that pose gives the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from geometry.design import BadInput
+from geometry.loads import Load
+from studies.inputs import user_input
+from studies.output import records
+from studies.output.records import FlatRow
+from studies.sensing import decode_readings
+from studies.sensing.layout_metrics import percent_text
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from analytic.decode import Decoder
+    from analytic.survey import Survey
+    from geometry.arrays import Array
+
+COUNTS = (11, 9, 16)
+"""Numbers of normal forces, of tangential forces and of directions."""
+MOST_FORCE = 1e6
+"""N."""
+
+ABOUT = """\
+The range has {} normal and {} tangential forces, from 0 to their limits, in {} directions. The resolution is the
+standard deviation of the decoded force along x, y and z that the noise of the readings causes, at the loads that the
+formulas or states reach and that are neither blocked nor saturated. A tangential force above the normal force times
+the friction coefficient needs a plate that is glued to the tip. The noise does not include the errors of the formulas
+or of a calibration, nor hysteresis.
+"""
+
+
+def about() -> str:
+    """Return the explanation that LAYOUT.md prints."""
+    return ABOUT.format(*COUNTS)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceRange:
+    """Resolution over a range of loads; lists of three are along x, y and z, and None without a usable load.
+
+    Attributes
+    ----------
+    loads : number of loads of the grid.
+    reached_percent : share of the loads that the formulas or states reach.
+    unique_percent, ambiguous_percent, saturated_percent, blocked_percent : shares of the reached loads, see
+        `layout_metrics`.
+    saturated_elements : elements that saturate at any reached load.
+    folded : whether det J changes its sign between usable loads; the worst resolution is then infinite.
+    depth_mm, shear_mm : largest depth and shear of the reached loads.
+    rest_N : resolution at rest.
+    median_N, worst_N : median and largest value over the usable loads.
+    worst_N_per_N : largest resolution over the largest force of the range along its axis.
+    worst_at_N, worst_at_mm : force (F_x, F_y, F_n) and shift at which the resolution of each axis is worst.
+    full_load_N : largest resolution over all directions of the full load, None unless all of these are usable.
+    full_load_N_per_N : the same over the size of the full load.
+    """
+
+    message: str
+    normal_N: float
+    tangential_N: float
+    loads: int
+    reached_percent: float
+    unique_percent: float | None
+    ambiguous_percent: float | None
+    saturated_percent: float | None
+    blocked_percent: float | None
+    saturated_elements: list[str]
+    folded: bool
+    depth_mm: float | None
+    shear_mm: float | None
+    rest_N: list[float] | None
+    median_N: list[float] | None
+    worst_N: list[float] | None
+    worst_N_per_N: list[float | None] | None
+    worst_at_N: list[list[float]] | None
+    worst_at_mm: list[list[float]] | None
+    full_load_N: list[float] | None
+    full_load_N_per_N: list[float] | None
+    warnings: list[str]
+
+    def row(self) -> FlatRow:
+        """Return the flat row for JSON and for the terminal."""
+        return records.flat(self)
+
+
+def _columns(name: str, unit: str) -> Callable[[Sequence[float | None]], FlatRow]:
+    """Return the function that gives the values of the axes x, y and z a column each."""
+    return lambda values: {f"{name}_{axis}_{unit}": value for axis, value in zip("xyz", values, strict=True)}
+
+
+@dataclass(frozen=True, slots=True)
+class LoadRow:
+    """A load of the range; lists are along x, y and z, with None where the load is not reached.
+
+    Attributes
+    ----------
+    reached, usable : 0 or 1; a usable load is reached, and neither blocked nor saturated.
+    multiplicity : number of poses with the same readings; None where it was not computed.
+    resolution_N_per_N : over the size of the force; None without a force.
+    """
+
+    force_N: list[float] = field(metadata={"columns": _columns("force", "N")})
+    shift_mm: list[float | None] = field(metadata={"columns": _columns("shift", "mm")})
+    reached: int
+    usable: int
+    saturated: int
+    multiplicity: int | None
+    resolution_N: list[float | None] = field(metadata={"columns": _columns("resolution", "N")})
+    resolution_N_per_N: list[float | None] = field(metadata={"columns": _columns("resolution", "N_per_N")})
+
+    def row(self) -> FlatRow:
+        """Return the flat row for force_range.csv."""
+        return records.flat(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Loads of a range with the survey of their poses.
+
+    Attributes
+    ----------
+    force : (F_x, F_y, F_n), shape (3, n), N, with the normal force as the slowest index.
+    distinct : False for a load that equals an earlier one of the grid, as without a tangential force, shape (n,).
+    poses : survey; the weight of a load that is not reached is 0, and equal loads share theirs.
+    plate : depth, shear_x and shear_y, shape (3, n), mm.
+    """
+
+    force: Array
+    distinct: NDArray[np.bool_]
+    poses: Survey
+    plate: Array
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Whether the formulas or states reach each load, shape (n,)."""
+        return self.poses.weight > 0
+
+
+def parse(text: str) -> tuple[float, float]:
+    """Return the limits of the normal and of the tangential force, N, from a text NORMAL,TANGENTIAL.
+
+    >>> parse("5,2")
+    (5.0, 2.0)
+    """
+    values = user_input.parse_numbers("--force-range", text)
+    if len(values) != 2:
+        raise BadInput(f"--force-range takes 2 numbers, NORMAL,TANGENTIAL in N; got {len(values)} in {text!r}")
+    normal, tangential = values
+    if not (0 < normal <= MOST_FORCE and 0 <= tangential <= MOST_FORCE):
+        raise BadInput(
+            f"--force-range: the normal force must be above 0 and the tangential force 0 or more, both at most "
+            f"{MOST_FORCE:g} N; got {normal:g} and {tangential:g} N"
+        )
+    return normal, tangential
+
+
+def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0.0) -> Loads:
+    """Return the loads of a range with the survey of their poses; lengths in mm, forces in N.
+
+    Raises
+    ------
+    BadInput
+        The formulas or states reach none of the loads.
+    """
+    import numpy as np
+
+    from analytic import survey
+    from analytic.inverse import force_inversion, response_surface
+
+    law = coder.mechanics
+    assert law is not None
+    counts = (COUNTS[0], COUNTS[1] if tangential else 1, COUNTS[2] if tangential else 1)
+    F_n, F_t, angle = (
+        values.ravel()
+        for values in np.meshgrid(
+            np.linspace(0, normal, counts[0]),
+            np.linspace(0, tangential, counts[1]),
+            2 * np.pi * np.arange(counts[2]) / counts[2],
+            indexing="ij",
+        )
+    )
+    u, w = force_inversion.shifts_of_forces(law, coder.low, coder.high, F_t, F_n)
+    # rounded, so that a force along an axis has no component of 1e-16 across it
+    e = np.round([np.cos(angle), np.sin(angle)], 15)
+    shift = np.stack([u * e[0], u * e[1], w])
+    reached, pressed = np.isfinite(w), F_t == 0
+    # a load that is not reached keeps its place in the grid, at rest and without weight
+    shift[:, ~reached] = 0.0
+    plate = response_surface.load(law, shift)
+    # a plate that does not touch exerts no force; rounding may lift it a little above rest
+    touches = (plate[0] > 0) | ((F_n == 0) & pressed)
+    weight = np.where(reached & touches, np.where(pressed, 1 / counts[2], 1.0), 0.0)
+    poses = survey.at_poses(coder, shift, weight, counts, clearance=clearance)
+    return Loads(np.stack([F_t * e[0], F_t * e[1], F_n]), ~pressed | (angle == 0), poses, plate)
+
+
+def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, level: str) -> ForceRange:
+    """Return the resolution over a range of loads; `level` is the name of the source of the mechanics."""
+    import numpy as np
+
+    poses, sigma = grid.poses, grid.poses.axis_noise_N
+    reached, usable = grid.reached, grid.poses.usable
+    share = 100 * float(reached[grid.distinct].mean())
+    at_rest = usable & (np.abs(grid.force).max(axis=0) == 0)
+    full = (grid.force[2] == normal) & (np.hypot(*grid.force[:2]) >= tangential * (1 - 1e-12))
+    full_load = _largest(sigma[:, full]) if usable[full].all() else None
+    size = float(np.hypot(normal, tangential))
+    worst = [int(np.flatnonzero(usable)[sigma[k, usable].argmax()]) for k in range(3)] if usable.any() else []
+    limits = (tangential, tangential, normal)
+    largest = [math.inf if poses.folded else float(sigma[k, at]) for k, at in enumerate(worst)] or None
+    many = poses.multiplicity > 1
+    shares = [usable & ~many, usable & many, poses.saturated & ~poses.blocked, poses.blocked]
+    unique, ambiguous, saturated, blocked = (100 * poses.share(flags) for flags in shares)
+    names = [
+        element.name
+        for element, flags in zip(coder.forward.elements, poses.by_element, strict=True)
+        if (flags & reached).any()
+    ]
+    return ForceRange(
+        message="; ".join(
+            [
+                _summary(normal, tangential, largest),
+                f"{' and '.join(names)} saturate{'s' * (len(names) == 1)}" if names else "no element saturates",
+                *_limits(share, ambiguous, blocked, folded=poses.folded),
+            ]
+        ),
+        normal_N=normal,
+        tangential_N=tangential,
+        loads=int(grid.distinct.sum()),
+        reached_percent=share,
+        unique_percent=unique,
+        ambiguous_percent=ambiguous,
+        saturated_percent=saturated,
+        blocked_percent=blocked,
+        saturated_elements=names,
+        folded=poses.folded,
+        depth_mm=float(grid.plate[0, reached].max()),
+        shear_mm=float(np.hypot(*grid.plate[1:, reached]).max()),
+        rest_N=_largest(sigma[:, at_rest]),
+        median_N=np.median(sigma[:, usable & grid.distinct], axis=1).tolist() if usable.any() else None,
+        worst_N=largest,
+        worst_N_per_N=None
+        if largest is None
+        else [s / most if most else None for s, most in zip(largest, limits, strict=True)],
+        worst_at_N=[grid.force[:, at].tolist() for at in worst] or None,
+        worst_at_mm=[poses.shift[:, at].tolist() for at in worst] or None,
+        full_load_N=full_load,
+        full_load_N_per_N=None if full_load is None else [s / size for s in full_load],
+        warnings=_force_warnings(coder, grid, level),
+    )
+
+
+def _largest(sigma: Array) -> list[float] | None:
+    """Return the largest value of each row; None without a column."""
+    return sigma.max(axis=1).tolist() if sigma.shape[1] else None
+
+
+def _summary(normal: float, tangential: float, worst: Sequence[float] | None) -> str:
+    """Return the range and its worst resolution as a part of a sentence."""
+    span = f"0 to {normal:g} N normal and 0 to {tangential:g} N tangential"
+    if worst is None:
+        return f"{span}: no load is usable"
+    if math.inf in worst:
+        return f"{span}: the readings do not determine the force at every load"
+    return (
+        f"{span}: resolution {', '.join(f'{1e3 * value:.3g}' for value in worst)} mN along x, y, z at the worst load"
+    )
+
+
+def _limits(reached: float, ambiguous: float, blocked: float, *, folded: bool) -> list[str]:
+    """Return what limits the range, from shares in %, as parts of a sentence."""
+    parts = ["det J changes its sign within the range"] if folded else []
+    if ambiguous:
+        parts.append(f"{percent_text(ambiguous)} of the loads are ambiguous")
+    if blocked:
+        parts.append(f"{percent_text(blocked)} of the loads are blocked by an element or the base")
+    if reached < 100:
+        parts.append(f"only {percent_text(reached)} of the loads are within the formulas or states")
+    return parts
+
+
+def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
+    """Return warnings: forces that differ from those of the best level, or loads outside the range of that level."""
+    import contextlib
+
+    import numpy as np
+
+    from analytic import beam
+    from studies.sensing import force_level_check
+
+    if level == decode_readings.RESPONSES:
+        return []
+    reached = grid.reached
+    if level == force_level_check.BEST:
+        depth, shear = float(grid.plate[0, reached].max()), float(np.hypot(*grid.plate[1:, reached]).max())
+        remark = beam.outside(coder.forward.design, Load(depth=depth, shear_x=shear, friction="stick"), level)
+        return [f"{remark}: give states solved by finite elements with --responses"] if remark else []
+    law = None
+    # level finite refuses some designs; the error of the forces is then unknown
+    with contextlib.suppress(BadInput):
+        law = decode_readings.of_level(coder.forward.design, force_level_check.BEST)
+    # the rows of force_range.csv; those that are not reached have no force to compare
+    shift, force = (np.where(reached, v, np.nan).T[grid.distinct] for v in (grid.poses.shift, grid.force))
+    return force_level_check.warnings(level, force_level_check.gap(coder.forward.design, law, shift, force))
+
+
+def table(grid: Loads) -> Iterator[LoadRow]:
+    """Yield the row of each distinct load of a range."""
+    import numpy as np
+
+    poses = grid.poses
+    sizes = np.linalg.norm(grid.force, axis=0)
+    for k in np.flatnonzero(grid.distinct).tolist():
+        size, reached = float(sizes[k]), bool(grid.reached[k])
+        sigma: list[float] = poses.axis_noise_N[:, k].tolist()
+        yield LoadRow(
+            force_N=grid.force[:, k].tolist(),
+            shift_mm=poses.shift[:, k].tolist() if reached else [None] * 3,
+            reached=int(reached),
+            usable=int(poses.usable[k]),
+            saturated=int(reached and poses.saturated[k]),
+            multiplicity=int(poses.multiplicity[k]) or None,
+            resolution_N=[*sigma] if reached else [None] * 3,
+            resolution_N_per_N=[value / size for value in sigma] if reached and size else [None] * 3,
+        )
