@@ -7,7 +7,7 @@ import pytest
 
 from geometry.design import Design
 from studies.surrogate import surrogate_range
-from studies.training.training_beams import DIMENSIONS, in_range, random_beams, training_beams
+from studies.training.training_beams import DIMENSIONS, of_cube, random_beams, training_beams
 
 NAMES = ("L", "diameter", "height", "nu", "edge", "share")
 
@@ -38,7 +38,7 @@ def test_the_wall_is_that_of_the_design():
 
 
 def test_corners_of_the_cube_are_corners_of_the_range():
-    beams = in_range(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 1.0, 1.0, 1.0]]))
+    beams = of_cube(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.5, 0.0, 1.0, 1.0, 1.0]]))
     assert (beams.L.tolist(), beams.nu.tolist()) == ([0.75, 4.0], [0.5, 0.45])
     assert beams.diameter.tolist() == [0.2, 0.5]
     assert beams.density_ratio.tolist() == list(surrogate_range.DENSITY_RATIO)

@@ -34,7 +34,9 @@ from studies.surrogate.surrogate_range import SHEAR_NODES
 
 PRESS = ("force", "shift", "contact_radius")
 STRAIN = ("strain", "sideways_ratio")
-SHEAR = ("force_x", "force_z", "shift_x", "shift_z", "tilt", "contact_radius", "strain")
+POSE = ("force_x", "force_z", "shift_x", "shift_z", "tilt")
+SKIN = ("contact_radius", "strain")
+SHEAR = (*POSE, *SKIN)
 SLENDER, THICK, DEEP = 2.0, 0.35, 0.15
 """L, height of the magnet and depth of a shear, all over D, beyond which errors are calibrated by themselves."""
 CRITICAL_GRID = 49
@@ -73,7 +75,7 @@ def features(L: Array, diameter: Array, height: Array, nu: Array, edge: Array) -
     The silicone between magnet and base, L - 1/2 - h/2, stands beside the length: it decides how far the magnet of a
     short beam sinks.
     """
-    below = np.maximum(L - 0.5 - height / 2, 1e-3)
+    below = np.maximum(surrogate_range.below(L, height), 1e-3)
     return np.column_stack([np.log(L), diameter, height, np.sqrt(1 - 2 * nu), edge, np.log(below)])
 
 
@@ -100,9 +102,11 @@ class Beams:
         reasons = np.full(len(self.L), "", dtype=object)
         smaller = np.minimum(self.diameter, self.height)
         wall = surrogate_range.wall(self.L, self.diameter, self.height, self.edge)
-        # the last one that applies is said
+        below = surrogate_range.below(self.L, self.height)
+        # the last one that applies is said; lengths are over D
         for text, values, (low, high) in (
-            ("the silicone around the magnet", wall, (surrogate_range.LEAST_WALL, np.inf)),
+            ("silicone around the magnet of", wall, (surrogate_range.LEAST_WALL, np.inf)),
+            ("silicone below the magnet of", below, (surrogate_range.LEAST_BELOW, np.inf)),
             ("the radius of the magnet's edges", self.edge * smaller, (0.0, surrogate_range.EDGE[1] * smaller)),
             ("nu", self.nu, surrogate_range.POISSON),
             ("magnet_height/D", self.height, surrogate_range.HEIGHT),
@@ -228,7 +232,8 @@ class Beams:
         """Return forms of the shear at its nodes, and relative half widths, (n, k, nodes) each, by quantity."""
         n, k = depth.shape
         x = shear_features(np.repeat(self.features, k, axis=0), np.nan_to_num(depth.ravel(), nan=0.1))
-        found = _at_nodes(self.surrogate.groups["shear"], x, shear_region(np.repeat(self.region, k), depth.ravel()))
+        region, groups = shear_region(np.repeat(self.region, k), depth.ravel()), self.surrogate.groups
+        found = _at_nodes(groups["shear"], x, region) | _at_nodes(groups["shear_skin"], x, region)
         nodes = len(SHEAR_NODES)
         forms = {name: values.reshape(n, k, nodes) for name, (values, _) in found.items()}
         return forms, {name: widths.reshape(n, k, nodes) for name, (_, widths) in found.items()}

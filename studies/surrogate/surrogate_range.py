@@ -28,6 +28,9 @@ DENSITY_RATIO = (4.0, 8.5)
 """Density of the magnet over that of the silicone: ferrite 4.7, NdFeB 7, SmCo 7.8 times a silicone of 1.07."""
 LEAST_WALL = 0.04
 """Least thickness of silicone around the magnet."""
+LEAST_BELOW = 0.15
+"""Least thickness of silicone between magnet and base. Above a thinner one the magnet hardly moves, and the response
+varies so steeply with the thickness that the surrogate would be several times less accurate."""
 SHALLOWEST, DEEPEST, DEPTH_SHARE = 0.01, 0.375, 0.4
 SHALLOWEST_SHEAR = 0.03
 FARTHEST, SHEAR_SHARE = 0.375, 0.35
@@ -62,6 +65,11 @@ def wall(L: Array, diameter: Array, height: Array, edge: Array) -> Array:
     rho = edge * np.minimum(diameter, height)
     dome = 0.5 - np.hypot(a - rho, b - rho) - rho
     return np.asarray(np.minimum(np.minimum(dome, 0.5 - a), L - 0.5 - b))
+
+
+def below(L: Array, height: Array) -> Array:
+    """Return the thickness of silicone between magnet and base, shape (n,)."""
+    return np.asarray(L - 0.5 - height / 2)
 
 
 def press_depths(L: Array, height: Array) -> Array:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.prediction import PRESS, SHEAR, STRAIN
+from studies.surrogate.gaussian_process import GaussianProcess
+from studies.surrogate.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.surrogate.surrogate_file import Group, Surrogate
 from studies.training.calibration import quantiles_by_region
 from studies.training.length_scales import fitted
@@ -125,11 +126,13 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
             )
         groups[name] = Group(process, quantities, surrogate_range.PRESS_NODES, quantiles)
     groups["mode"] = _mode_group(x, b, states.mode, region)
-    groups["shear"] = _shear_group(states, x, left_out, region)
+    groups |= _shear_groups(states, x, left_out, region)
     return Surrogate(groups, about)
 
 
-def _critical_quantiles(depth: Array, true: Array, predicted: Array, widths: Array, region: Any) -> Array:
+def _critical_quantiles(
+    depth: Array, true: Array, predicted: Array, widths: Array, region: NDArray[np.int64]
+) -> Array:
     """Return the quantiles of the critical depth's errors, over the depth and the mean width of the stiffness."""
     share = np.linspace(0, 1, prediction.CRITICAL_GRID)
     low, high = np.sqrt(depth[:, :1]), np.sqrt(depth[:, -1:])
@@ -146,7 +149,7 @@ def _critical_quantiles(depth: Array, true: Array, predicted: Array, widths: Arr
     return quantiles_by_region(scores[exists, None], region[exists], 4)
 
 
-def _mode_group(x: Array, beams: Beams, mode: Array, region: Any) -> Group:
+def _mode_group(x: Array, beams: Beams, mode: Array, region: NDArray[np.int64]) -> Group:
     features, y = prediction.mode_features(x, beams.density_ratio), np.log(mode)[:, None]
     process = fitted(features, y)
     predicted, g = process.left_out()
@@ -154,28 +157,37 @@ def _mode_group(x: Array, beams: Beams, mode: Array, region: Any) -> Group:
     return Group(process, ("frequency",), 1, {"frequency": quantiles_by_region(scores, region, 4)})
 
 
-def _shear_group(states: TrainingSet, x: Array, left_out: Mapping[str, Array], region: Any) -> Group:
-    """Return the group of shears; its errors include those of the press that it begins from."""
-    shear = states.shear
+def _shear_groups(
+    states: TrainingSet, x: Array, left_out: Mapping[str, Array], region: NDArray[np.int64]
+) -> dict[str, Group]:
+    """Return the groups of shears; their errors include those of the press that a shear begins from."""
+    shear, L = states.shear, states.beams.L[:, None]
     depth, s = shear.depth[:, :1], shear.shear
-    true = press_at(states.beams, press_outputs(states.press), depth)
-    guess = press_at(states.beams, left_out, depth)
-    L = states.beams.L[:, None]
-    outputs = shear_outputs(shear, L, true)
-    y = np.hstack([outputs[name] for name in SHEAR])
-    process = fitted(prediction.shear_features(x, depth[:, 0]), y)
-    predicted, g = process.left_out()
-    forms = dict(zip(SHEAR, np.split(predicted, len(SHEAR), axis=1), strict=True))
-    values = prediction.shear_values(forms, L, depth, s, guess)
+    outputs = shear_outputs(shear, L, press_at(states.beams, press_outputs(states.press), depth))
+    points = prediction.shear_features(x, depth[:, 0])
+    forms: dict[str, Array] = {}
+    spreads: dict[str, Array] = {}
+    processes: dict[str, GaussianProcess] = {}
+    for name, quantities in (("shear", POSE), ("shear_skin", SKIN)):
+        processes[name] = fitted(points, np.hstack([outputs[quantity] for quantity in quantities]))
+        predicted, g = processes[name].left_out()
+        forms |= dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
+        spreads |= dict.fromkeys(quantities, g)
+    values = prediction.shear_values(forms, L, depth, s, press_at(states.beams, left_out, depth))
     rods = prediction.yardsticks(values)
-    q = shear.quantities
-    truth = {name: -q[name] if name == "shift_z" else q[name] for name in SHEAR}
+    truth = {name: -q if name == "shift_z" else q for name, q in shear.quantities.items()}
     where = prediction.shear_region(region, depth[:, 0])
     quantiles = {
-        name: quantiles_by_region(np.abs(values[name] - truth[name]) / (rods[name] * g[:, None]), where, 8)
+        name: quantiles_by_region(
+            np.abs(values[name] - truth[name]) / (rods[name] * spreads[name][:, None]), where, 8
+        )
         for name in SHEAR
     }
-    return Group(process, SHEAR, len(surrogate_range.SHEAR_NODES), quantiles)
+    nodes = len(surrogate_range.SHEAR_NODES)
+    return {
+        name: Group(processes[name], quantities, nodes, {quantity: quantiles[quantity] for quantity in quantities})
+        for name, quantities in (("shear", POSE), ("shear_skin", SKIN))
+    }
 
 
 def press_at(beams: Beams, logs: Mapping[str, Array], depth: Array) -> dict[str, Array]:

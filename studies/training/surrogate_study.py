@@ -34,7 +34,7 @@ TEST_DEPTHS, TEST_SHEARS = 5, 3
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Size of the study.
+    """Size of the study; of the first and of the test beams those with too thin a base are left out.
 
     Attributes
     ----------
@@ -87,10 +87,12 @@ def run(extent: Extent, store: Store, processes: Processes, progress: Progress |
     """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
     beams = training_beams(extent.first, extent.seed)
+    beams = beams[beams.in_range]
     states = training_states(solver, beams)
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
-        more = widest(surrogate, random_beams(POOL, extent.seed + 2 + k), count)
+        pool = random_beams(POOL, extent.seed + 2 + k)
+        more = widest(surrogate, pool[pool.in_range], count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
     test = test_states(solver, random_beams(extent.test, extent.seed + 1), extent.seed + 1)
@@ -118,6 +120,8 @@ def training_states(solver: Solver, beams: Beams) -> TrainingSet:
 def test_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     """Return the states of beams of the test: at random depths and shears."""
     depths, shears = test_loads(beams, seed)
+    inside = beams.in_range
+    beams, depths, shears = beams[inside], depths[inside], shears[inside]
     press = solver.presses(beams, depths)
     mode = solver.first_modes(beams)
     return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))

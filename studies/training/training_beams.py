@@ -51,6 +51,11 @@ class Beams:
         return Beams(*(getattr(self, name)[rows] for name in self.__slots__))
 
     @property
+    def in_range(self) -> NDArray[np.bool_]:
+        """Which beams have enough silicone below the magnet for the surrogate, shape (n,)."""
+        return surrogate_range.below(self.L, self.height) >= surrogate_range.LEAST_BELOW
+
+    @property
     def density_ratio(self) -> Array:
         """Density of the magnet over that of the silicone, for the natural frequencies, shape (n,).
 
@@ -78,24 +83,24 @@ def _round(value: float) -> float:
 
 
 def training_beams(count: int, seed: int) -> Beams:
-    """Return the first `count` Sobol points inside the range; more points keep the first ones."""
+    """Return the first `count` beams of a Sobol sequence; more beams keep the first ones."""
     points = qmc.Sobol(DIMENSIONS, rng=seed)
     inside = Beams(*(np.empty(0),) * DIMENSIONS)
     while len(inside) < count:
-        inside = joined(inside, in_range(points.random(1024)))
+        inside = joined(inside, of_cube(points.random(1024)))
     return inside[:count]
 
 
 def random_beams(count: int, seed: int) -> Beams:
-    """Return independent random beams inside the range."""
+    """Return independent random beams."""
     rng = np.random.default_rng(seed)
     inside = Beams(*(np.empty(0),) * DIMENSIONS)
     while len(inside) < count:
-        inside = joined(inside, in_range(rng.random((1024, DIMENSIONS))))
+        inside = joined(inside, of_cube(rng.random((1024, DIMENSIONS))))
     return inside[:count]
 
 
-def in_range(unit: Array) -> Beams:
+def of_cube(unit: Array) -> Beams:
     """Return the beams of points of the unit cube, shape (n, 6), without those whose magnet leaves too thin a wall.
 
     The length is spread on a log scale. Poisson's ratio is spread in (1 - 2 nu)^(1/2): most silicones are close to
