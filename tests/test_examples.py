@@ -14,6 +14,7 @@ from studies.examples import (
     export_mold,
     press_and_read,
     shear_with_friction,
+    slender_beams,
 )
 
 FOLDER = Path(press_and_read.__file__).parent
@@ -37,6 +38,16 @@ def test_formula_holds_from_1_5_mm_on_silicone():
     assert ratio[0.5] / ratio[0.25] == pytest.approx(math.sqrt(2), rel=0.02)
 
 
+def test_the_beam_assumption_fails_in_short_and_in_slender_beams():
+    """(6) leaves out shear: in a beam of L = D, by Timoshenko, 3 E I / (0.9 G A L^2) = 62 % of the bending."""
+    errors = slender_beams.main()
+    press, shear = ({L: errors[L, "paper"][axis] for L in (1.0, 2.0, 3.0, 4.0)} for axis in (0, 1))
+    assert sorted(press, key=press.get) == [4.0, 3.0, 2.0, 1.0]
+    assert shear[1.0] > 0.62
+    assert shear[2.0] < shear[3.0] < shear[4.0]
+    assert all(abs(error) < 0.1 for (_, level), both in errors.items() if level == "finite" for error in both)
+
+
 def test_full_slip_is_mu_times_the_normal_force():
     last = shear_with_friction.main()[-1]
     assert last.slip_share == 1.0
@@ -44,12 +55,17 @@ def test_full_slip_is_mu_times_the_normal_force():
 
 
 def test_both_pours_are_the_silicone_before_it_shrinks(tmp_path):
-    """Beam less magnet, by hand: cylinder of 7 mm and half a ball, less a disc of 4 x 2 mm with edges of 0.1 mm."""
+    """Beam less magnet, by hand: cylinder of 7 mm and half a ball, less a disc of 4 x 2 mm with edges of 0.1 mm.
+
+    The files are mould and base for printing, and the recipe.
+    """
     first, second = export_mold.main(str(tmp_path))
     beam = math.pi * 5**2 * 7 + 2 / 3 * math.pi * 5**3
     magnet = math.pi * 2**2 * 2
     assert (first + second) * (1 - 0.005) ** 3 == pytest.approx(beam - magnet, rel=2e-4)
-    assert {path.suffix for path in tmp_path.iterdir()} == {".step", ".stl", ".3mf"}
+    files = {path.name for path in tmp_path.iterdir()}
+    printed = ("mold_a", "mold_b", "base")
+    assert files >= {"README.md", *(f"{part}{kind}" for part in printed for kind in (".step", ".stl", ".3mf"))}
 
 
 def test_recording_decodes_to_the_load_that_made_it():
@@ -85,6 +101,15 @@ def test_program_is_short_and_says_what_it_shows(path):
     assert text.startswith('"""')
     assert "argparse" not in text
     assert text.rstrip().endswith('if __name__ == "__main__":\n    main()')
+
+
+@pytest.mark.parametrize("name", ["export_mold", "slender_beams"])
+def test_programs_of_the_first_page_have_under_20_lines(name):
+    """The page links them for its users; docstring and empty lines do not count."""
+    text = (FOLDER / f"{name}.py").read_text("utf-8")
+    code = text.partition('"""')[2].partition('"""')[2]
+    assert sum(bool(line.strip()) for line in code.splitlines()) < 20
+    assert f"studies/examples/{name}.py" in (FOLDER.parents[1] / "README.md").read_text("utf-8")
 
 
 def test_program_runs_as_a_file(tmp_path):
