@@ -1,8 +1,8 @@
 """Make all files for a sensor and its casting mould, which has two cavities and is printed in resin.
 
 The cavity is the beam, enlarged by the shrinkage of the silicone. The first pour fills the closed mould around the
-pin that keeps the magnet's pocket free; the second one covers the magnet. The folder holds mould and base as STEP, STL
-and 3MF, drawings, and the casting recipe, README.md. It is written only if every check passes.
+pin that keeps the magnet's pocket free; the second one covers the magnet. The folder holds mould and base as STEP,
+STL and 3MF, drawings, and the casting recipe, README.md. It is written only if every check passes.
 `magtip cad --process sla --mold columns=2 --mold shrink=0.005` makes the same with a picture.
 """
 
