@@ -61,6 +61,7 @@ STUDIES = [
     {"benchmarks"},
     {"report"},
     {"cli"},
+    {"examples"},
 ]
 """Sub-packages of `studies`, and its modules, from below: each imports only those below it."""
 
