@@ -6,8 +6,8 @@ ORDER = """
     Design: design cad mesh cache catalogue
     Simulation: solve analytic compare stability modes fit demo
     Sensing: field readings decode table layout
-    Exploration: sweep store
-    Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade
+    Exploration: sweep sensitivity report store
+    Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate
     Options: --help --version
 """
 

@@ -30,6 +30,7 @@ LINES = [
     "readings paper --shift -1,0,0 --tilt 0,0.1 --seed 3",
     "cad paper --out c --mold shrink=0.01 --mold columns=2 --axis D=7,8 --tolerance 0.001",
     "sweep --axis D=6,8 --axis depth=0.5,1 --magnet ignored",
+    "sensitivity paper --depth 1 --vary nu=0.45:0.5 --vary E=0.8:1.2 --methods sobol --tolerance E=5 --count 64",
 ]
 
 

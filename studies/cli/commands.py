@@ -43,7 +43,11 @@ VERBS = {
     "Design": {"design_commands": "design cad mesh cache", "catalogue_commands": "catalogue"},
     "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
     "Sensing": {"sensing_commands": "field readings decode table layout"},
-    "Exploration": {"exploration_commands": "sweep", "report_commands": "report"},
+    "Exploration": {
+        "exploration_commands": "sweep",
+        "sensitivity_commands": "sensitivity",
+        "report_commands": "report",
+    },
     "Validation": {
         "validation_commands": "verify friction extremes accuracy crosscheck ladder range_",
         "claims_commands": "claims assumption",

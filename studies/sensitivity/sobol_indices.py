@@ -113,13 +113,21 @@ def scaled(unit: Array, ranges: Ranges) -> Array:
     return np.asarray(np.clip(low + np.round(unit, 12) * (high - low), low, high))
 
 
-def indices(ranges: Ranges, values: Array, half_width: Array | None = None, seed: int = 0) -> SobolIndices:
+def indices(
+    ranges: Ranges,
+    values: Array,
+    half_width: Array | None = None,
+    seed: int = 0,
+    error_lengths: Mapping[str, float] | None = None,
+) -> SobolIndices:
     """Return the indices of an output at the points of `saltelli_points`.
 
     Parameters
     ----------
     values : output at the points, shape ((d + 2) count,), NaN where it has failed.
     half_width : half width of the model's 90 % interval at each point; default: no error.
+    error_lengths : distance in each input over which the model's error varies, in the unit of the input; the error
+        does not depend on other inputs. Default: `SMOOTHNESS` of each range.
 
     Returns
     -------
@@ -137,7 +145,7 @@ def indices(ranges: Ranges, values: Array, half_width: Array | None = None, seed
     low, high = _interval(sampling)
     with_errors = [
         _resampled(ranges, one, RESAMPLES_WITH_ERROR, seed)[1]
-        for one in error_variants(ranges, filled[0], half_width, seed)
+        for one in error_variants(ranges, filled[0], half_width, seed, error_lengths)
     ]
     if with_errors:
         pooled = _interval(np.concatenate(with_errors, axis=1))
@@ -170,7 +178,13 @@ def varies(values: Array) -> bool:
     return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 
-def error_variants(ranges: Ranges, values: Array, half_width: Array | None, seed: int) -> list[Array]:
+def error_variants(
+    ranges: Ranges,
+    values: Array,
+    half_width: Array | None,
+    seed: int,
+    error_lengths: Mapping[str, float] | None = None,
+) -> list[Array]:
     """Return the output at the points of `saltelli_points`, changed by random smooth errors of the stated size.
 
     An error is a Gaussian random field over the inputs (a sum of cosines with random frequencies) whose standard
@@ -181,11 +195,15 @@ def error_variants(ranges: Ranges, values: Array, half_width: Array | None, seed
         return []
     deviation = np.where(np.isfinite(half_width), half_width, 0.0) / NORMAL_90
     count = len(values) // (len(ranges) + 2)
-    unit = _unit_points(ranges, count, seed)
+    lengths = {name: SMOOTHNESS * (high - low) for name, (low, high) in ranges.items()}
+    lengths = lengths if error_lengths is None else dict(error_lengths)
+    # an input that the error does not depend on has an infinite length
+    scales = np.array([(high - low) / lengths.get(name, np.inf) for name, (low, high) in ranges.items()])
+    unit = _unit_points(ranges, count, seed) * scales
     random = np.random.default_rng(seed)
     variants = []
     for _ in range(ERROR_FIELDS):
-        frequency = random.standard_normal((len(ranges), FEATURES)) / SMOOTHNESS
+        frequency = random.standard_normal((len(ranges), FEATURES))
         phase = random.uniform(0, 2 * np.pi, FEATURES)
         field = np.sqrt(2 / FEATURES) * np.cos(unit @ frequency + phase).sum(axis=1)
         variants.append(values + deviation * field)

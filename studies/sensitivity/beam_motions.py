@@ -1,0 +1,206 @@
+"""Forces on many sensors and motions of their magnets, by the surrogate or by a level of the formulas.
+
+The loads are those of both models: a frictionless press, and a shear along x with the tip stuck to the plate. A shear
+of negative sign is the mirror image of a positive one.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import beam
+from analytic.batch_readings import ELEMENTS, batch_readings
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.loads import Load
+from studies.surrogate import prediction, surrogate_range
+from studies.surrogate.prediction import Beams
+
+SURROGATE = "surrogate"
+MODELS = (SURROGATE, *beam.LEVELS)
+"""Models of the mechanics."""
+SPACING = 0.3
+"""Distance of neighbouring training beams of the surrogate over its range: some 400 fill five dimensions."""
+QUANTITIES = ("force_x", "force_z", "shift_x", "shift_z", "tilt", "contact_radius")
+"""Results of a model: forces on the tip, N, positive along the shear and in compression; displacements of the magnet,
+mm, along the shear and along z (negative downwards); its tilt towards the shear, rad; contact radius, mm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motions:
+    """Results of n sensors in k states, in the plane of the shear.
+
+    Attributes
+    ----------
+    values : each of `QUANTITIES`, shape (n, k); NaN where the model refuses.
+    half_widths : half width of the model's 90 % interval, in the same form; 0 for a model that states none.
+    refusals : why the model refuses, "" where it does not; texts of shape (n, k).
+    """
+
+    values: Mapping[str, Array]
+    half_widths: Mapping[str, Array]
+    refusals: NDArray[Any]
+
+    def poses(self, towards_y: bool = False) -> tuple[Array, Array]:
+        """Return shift, shape (n, k, 3), mm, and rotation vector, (n, k, 2), rad, for a shear along x or along y."""
+        return poses(self.values, towards_y)
+
+
+def poses(values: Mapping[str, Array], towards_y: bool = False) -> tuple[Array, Array]:
+    """Return shift and rotation vector of the magnet from results in the plane of the shear."""
+    zero = np.zeros_like(values["shift_x"])
+    x, z, tilt = values["shift_x"], values["shift_z"], values["tilt"]
+    if towards_y:
+        return np.stack([zero, x, z], axis=-1), np.stack([-tilt, zero], axis=-1)
+    return np.stack([x, zero, z], axis=-1), np.stack([zero, tilt], axis=-1)
+
+
+def motions(model: str, designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
+    """Return the results of sensors in their states.
+
+    Parameters
+    ----------
+    model : one of `MODELS`.
+    designs : n sensors; None for an impossible one, which has no results.
+    depth, shear : shape (n, k), mm; at a depth of 0 without a shear nothing has moved.
+    """
+    if model not in MODELS:
+        raise BadInput(f"the model must be one of {', '.join(MODELS)}; got {model!r}")
+    by = _by_surrogate if model == SURROGATE else functools.partial(_by_formula, model)
+    return by(designs, depth, shear)
+
+
+def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
+    """Return the predictions of the surrogate, with the half widths of its intervals."""
+    values, half_widths = ({name: np.full(depth.shape, np.nan) for name in QUANTITIES} for _ in range(2))
+    refusals = np.full(depth.shape, "", dtype=object)
+    usable = []
+    for k, design in enumerate(designs):
+        reason = "" if design is None else _unusable(design)
+        refusals[k] = reason
+        if design is not None and not reason:
+            usable.append((k, design))
+    if not usable:
+        return Motions(values, half_widths, refusals)
+    rows = np.array([k for k, _ in usable])
+    fields = ("D", "E", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius", "nu")
+    D, E, L, diameter, height, edge, nu = np.array([attrgetter(*fields)(design) for _, design in usable]).T
+    beams = prediction.beams(L / D, diameter / D, height / D, nu, edge / D)
+    ratio, aside = depth[rows] / D[:, None], shear[rows] / D[:, None]
+    for name, (value, half_width) in _predicted(beams, ratio, aside).items():
+        unit = {"force": E * D**2, "tilt": np.ones_like(D)}.get(name.partition("_")[0], D)[:, None]
+        values[name][rows], half_widths[name][rows] = unit * value, unit * half_width
+    lacking = np.isnan(values["force_z"][rows])
+    for row, column in zip(*np.nonzero(lacking), strict=True):
+        refusals[rows[row], column] = str(beams.outside[row]) or (
+            f"the surrogate has presses from {surrogate_range.SHALLOWEST:g} D to {beams.deepest[row]:.3g} D and "
+            f"shears, from a depth of {surrogate_range.SHALLOWEST_SHEAR:g} D, to {beams.farthest[row]:.3g} D"
+        )
+    return Motions(values, half_widths, refusals)
+
+
+def _unusable(design: Design) -> str:
+    """Return why the surrogate has no answer for a design whatever its sizes, "" if it may have one."""
+    if design.law != "neo-hookean":
+        return f"the surrogate has the law neo-hookean only, not {design.law}"
+    return "" if design.shape.has_magnet else "the surrogate has beams with a magnet only"
+
+
+def _predicted(beams: Beams, depth: Array, shear: Array) -> dict[str, tuple[Array, Array]]:
+    """Return each of `QUANTITIES` and its half width, shape (n, k), for loads over D, as `Beams` has them."""
+    pressed = beams.press(depth)
+    zero = np.where(np.isnan(pressed["force"].value), np.nan, 0.0)
+    still = dict.fromkeys(("force_x", "shift_x", "tilt"), (zero, zero))
+    names = {"force_z": "force", "shift_z": "shift", "contact_radius": "contact_radius"}
+    result = still | {name: (pressed[key].value, pressed[key].half_width) for name, key in names.items()}
+    if shear.any():
+        # a press that is not sheared reaches further than a shear
+        moves, sign = shear != 0, np.sign(shear)
+        sheared = beams.shear(depth, np.abs(shear))
+        for name, (value, half_width) in result.items():
+            own = sign if name in ("force_x", "shift_x", "tilt") else 1.0
+            one = sheared[name]
+            result[name] = np.where(moves, own * one.value, value), np.where(moves, one.half_width, half_width)
+    # the surrogate counts the magnet's sinking as positive
+    sinking, half_width = result["shift_z"]
+    return result | {"shift_z": (-sinking, half_width)}
+
+
+def error_lengths(model: str, design: Design) -> dict[str, float]:
+    """Return the distances in the inputs over which the error of a model varies, in the unit of each input.
+
+    The error of the surrogate changes from one training beam to the next, which are about `SPACING` of its range
+    apart. It does not depend on other inputs: forces are exactly proportional to E, for example.
+    """
+    if model != SURROGATE:
+        return {}
+    smaller = min(design.magnet_diameter, design.magnet_height) / design.D
+    ranges = {
+        "L": surrogate_range.LENGTH,
+        "magnet_diameter": surrogate_range.DIAMETER,
+        "magnet_height": surrogate_range.HEIGHT,
+        "magnet_edge_radius": (0.0, surrogate_range.EDGE[1] * smaller),
+        "depth": (surrogate_range.SHALLOWEST, surrogate_range.DEEPEST),
+        "shear": (0.0, surrogate_range.FARTHEST),
+        # D changes all of these ratios
+        "D": (0.0, 1.0),
+    }
+    lengths = {name: SPACING * design.D * (high - low) for name, (low, high) in ranges.items()}
+    return lengths | {"nu": SPACING * (surrogate_range.POISSON[1] - surrogate_range.POISSON[0])}
+
+
+def _by_formula(level: str, designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
+    """Return the results of a level of the formulas, load by load."""
+    values = {name: np.full(depth.shape, np.nan) for name in QUANTITIES}
+    refusals = np.full(depth.shape, "", dtype=object)
+    for at in np.ndindex(depth.shape):
+        design = designs[at[0]]
+        if design is None:
+            continue
+        try:
+            load = Load(float(depth[at]), float(shear[at]), friction="stick" if shear[at] else "none")
+            response = beam.solve(design, load, level)
+        except BadInput as error:
+            refusals[at] = str(error)
+            continue
+        (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
+        numbers = (force_x, force_z, shift_x, shift_z, response.tilt, response.contact_radius)
+        for name, number in zip(QUANTITIES, numbers, strict=True):
+            values[name][at] = number
+    return Motions(values, {name: np.zeros(depth.shape) for name in QUANTITIES}, refusals)
+
+
+def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, Array]:
+    """Return the outputs of the elements in all states, shape (n, k, 3), V or T, and their half widths.
+
+    The half widths follow from those of the motions, one motion after the other, added as independent errors.
+    """
+    causes = [name for name in ("shift_x", "shift_z", "tilt") if moved.half_widths[name].any()]
+    changed = [dict(moved.values) | {name: moved.values[name] + moved.half_widths[name]} for name in causes]
+    # all variants at once: a design's magnet is then evaluated once
+    stacked = {name: np.hstack([one[name] for one in (moved.values, *changed)]) for name in moved.values}
+    outputs, *others = np.split(_outputs(designs, stacked), len(changed) + 1, axis=1)
+    squares = [(other - outputs) ** 2 for other in others]
+    return outputs, np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros_like(outputs)
+
+
+def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> Array:
+    """Return the outputs of the elements, shape (n, k, 3)."""
+    shift, tilt = poses(values)
+    count, states = shift.shape[:2]
+    possible = [design for design in designs if design is not None]
+    if not possible:
+        return np.full((count, states, ELEMENTS), np.nan)
+    # an impossible sensor has no motion, so that any design may take its place
+    stand_in = [design or possible[0] for design in designs]
+    owner = np.repeat(np.arange(count), states)
+    return batch_readings(stand_in, owner, shift.reshape(-1, 3), tilt.reshape(-1, 2)).output.reshape(
+        count, states, ELEMENTS
+    )

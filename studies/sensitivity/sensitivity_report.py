@@ -1,0 +1,192 @@
+"""Files of `magtip sensitivity`: SENSITIVITY.md, and for each method a table and a picture."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from geometry.design import Design
+from studies.output.provenance import made
+from studies.output.text_tables import titled
+from studies.sensitivity import sensitivity_plots
+from studies.sensitivity.sensitivity_rows import MorrisRow, SobolRow
+from studies.sensitivity.sensitivity_study import MonteCarloStudy, MorrisStudy, SobolStudy, summary
+from studies.sensitivity.tolerances import Tolerances
+from studies.sensitivity.varied_inputs import Press
+
+FILES = (
+    "SENSITIVITY.md",
+    *("sobol.csv", "sobol.png", "morris.csv", "morris_cases.csv", "morris.png"),
+    *("montecarlo.csv", "percentiles.csv", "montecarlo.png"),
+)
+"""Files that `write` writes into a folder; those of a method only if it was requested."""
+
+SOBOL = """\
+The first-order index is the share of the output's variance that an input explains alone, the total order also its
+share with all interactions. In brackets: the interval for sampling (95 %), the model's stated error, and every value
+that failed points may have between the least and the largest of the others. All inputs are uniform in their ranges.
+"""
+MORRIS = """\
+µ* is the mean magnitude of the change of the output over the full range of an input, from finite elements; σ is the
+standard deviation of the change: large where the input acts nonlinearly or with others. In brackets: 95 % by
+bootstrap, and every value that failed cases may have between the least and the largest of the others.
+"""
+MONTE_CARLO = """\
+Each made sensor is calibrated over the force range of the design itself. The sensitivity is the change of the reading
+of an axis' element over the force range; the offset is its reading without a force on this axis. The force error is
+the largest over the range: with the nominal sensor's calibration; after zeroing without a force; and after one-point
+recalibration of offset and gain. In brackets: 95 % interval of the percentile, with failed sensors on the worse side.
+The magnet's offset and tilt, and those of the elements, change the readings, not the mechanics.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Results of the methods that were requested, and what they had in common."""
+
+    design: Design
+    load: Press
+    tolerances: Tolerances
+    sobol: SobolStudy | None = None
+    morris: MorrisStudy | None = None
+    monte_carlo: MonteCarloStudy | None = None
+
+
+def write(folder: Path, results: Results, origin: str, command: str) -> None:
+    """Write the files of the methods, and SENSITIVITY.md, into an existing folder."""
+    from studies.output.atomic_files import write_text
+    from studies.output.csv_tables import write_table
+
+    if results.sobol is not None:
+        write_table(folder / "sobol.csv", [row.row() for row in results.sobol.rows])
+        sensitivity_plots.sobol(folder / "sobol.png", results.sobol.rows)
+    if results.morris is not None:
+        write_table(folder / "morris.csv", [row.row() for row in results.morris.rows])
+        write_table(folder / "morris_cases.csv", results.morris.cases)
+        sensitivity_plots.morris(folder / "morris.png", results.morris.rows)
+    if results.monte_carlo is not None:
+        write_table(folder / "montecarlo.csv", results.monte_carlo.sensors)
+        write_table(folder / "percentiles.csv", [row.row() for row in results.monte_carlo.rows])
+        sensitivity_plots.monte_carlo(folder / "montecarlo.png", results.monte_carlo)
+    # a file of a method that was not requested is of an earlier study: the page would not describe it
+    for name, study in (("sobol", results.sobol), ("morris", results.morris), ("montecarlo", results.monte_carlo)):
+        for file in FILES if study is None else ():
+            if file.startswith(name) or (name == "montecarlo" and file == "percentiles.csv"):
+                (folder / file).unlink(missing_ok=True)
+    write_text(folder / "SENSITIVITY.md", text(results, origin, command))
+
+
+def text(results: Results, origin: str, command: str) -> str:
+    """Return the text of SENSITIVITY.md."""
+    load = results.load
+    shear = f", sheared by {load.shear:g} mm with the tip stuck to the plate" if load.shear else ""
+    lines = ["# Sensitivity and tolerances", "", f"Pressed to {load.depth:g} mm{shear}.", ""]
+    if results.sobol is not None:
+        lines += _sobol(results.sobol)
+    if results.morris is not None:
+        lines += _morris(results.morris)
+    if results.monte_carlo is not None:
+        lines += [*_monte_carlo(results.monte_carlo), *_tolerances(results)]
+    return "\n".join([*lines, made(command, origin)]) + "\n"
+
+
+def _sobol(study: SobolStudy) -> list[str]:
+    first = study.rows[0]
+    lines = ["## Sobol indices", "", *SOBOL.splitlines(), ""]
+    lines += [
+        *_ranges(study.rows),
+        f"{first.points} points by model {first.model}; {_failures(study, first.points)}.",
+        "",
+    ]
+    cells = []
+    for output, rows in sensitivity_plots.by_output(study.rows):
+        error = f"{rows[0].model_error_over_deviation:.2g}"
+        for row in rows:
+            orders = [_value(row, "first_order"), _value(row, "total_order")]
+            cells.append([titled(output), row.input, *orders, error])
+    lines += _markdown(("output", "input", "first order", "total order", "model's error / deviation"), cells)
+    return [*lines, "", "![Sobol indices with their intervals](sobol.png)", ""]
+
+
+def _morris(study: MorrisStudy) -> list[str]:
+    first = study.rows[0]
+    lines = ["## Morris' effects", "", *MORRIS.splitlines(), ""]
+    lines += [*_ranges(study.rows), f"{first.points} cases by {first.model}; {_failures(study, first.points)}.", ""]
+    if study.reasons:
+        lines += [f"The fast model replaces {study.replaced} of the failed cases in the estimates.", ""]
+    cells = [
+        [titled(row.output), row.input, _value(row, "mu_star"), _value(row, "sigma"), row.effect_unit]
+        for row in study.rows
+    ]
+    lines += _markdown(("output", "input", "µ*", "σ", "unit"), cells)
+    return [*lines, "", "![Standard deviation over mean magnitude of the effects](morris.png)", ""]
+
+
+def _monte_carlo(study: MonteCarloStudy) -> list[str]:
+    first = study.rows[0]
+    lines = ["## Made sensors", "", *MONTE_CARLO.splitlines(), ""]
+    lines += [f"{first.sensors} sensors by model {first.model}; {_failures(study, first.sensors)}.", ""]
+    for name, axis in study.spread.axes.items():
+        low, high = axis.force_range
+        lines += [f"- Axis {name}: {low:.3g} to {high:.3g} N{f'; {axis.message}' if axis.message else ''}."]
+    cells = []
+    keys = dict.fromkeys((row.axis, row.quantity) for row in study.rows)
+    for axis_name, quantity in keys:
+        rows = [row for row in study.rows if (row.axis, row.quantity) == (axis_name, quantity)]
+        values = [_bracketed(row.value, row.low, row.high) for row in rows]
+        nominal = "" if quantity.endswith("error") else _number(rows[0].nominal)
+        cells.append([axis_name, quantity.replace("_", " "), rows[0].unit, nominal, *values])
+    shares = [f"{row.percentile:g} %" for row in study.rows[:3]]
+    lines += ["", *_markdown(("axis", "quantity", "unit", "nominal", *shares), cells)]
+    return [*lines, "", "![Histograms of sensitivity and force errors](montecarlo.png)", ""]
+
+
+def _tolerances(results: Results) -> list[str]:
+    """Return the table of the tolerances that have an effect, with their sources."""
+    chip = results.design.hall_layout != "three"
+    cells = []
+    for spec in dataclasses.fields(results.tolerances):
+        if spec.name in (("hall_gain", "hall_null") if chip else ("chip_gain", "chip_null")):
+            continue
+        value, unit = getattr(results.tolerances, spec.name), spec.metadata["unit"]
+        default = value == spec.default
+        source = f"{'assumed: ' if spec.metadata['assumed'] else ''}{spec.metadata['source']}"
+        size = f"± {value:g} {'' if unit == '1' else unit.replace('percent', '%')}".strip()
+        cells.append([spec.metadata["text"], size, spec.metadata["shape"], source if default else "set by the user"])
+    head = ["Tolerances; a normal deviation has half the tolerance as standard deviation and is cut off at it:", ""]
+    return [*head, *_markdown(("value", "tolerance", "distribution", "source"), cells), ""]
+
+
+def _ranges(rows: Sequence[SobolRow] | Sequence[MorrisRow]) -> list[str]:
+    """Return the ranges of the inputs as a list."""
+    of_first = [row for row in rows if row.output == rows[0].output]
+    unit = {row.input: "" if row.unit == "1" else f" {row.unit}" for row in of_first}
+    return [*(f"- {row.input}: {row.low:.6g} to {row.high:.6g}{unit[row.input]}" for row in of_first), ""]
+
+
+def _failures(study: SobolStudy | MorrisStudy | MonteCarloStudy, count: int) -> str:
+    return summary(study.reasons, count) or "none has failed"
+
+
+def _value(row: SobolRow | MorrisRow, name: str) -> str:
+    return _bracketed(getattr(row, name), getattr(row, f"{name}_low"), getattr(row, f"{name}_high"))
+
+
+def _bracketed(value: float | None, low: float | None, high: float | None) -> str:
+    """Format a value with its interval.
+
+    >>> _bracketed(0.123456, 0.1, None), _bracketed(None, None, None)
+    ('0.123 (0.1 to -)', '-')
+    """
+    return "-" if value is None else f"{_number(value)} ({_number(low)} to {_number(high)})"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value + 0.0:.3g}"
+
+
+def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [[cell.replace("|", "\\|") for cell in line] for line in (heads, ["---"] * len(heads), *rows)]
+    return [f"| {' | '.join(line)} |" for line in lines]
