@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,11 +12,12 @@ from cyclopts import Parameter
 from geometry.loads import Magnet
 from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
+from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.input_warnings import say_no_effect, warn_of_values
 from studies.inputs.option_groups import TOLERANCE, Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, run_record
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -88,6 +90,7 @@ def sweep(
     retry_failed
         Solve again the cases whose process died.
     """
+    command_line = command(sweep, locals())
     from studies.exploration import sweep_request
     from studies.exploration.executors import SchedulerLost
     from studies.exploration.needed_paths import Processes
@@ -101,7 +104,9 @@ def sweep(
         ),
     )
     warn_of_values(plan.design)
-    atomic_files.check_apart([*atomic_files.inside(out, sweep_request.FILES), store], [source, design])
+    atomic_files.check_apart(
+        [*atomic_files.inside(out, (*sweep_request.FILES, run_record.NAME)), store], [source, design]
+    )
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
     case = sweep_request.case_columns(plan)
@@ -116,6 +121,8 @@ def sweep(
                 choices.add(table)
                 for row in flat_rows(table):
                     printed.add(row, as_json=as_json)
+            if out is not None:
+                run_record.write(out, command_line, dataclasses.asdict(plan.design))
     except SchedulerLost as error:
         console.say(f"magtip: {error}")
         return FAILED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -30,7 +31,7 @@ from studies.inputs.option_groups import (
     Whole,
 )
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, run_record
 from studies.output.records import FlatRow
 
 COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
@@ -258,6 +259,7 @@ def compare(
     out
         Folder for tables and plots.
     """
+    command_line = command(compare, locals())
     design = design_of(source, sets)
     from fem.accuracy import LEVELS
     from studies.exploration import sweep_request
@@ -265,7 +267,7 @@ def compare(
     from studies.simulation import within_tolerance
 
     say_if_without_magnet(design)
-    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
+    atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
     chosen: within_tolerance.Chosen | None = None
     level: str = accuracy or "standard"
     if tolerance is not None:
@@ -275,6 +277,8 @@ def compare(
         level = chosen.choice.level_or_accuracy
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         summary = study.run(design, folder, accuracy=LEVELS[level], progress=progress)
+        if folder is not None:
+            run_record.write(folder, command_line, dataclasses.asdict(design))
     if as_json:
         console.report([summary | ({} if chosen is None else chosen.row())], as_json=True)
     else:

@@ -88,7 +88,7 @@ const Deformed = (() => {
 
   // Triangles from far to near, each in one colour.
   function painter(canvas) {
-    const pen = canvas.getContext("2d");
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
     let mesh = null;
     return {
       load(next) { mesh = next; },

@@ -4,7 +4,9 @@
 const Plots = (() => {
   const NS = "http://www.w3.org/2000/svg";
   const DASHES = ["", "7 4", "2 3", "8 3 2 3"];
-  const FONT = 12, CHAR = 6.4;
+  const ruler = document.createElement("canvas").getContext("2d");
+  ruler.font = "12px system-ui, -apple-system, \"Segoe UI\", Roboto, Arial, \"Liberation Sans\", sans-serif";
+  const wide = (text) => ruler.measureText(text).width;
   const SHAPES = [
     "M4 0A4 4 0 1 1 -4 0A4 4 0 1 1 4 0Z", "M-3.6 -3.6H3.6V3.6H-3.6Z", "M0 -4.8L4.4 3.4H-4.4Z",
     "M0 -5L5 0L0 5L-5 0Z", "M0 4.8L4.4 -3.4H-4.4Z",
@@ -85,63 +87,75 @@ const Plots = (() => {
     return { at: (v) => from + ((v - low) / (high - low)) * (to - from), ticks: linearTicks(low, high, room), low, high };
   }
 
-  const ends = (one) => [...(one.low || []), ...(one.high || [])];
+  // All values of a series along x or y, with the ends of its intervals.
+  const spanOf = (one, across) => [...(across ? one.x : one.y), ...(Boolean(one.across) === across ? [...(one.low || []), ...(one.high || [])] : [])];
   const indices = (one) => one.drawn || one.x.map((_, k) => k);
   const axisName = (axis) => axis.label.replace(/ \([^)]*\)$/, "");
   const unitOf = (axis) => (axis.label.match(/\(([^)]*)\)$/) || ["", ""])[1];
-  const withUnit = (axis, value) => (axis.categories ? axis.categories[value] : (show(value) + " " + unitOf(axis)).trim());
+  const withUnit = (axis, value) => (axis.categories ? axis.categories[Math.round(value)] : (show(value) + " " + unitOf(axis)).trim());
 
   // Class of a map's value: 0 below the first edge, n above the last.
   const classOf = (value, edges) => edges.filter((edge) => value >= edge).length;
 
   function cut(text, room) {
-    const most = Math.max(4, Math.floor(room / CHAR));
-    return text.length <= most ? text : text.slice(0, most - 1).trimEnd() + "…";
+    if (wide(text) <= room) return text;
+    let most = text.length;
+    while (most > 3 && wide(text.slice(0, most)) > room - 12) most--;
+    return text.slice(0, most).trimEnd() + "…";
   }
 
   function drawPanel(figure, panel, box, width, state) {
     const map = figure.kind === "map", x = figure.x, y = figure.y;
+    const all = panel.series || [];
     const rows = y.categories ? y.categories.length : 0;
-    const longest = rows ? Math.max(...y.categories.map((t) => t.length)) * CHAR : 38;
+    const longest = rows ? Math.max(...y.categories.map(wide)) : 38;
     const left = Math.min(longest + 14, width * (map ? 0.3 : 0.46)) + (y.label ? 20 : 0), right = 12;
     const top = panel.title ? 28 : 10, bottom = 50;
-    const inner = map ? Math.max(60, Math.min(28, 300 / rows + 8) * rows) : rows ? rows * 19 : state.single ? Math.min(330, Math.max(220, width * 0.5)) : 200;
+    const inner = map ? Math.max(60, Math.min(28, 300 / rows + 8) * rows) : rows ? Math.max(rows * (all.some((s) => s.y.some((v) => v % 1)) ? 25 : 19), 60) : state.single ? Math.min(330, Math.max(220, width * 0.5)) : Math.min(290, Math.max(200, width * 0.62));
     const height = top + inner + bottom;
     const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, width, height, tabindex: 0, role: "group", class: "panel" });
     svg.setAttribute("aria-roledescription", map ? "map" : "plot");
     svg.setAttribute("aria-label", `${figure.title}${panel.title ? ", " + panel.title : ""}. Arrow keys read it off.`);
     box.appendChild(svg);
     if (panel.title) make("text", { x: left, y: 16, class: "panel-title" }, svg, cut(panel.title, width - left)).appendChild(make("title", {}, null, panel.title));
-    const all = panel.series || [];
-    const xs = all.flatMap((s) => s.x).concat((figure.guides || []).filter((g) => g.axis === "x").map((g) => g.at));
-    const ys = all.flatMap((s) => [...s.y, ...ends(s)]).concat((figure.guides || []).filter((g) => g.axis === "y").map((g) => g.at));
+    const xs = all.flatMap((s) => spanOf(s, true)).concat((figure.guides || []).filter((g) => g.axis === "x").map((g) => g.at));
+    const ys = all.flatMap((s) => spanOf(s, false)).concat((figure.guides || []).filter((g) => g.axis === "y").map((g) => g.at));
     const sx = scale(x, state.shared ? state.xs : xs, left, width - right), sy = scale(y, state.shared ? state.ys : ys, top + inner, top);
-    axes(svg, figure, sx, sy, { left, right: width - right, top, bottom: top + inner, width, height });
+    axes(svg, figure, panel.x ? { ...x, label: panel.x } : x, sx, sy, { left, right: width - right, top, bottom: top + inner, width, height });
     const marks = [];
     if (map) cells(svg, figure, panel, sx, sy, marks);
     else {
       const layer = make("g", {}, svg);
-      for (const one of all) drawSeries(layer, one, sx, sy, marks, figure);
+      for (const one of all) drawSeries(layer, one, panel.x ? { ...x, label: panel.x } : x, sx, sy, marks, figure);
     }
     read(svg, figure, panel, marks, { left, right: width - right, top, bottom: top + inner });
   }
 
-  function axes(svg, figure, sx, sy, area) {
+  // The power of ten that very small or large ticks of a linear scale leave to one label of the axis.
+  function power(axis, scale) {
+    const most = Math.max(0, ...scale.ticks.map(Math.abs));
+    return axis.log || axis.categories || !most || (most >= 0.01 && most < 1e5) ? 0 : Math.floor(Math.log10(most));
+  }
+
+  function axes(svg, figure, x, sx, sy, area) {
     const grid = make("g", { class: "grid" }, svg), labels = make("g", { class: "labels" }, svg), map = figure.kind === "map";
-    const many = figure.x.categories ? Math.ceil((Math.max(...figure.x.categories.map((t) => t.length)) * CHAR + 8) / sx.step) : 1;
+    const many = figure.x.categories ? Math.ceil((Math.max(...figure.x.categories.map(wide)) + 8) / sx.step) : 1;
+    const [ux, uy] = [power(figure.x, sx), power(figure.y, sy)];
     sx.ticks.forEach((tick, k) => {
       const at = sx.at(tick);
       if (!map) make("line", { x1: at, x2: at, y1: area.top, y2: area.bottom }, grid);
-      if (k % many === 0) make("text", { x: at, y: area.bottom + 17, "text-anchor": "middle" }, labels, figure.x.categories ? figure.x.categories[tick] : show(tick));
+      if (k % many === 0) make("text", { x: at, y: area.bottom + 17, "text-anchor": "middle" }, labels, figure.x.categories ? figure.x.categories[tick] : show(tick / 10 ** ux));
     });
     for (const tick of sy.ticks) {
-      const at = sy.at(tick), text = figure.y.categories ? figure.y.categories[tick] : show(tick);
+      const at = sy.at(tick), text = figure.y.categories ? figure.y.categories[tick] : show(tick / 10 ** uy);
       if (!map) make("line", { x1: area.left, x2: area.right, y1: at, y2: at }, grid);
       const label = make("text", { x: area.left - 8, y: at + 4, "text-anchor": "end" }, labels, cut(text, area.left - (figure.y.label ? 34 : 14)));
       if (figure.y.categories) make("title", {}, label, text);
     }
+    if (uy) make("text", { x: area.left + 4, y: area.top + 11, class: "unit" }, svg, "× 10" + raised(uy));
+    if (ux) make("text", { x: area.right, y: area.bottom + 32, "text-anchor": "end", class: "unit" }, svg, "× 10" + raised(ux));
     make("path", { d: `M${area.left} ${area.top}V${area.bottom}H${area.right}`, class: "frame" }, svg);
-    make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(figure.x.label, area.width - 10));
+    make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(x.label, area.width - 10));
     const middle = (area.top + area.bottom) / 2;
     if (figure.y.label) make("text", { x: 13, y: middle, "text-anchor": "middle", transform: `rotate(-90 13 ${middle})`, class: "axis-label" }, svg, cut(figure.y.label, area.bottom - area.top + 40));
     for (const guide of figure.guides || []) {
@@ -151,7 +165,7 @@ const Plots = (() => {
     }
   }
 
-  function drawSeries(layer, one, sx, sy, marks, figure) {
+  function drawSeries(layer, one, x, sx, sy, marks, figure) {
     const style = one.style % SHAPES.length, own = indices(one);
     const group = make("g", { class: `s${style}` }, layer);
     const place = (k) => [sx.at(one.x[k]), sy.at(one.y[k])];
@@ -160,19 +174,19 @@ const Plots = (() => {
       make("path", { class: "line", "data-points": visible.length, "stroke-dasharray": DASHES[one.dash % DASHES.length], d: "M" + visible.map((k) => place(k).map((v) => v.toFixed(1)).join(" ")).join("L") }, group);
     for (const k of visible) {
       const [px, py] = place(k);
-      if (one.low && one.low[k] !== null) make("path", { class: "whisker", d: `M${px} ${sy.at(one.low[k]).toFixed(1)}V${sy.at(one.high[k]).toFixed(1)}` }, group);
+      if (one.low && one.low[k] !== null) make("path", { class: "whisker", d: one.across ? `M${sx.at(one.low[k]).toFixed(1)} ${py}H${sx.at(one.high[k]).toFixed(1)}` : `M${px} ${sy.at(one.low[k]).toFixed(1)}V${sy.at(one.high[k]).toFixed(1)}` }, group);
       if (one.mark || !one.line || visible.length === 1) make("path", { class: "mark", d: SHAPES[style], transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` }, group);
-      marks.push({ x: px, y: py, series: one, index: k, lines: describe(figure, one, k) });
+      marks.push({ x: px, y: py, series: one, index: k, lines: describe(figure, x, one, k) });
     }
   }
 
-  function describe(figure, one, k) {
+  function describe(figure, x, one, k) {
     const lines = [];
     if (one.names) lines.push(one.names[k]);
     if (one.name) lines.push(one.name);
     if (!(one.names && figure.y.categories)) {
-      lines.push(`${axisName(figure.x)}: ${withUnit(figure.x, one.x[k])}`, `${axisName(figure.y)}: ${withUnit(figure.y, one.y[k])}`);
-    } else lines.push(`${axisName(figure.x)}: ${withUnit(figure.x, one.x[k])}`);
+      lines.push(`${axisName(x)}: ${withUnit(x, one.x[k])}`, `${axisName(figure.y)}: ${withUnit(figure.y, one.y[k])}`);
+    } else lines.push(`${axisName(x)}: ${withUnit(x, one.x[k])}`);
     if (one.low && one.low[k] !== null) lines.push(`from ${show(one.low[k])} to ${show(one.high[k])}`);
     return lines;
   }
@@ -279,7 +293,7 @@ const Plots = (() => {
     const every = figure.panels.flatMap((p) => p.series || []), named = every.some((s) => s.names), ranged = every.some((s) => s.low);
     for (const p of figure.panels) for (const s of p.series || []) s.x.forEach((v, k) => out.push([
       ...(many ? [p.title || ""] : []), s.name || "", ...(named ? [s.names ? s.names[k] : ""] : []),
-      figure.x.categories ? figure.x.categories[v] : v, figure.y.categories ? figure.y.categories[s.y[k]] : s.y[k],
+      figure.x.categories ? figure.x.categories[v] : v, figure.y.categories ? figure.y.categories[Math.round(s.y[k])] : s.y[k],
       ...(ranged ? [s.low ? s.low[k] : null, s.high ? s.high[k] : null] : [])]));
     return [[...head, "series", ...(named ? ["point"] : []), figure.x.label || "x", figure.y.label || "y", ...(ranged ? ["low", "high"] : [])], ...out];
   }
@@ -288,13 +302,13 @@ const Plots = (() => {
     const width = box.clientWidth;
     if (!width) return;
     box.replaceChildren();
-    const count = figure.panels.length, wide = figure.y.categories && figure.kind !== "map";
-    const columns = wide ? 1 : Math.max(1, Math.min(count, Math.floor(width / (figure.kind === "map" ? 290 : 250)), count === 4 ? 2 : 3));
+    const count = figure.panels.length, listed = figure.y.categories && figure.kind !== "map" && Math.max(...figure.y.categories.map((t) => t.length)) > 18;
+    const columns = listed ? 1 : Math.max(1, Math.min(count, Math.floor(width / (figure.kind === "map" ? 290 : 250)), count === 4 ? 2 : figure.columns || 3));
     const gap = 14, each = Math.floor((width - gap * (columns - 1)) / columns);
     const every = figure.panels.flatMap((p) => p.series || []), guides = figure.guides || [];
     const of = (way) => guides.filter((g) => g.axis === way).map((g) => g.at);
     // panels of one quantity share their scales, so that heights compare
-    const state = { single: count === 1, shared: count > 1 && !/panel's axis/.test(figure.x.label) && !wide, xs: every.flatMap((s) => s.x).concat(of("x")), ys: every.flatMap((s) => [...s.y, ...ends(s)]).concat(of("y")) };
+    const state = { single: count === 1, shared: count > 1 && figure.shared !== false && !listed, xs: every.flatMap((s) => spanOf(s, true)).concat(of("x")), ys: every.flatMap((s) => spanOf(s, false)).concat(of("y")) };
     for (const panel of figure.panels) drawPanel(figure, panel, box, each, state);
   }
 

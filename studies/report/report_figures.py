@@ -16,6 +16,8 @@ import numpy as np
 
 MOST_MARKS = 1200
 """Largest number of marks of a figure: beyond that the pointer finds no single mark and the page becomes slow."""
+MOST_POINTS = 20_000
+"""Largest number of points of a figure, those of lines without markers included."""
 MOST_LINE_MARKS = 40
 """Number of points of a line beyond which its points have no markers of their own."""
 
@@ -47,10 +49,11 @@ class Series:
     ----------
     x, y : coordinates; on an axis with categories their numbers.
     line, mark : whether a line joins the points, and whether points have markers.
-    low, high : ends of the interval of each y; empty where there are none.
+    low, high : ends of the interval of each y, or x; empty where there are none.
     names : name of each point that the readout shows; empty where there are none.
     style : number of colour and marker; the same number means the same thing in all panels.
     dash : number of the line's pattern: 0 solid, 1 dashed, 2 dotted, 3 both.
+    across : whether `low` and `high` are the ends of x.
     drawn : indices of the points that are drawn; None for all.
     """
 
@@ -64,6 +67,7 @@ class Series:
     names: tuple[str, ...] = ()
     style: int = 0
     dash: int = 0
+    across: bool = False
     drawn: tuple[int, ...] | None = None
 
 
@@ -83,11 +87,13 @@ class Panel:
     Attributes
     ----------
     cells : value of each cell of a map, rows of y from below, None where there is none.
+    x : label of its own horizontal axis; "" where it is that of the figure.
     """
 
     title: str = ""
     series: tuple[Series, ...] = ()
     cells: tuple[tuple[float | None, ...], ...] = ()
+    x: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +105,8 @@ class Figure:
     kind : "plot" of series, or "map" of cells over two axes with categories.
     caption : what is seen, in sentences.
     value, edges : name of a map's values and the bounds of their classes.
+    shared : whether all panels have the same scales, so that heights compare.
+    columns : greatest number of panels side by side.
     source : name of the file that holds its numbers.
     replaces : pictures in the folder that show the same.
     """
@@ -112,6 +120,8 @@ class Figure:
     guides: tuple[Guide, ...] = ()
     value: str = ""
     edges: tuple[float, ...] = ()
+    shared: bool = True
+    columns: int = 3
     source: str = ""
     replaces: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
@@ -125,7 +135,7 @@ class Figure:
 
     def data(self) -> dict[str, Any]:
         """Return the figure as the page's script takes it, without captions, which are text of the page."""
-        kept = ("title", "kind", "x", "y", "panels", "guides", "value", "edges")
+        kept = ("title", "kind", "x", "y", "panels", "guides", "value", "edges", "shared", "columns")
         return {name: plain(getattr(self, name)) for name in kept}
 
 
@@ -172,7 +182,9 @@ def series(name: str, x: Any, y: Any, style: int = 0, **more: Any) -> Series:
 def thinned(figure: Figure) -> Figure:
     """Return a figure that draws at most `MOST_MARKS` points, evenly chosen, with a sentence that says so."""
     counts = [len(one.x) for panel in figure.panels for one in panel.series]
-    if sum(counts) <= MOST_MARKS:
+    # a line without markers is one mark however many points it has
+    marks = [len(one.x) for panel in figure.panels for one in panel.series if one.mark or not one.line]
+    if sum(marks) <= MOST_MARKS and sum(counts) <= MOST_POINTS:
         return figure
     share = MOST_MARKS / sum(counts)
     panels = tuple(

@@ -119,6 +119,7 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(OWN), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
+    environment.filters["minus"] = minus
     tables, left_out = _kept_tables(sections)
     images = page_pictures.Budget(MOST_PICTURE_BYTES)
     data: dict[str, Any] = {"figures": {}, "surfaces": {}, "tables": tables}
@@ -143,6 +144,15 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
         origins=_origins(sections),
     )
     return str(text)
+
+
+def minus(text: str) -> str:
+    """Return a text with true minus signs before numbers.
+
+    >>> minus("from -5 to 3 mm, see press-1.csv")
+    'from −5 to 3 mm, see press-1.csv'
+    """
+    return re.sub(r"(?<![\w.)-])-(?=\d)", "\N{MINUS SIGN}", text)
 
 
 def _count(number: int, name: str) -> str:

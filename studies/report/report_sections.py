@@ -7,7 +7,15 @@ from dataclasses import dataclass, field
 
 from geometry.design import BadInput, Design, paper
 from studies.inputs import user_input
-from studies.report import deformed_surface, model_figures, paper_figures, sweep_figures, verdict_figures
+from studies.report import (
+    deformed_surface,
+    model_figures,
+    paper_figures,
+    sizing_figures,
+    sweep_figures,
+    uncertainty_figures,
+    verdict_figures,
+)
 from studies.report.deformed_surface import Surface
 from studies.report.folder_contents import Contents, Table
 from studies.report.report_figures import Figure, thinned
@@ -47,6 +55,13 @@ KNOWN = (
     Known("shears.csv", ("tip", "shear_mm", "fem_force_x_N"), paper_figures.shears),
     Known("readings.csv", ("L_over_D", "element", "mechanics_percent_FS"), paper_figures.readings),
     Known("best.csv", ("quantity", "region", "best_level"), None),
+    Known("front.csv", ("status", "rank", "D_mm", "L_mm"), sizing_figures.front),
+    Known("yield.csv", ("requirement", "sensors", "within_percent"), sizing_figures.made_within),
+    Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol),
+    Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris),
+    Known("morris_cases.csv", ("fem_force_N", "status"), None),
+    Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors),
+    Known("percentiles.csv", ("axis", "quantity", "percentile", "value"), None),
 )
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
 

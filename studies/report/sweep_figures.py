@@ -289,7 +289,7 @@ def _scattered(table: Table, names: Sequence[str]) -> Iterator[Figure]:
             continue
         panels = tuple(
             Panel(
-                f"over {name_of(name)}",
+                "",
                 tuple(
                     series(
                         model_name(column, quantity),
@@ -300,6 +300,7 @@ def _scattered(table: Table, names: Sequence[str]) -> Iterator[Figure]:
                     )
                     for k, column in enumerate(columns[:4])
                 ),
+                x=name_of(name),
             )
             for name in names[:6]
         )
@@ -307,10 +308,11 @@ def _scattered(table: Table, names: Sequence[str]) -> Iterator[Figure]:
         yield Figure(
             f"{title[:1].upper()}{title[1:]} of the sampled cases",
             f"Each of the {len(rows)} points is one case; every panel shows the same cases over another axis.",
-            Axis("value of the panel's axis"),
+            Axis("value of the axis"),
             Axis(unit),
             panels,
             guides=error_guides(10) if "error" in quantity else (),
+            shared=False,
             source=table.name,
             replaces=("sweep.png",),
         )

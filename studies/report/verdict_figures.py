@@ -177,6 +177,7 @@ def trade(table: Table) -> list[Figure]:
             Axis("cost (ratio to level standard)", log=True),
             Axis("error of the force (%)", log=True),
             tuple(panels),
+            columns=2,
             source=table.name,
             replaces=("trade.png",),
         )
