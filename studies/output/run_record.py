@@ -67,6 +67,8 @@ def read(file: Path) -> Run:
     """
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
+        if not isinstance(record, dict):
+            raise TypeError
         check_format(file, record)
         run = Run(str(record["command"]), str(record["made"]), dict(record["design"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -142,14 +142,37 @@ def parts_of(grid: Any) -> dict[str, Part]:
     if back or front:
         half = _half(_surface(grid), size)
         return _joined(_mirrored(half), half) if front else _joined(half, _mirrored(half))
-    sides = []
+    sides, whole = [], _flat_cells(grid, rest)
     for sign in (1.0, -1.0):
-        whole = grid.copy()
-        whole.points = rest
         clipped = whole.clip(normal=(0.0, -sign, 0.0), origin=(0.0, 0.0, 0.0), invert=True)
         clipped.points = np.asarray(clipped.points) + np.asarray(clipped.point_data["displacement_mm"])
         sides.append(_half(_surface(clipped), size))
     return _joined(*sides)
+
+
+def _flat_cells(grid: Any, rest: Array) -> Any:
+    """Return each curved tetrahedron as eight flat ones, undeformed.
+
+    A plane cuts only some cells, and makes flat ones of them, whose faces a curved neighbour would not share.
+    """
+    import pyvista as pv
+
+    # nodes 4 to 9 are the middles of the edges 01, 12, 02, 03, 13, 23; the inner octahedron is cut along 6 to 8
+    few = [
+        (0, 4, 6, 7),
+        (4, 1, 5, 8),
+        (6, 5, 2, 9),
+        (7, 8, 9, 3),
+        (6, 8, 4, 5),
+        (6, 8, 5, 9),
+        (6, 8, 9, 7),
+        (6, 8, 7, 4),
+    ]
+    nodes = np.asarray(grid.cells_dict[pv.CellType.QUADRATIC_TETRA])
+    cells = np.concatenate([nodes[:, list(four)] for four in few])
+    flat = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, rest)
+    flat.point_data["displacement_mm"] = np.asarray(grid.point_data["displacement_mm"])
+    return flat
 
 
 def _joined(back: dict[str, Part], front: dict[str, Part]) -> dict[str, Part]:

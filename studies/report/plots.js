@@ -137,6 +137,9 @@ const Plots = (() => {
     return axis.log || axis.categories || !most || (most >= 0.01 && most < 1e5) ? 0 : Math.floor(Math.log10(most));
   }
 
+  // "shift (mm)" as "shift (10⁻³ mm)".
+  const inPowers = (label, p) => (!p ? label : /\([^)]*\)$/.test(label) ? label.replace(/\(([^)]*)\)$/, `(10${raised(p)} $1)`) : `${label} (10${raised(p)})`);
+
   function axes(svg, figure, x, sx, sy, area) {
     const grid = make("g", { class: "grid" }, svg), labels = make("g", { class: "labels" }, svg), map = figure.kind === "map";
     const many = figure.x.categories ? Math.ceil((Math.max(...figure.x.categories.map(wide)) + 8) / sx.step) : 1;
@@ -152,12 +155,10 @@ const Plots = (() => {
       const label = make("text", { x: area.left - 8, y: at + 4, "text-anchor": "end" }, labels, cut(text, area.left - (figure.y.label ? 34 : 14)));
       if (figure.y.categories) make("title", {}, label, text);
     }
-    if (uy) make("text", { x: area.left + 4, y: area.top + 11, class: "unit" }, svg, "× 10" + raised(uy));
-    if (ux) make("text", { x: area.right, y: area.bottom + 32, "text-anchor": "end", class: "unit" }, svg, "× 10" + raised(ux));
     make("path", { d: `M${area.left} ${area.top}V${area.bottom}H${area.right}`, class: "frame" }, svg);
-    make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(x.label, area.width - 10));
+    make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(inPowers(x.label, ux), area.width - 10));
     const middle = (area.top + area.bottom) / 2;
-    if (figure.y.label) make("text", { x: 13, y: middle, "text-anchor": "middle", transform: `rotate(-90 13 ${middle})`, class: "axis-label" }, svg, cut(figure.y.label, area.bottom - area.top + 40));
+    if (figure.y.label) make("text", { x: 13, y: middle, "text-anchor": "middle", transform: `rotate(-90 13 ${middle})`, class: "axis-label" }, svg, cut(inPowers(figure.y.label, uy), area.bottom - area.top + 40));
     for (const guide of figure.guides || []) {
       const across = guide.axis === "y", at = across ? sy.at(guide.at) : sx.at(guide.at);
       make("line", across ? { x1: area.left, x2: area.right, y1: at, y2: at, class: "guide" } : { x1: at, x2: at, y1: area.top, y2: area.bottom, class: "guide" }, svg);

@@ -126,7 +126,7 @@ def made_within(table: Table) -> list[Figure]:
         across=True,
         names=np.array(names),
     )
-    sensors = int(np.nanmax(table.floats("sensors")))
+    sensors = int(np.nan_to_num(table.floats("sensors")).max(initial=0))
     every = dict(zip(names, share.tolist(), strict=True))
     caption = f"Bars are 95 % intervals for {sensors} made sensors."
     if "all" in every:

@@ -102,14 +102,15 @@ def morris(table: Table) -> list[Figure]:
     failed, points = int(np.nansum(table.floats("failed")[:1])), int(np.nansum(table.floats("points")[:1]))
     caption = (
         "Right: inputs that matter. Up: inputs whose effect depends on the others or is not linear. "
-        f"Bars are 95 % intervals; {failed} of {points} points failed."
+        f"\N{GREEK SMALL LETTER SIGMA} has the unit of \N{GREEK SMALL LETTER MU}*. Bars are 95 % intervals; {failed} "
+        f"of {points} points failed."
     )
     return [
         Figure(
             "Morris' effects by finite elements",
             caption,
             Axis("\N{GREEK SMALL LETTER MU}*"),
-            Axis("\N{GREEK SMALL LETTER SIGMA} (same unit)"),
+            Axis("\N{GREEK SMALL LETTER SIGMA}"),
             tuple(panels),
             shared=False,
             source=table.name,

@@ -1,0 +1,83 @@
+from pathlib import Path
+
+import pytest
+
+from studies.report import folder_contents, report_sections
+
+RESULTS = Path(__file__).resolve().parent.parent / "results"
+
+
+def section(path):
+    return report_sections.section(folder_contents.read(path)[0], solve=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("accuracy", 1),
+        ("assumption", 11),
+        ("claims", 3),
+        ("crosscheck", 1),
+        ("demo", 9),
+        ("extremes", 1),
+        ("field", 1),
+        ("friction", 1),
+        ("ladder", 1),
+        ("stability", 1),
+        ("sweep", 5),
+        ("trade", 1),
+        ("verify", 1),
+    ],
+)
+def test_committed_results_have_their_figures(name, least):
+    result = section(RESULTS / name)
+    assert len(result.figures) >= least
+    assert result.remarks == []
+    assert all(figure.caption and figure.x.label for figure in result.figures)
+
+
+def test_claims_are_a_table_at_once():
+    assert "claims.csv" in [table.name for table in section(RESULTS / "claims").sheets]
+
+
+def test_other_table_is_shown_as_it_is(tmp_path):
+    (tmp_path / "mine.csv").write_text("a,b\n1,two\n")
+    result = section(tmp_path)
+    assert [table.name for table in result.sheets] == ["mine.csv"]
+    assert result.figures == []
+
+
+@pytest.mark.parametrize("name", [known.file for known in report_sections.KNOWN if known.file.endswith(".csv")])
+def test_table_without_its_columns_is_named(tmp_path, name):
+    (tmp_path / name).write_text("a,b\n1,2\n")
+    (remark,) = section(tmp_path).remarks
+    assert remark.startswith(f"{name} has no figure: its columns")
+
+
+@pytest.mark.parametrize("known", report_sections.KNOWN, ids=lambda known: known.file)
+def test_table_of_failures_only_spoils_nothing(tmp_path, known):
+    if not known.file.endswith(".csv"):
+        pytest.skip("a table of JSON lines")
+    row = ",".join("failed" if name == "status" else "" for name in known.columns)
+    (tmp_path / known.file).write_text(",".join(known.columns) + f"\n{row}\n")
+    (tmp_path / "good.md").write_text("# good\n")
+    result = section(tmp_path)
+    assert all(figure.empty is False for figure in result.figures)
+
+
+def test_design_is_that_of_the_run_or_of_the_only_file(tmp_path):
+    (tmp_path / "run.json").write_text('{"format": 1, "command": "", "made": "", "design": {"D": 10, "L": 12}}')
+    (tmp_path / "PAGE.md").write_text("# page\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents).D == 10
+    (tmp_path / "run.json").unlink()
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents) is None
+    (tmp_path / "mine.toml").write_text("D = 9\nL = 11\n")
+    (contents,) = folder_contents.read(tmp_path)
+    assert report_sections.design_of(contents).D == 9
+
+
+def test_sensor_of_the_demonstration_is_that_of_the_paper():
+    (contents,) = folder_contents.read(RESULTS / "demo")
+    assert report_sections.design_of(contents).D == 8
