@@ -321,6 +321,11 @@ def _at_nodes(group: Group, x: Array, region: NDArray[np.int64]) -> dict[str, tu
     return {name: (y[:, i], g * group.quantiles[name][region]) for i, name in enumerate(group.quantities)}
 
 
+def root_shares() -> Array:
+    """Return where the depths of training lie in the range of the depths, 0 to 1 in their roots."""
+    return np.asarray((chebyshev.chebpts2(surrogate_range.PRESS_NODES) + 1) / 2)
+
+
 @functools.cache
 def _root_matrix() -> Array:
     """Matrix from values at the press's nodes to the coefficients of their Chebyshev series."""
@@ -336,7 +341,7 @@ def through_roots(values: Array, share: Array) -> Array:
 
 def _linear_over_roots(values: Array, share: Array) -> Array:
     """Interpolate values (n, PRESS_NODES) linearly at shares (n, k) of the range of the roots."""
-    return _linear(values, (chebyshev.chebpts2(surrogate_range.PRESS_NODES) + 1) / 2, share)
+    return _linear(values, root_shares(), share)
 
 
 def _linear_over_shears(values: Array, share: Array) -> Array:

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from geometry.arrays import Array
 
 COVERAGE = 0.9
+WINDOW = 0.2
+"""Distance of a state from a node, in shares of the range of the roots of the depths, up to which it counts there."""
 FEWEST = 30
 """Least number of scores of a region with a quantile of its own; the others share that of all beams."""
 
@@ -31,6 +33,23 @@ def conformal_quantile(scores: Array) -> Array:
     n = len(scores)
     rank = min(math.ceil(COVERAGE * (n + 1)), n)
     return np.asarray(np.sort(scores, axis=0)[rank - 1])
+
+
+def quantiles_around(nodes: Array, shares: Array, scores: Array, region: NDArray[np.int64], regions: int) -> Array:
+    """Return the quantiles of scores in each region around each node, shape (regions, nodes).
+
+    Parameters
+    ----------
+    nodes, shares : where nodes (m,) and states (n, k) lie in the range of the depths, 0 to 1 in their roots.
+    scores : of these states, shape (n, k).
+    region : of each beam, shape (n,).
+    """
+    regions_of = np.broadcast_to(region[:, None], shares.shape)
+    result = np.empty((regions, len(nodes)))
+    for j, node in enumerate(nodes):
+        near = np.abs(shares - node) <= WINDOW
+        result[:, j] = quantiles_by_region(scores[near][:, None], regions_of[near], regions)[:, 0]
+    return result
 
 
 def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int) -> Array:

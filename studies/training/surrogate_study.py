@@ -28,8 +28,8 @@ from studies.training.training_states import Solver, shear_depth
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
-TEST_DEPTHS, TEST_SHEARS = 5, 3
-"""States of each press and each shear of the test."""
+RANDOM_DEPTHS, TEST_SHEARS = 5, 3
+"""Random depths of each press for calibration and test, random shears of each beam of the test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +88,12 @@ def run(extent: Extent, store: Store, processes: Processes, progress: Progress |
     solver = Solver(store, processes, progress, extent.accuracy)
     beams = training_beams(extent.first, extent.seed)
     beams = beams[beams.in_range]
-    states = training_states(solver, beams)
+    states = training_states(solver, beams, extent.seed)
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
         pool = random_beams(POOL, extent.seed + 2 + k)
         more = widest(surrogate, pool[pool.in_range], count)
-        states = states.joined(training_states(solver, more))
+        states = states.joined(training_states(solver, more, extent.seed + 2 + k))
     complete = states.complete()
     test = test_states(solver, random_beams(extent.test, extent.seed + 1), extent.seed + 1)
     tested = test.complete()
@@ -109,12 +109,13 @@ def run(extent: Extent, store: Store, processes: Processes, progress: Progress |
     return Result(surrogate, complete, Test(tested, critical), failed)
 
 
-def training_states(solver: Solver, beams: Beams) -> TrainingSet:
-    """Return the states of training beams: at the nodes of the surrogate."""
+def training_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
+    """Return the states of training beams: at the nodes of the surrogate, and presses to random depths."""
     press = solver.presses(beams, surrogate_range.press_depths(beams.L, beams.height))
+    between = solver.presses(beams, random_depths(beams, np.random.default_rng(seed)))
     mode = solver.first_modes(beams)
     shear = solver.shears(beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
-    return TrainingSet(beams, press, mode, shear)
+    return TrainingSet(beams, press, between, mode, shear)
 
 
 def test_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
@@ -124,18 +125,23 @@ def test_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     beams, depths, shears = beams[inside], depths[inside], shears[inside]
     press = solver.presses(beams, depths)
     mode = solver.first_modes(beams)
-    return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
+    return TrainingSet(beams, press, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
 
 
 def test_loads(beams: Beams, seed: int) -> tuple[Array, Array]:
     """Return random depths, spread in their root, and random shears of beams over D, (n, k) each, rising."""
     rng = np.random.default_rng(seed)
-    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))
-    share = np.sort(rng.random((len(beams), TEST_DEPTHS)), axis=1)
-    depths = (low + (high[:, None] - low) * share) ** 2
+    depths = random_depths(beams, rng)
     least = surrogate_range.SHEAR_NODES[0] / 2
     part = np.sort(least + (1 - least) * rng.random((len(beams), TEST_SHEARS)), axis=1)
-    return np.round(depths, 6), np.round(part * surrogate_range.farthest(beams.L)[:, None], 6)
+    return depths, np.round(part * surrogate_range.farthest(beams.L)[:, None], 6)
+
+
+def random_depths(beams: Beams, rng: np.random.Generator) -> Array:
+    """Return random depths of beams over D, spread in their root, shape (n, RANDOM_DEPTHS), rising."""
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(beams.L, beams.height))
+    share = np.sort(rng.random((len(beams), RANDOM_DEPTHS)), axis=1)
+    return np.asarray(np.round((low + (high[:, None] - low) * share) ** 2, 6))
 
 
 def widest(surrogate: Surrogate, pool: Beams, count: int) -> Beams:
