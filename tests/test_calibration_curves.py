@@ -8,7 +8,7 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.sensitivity.calibration_curves import curves
+from studies.sensitivity.calibration_curves import curves, sensitivity_errors
 from studies.sensitivity.made_sensors import made_sensors
 from studies.sensitivity.tolerances import Tolerances
 from studies.sensitivity.varied_inputs import Press
@@ -59,3 +59,14 @@ def test_a_load_that_the_model_refuses_for_the_design_itself_is_bad_input():
         curves("finite", made, Press(8.0))
     with pytest.raises(BadInput, match="the sensor itself cannot be calibrated in shear: the surrogate"):
         curves("surrogate", made, Press(1.0, 8.0))
+
+
+def test_the_stated_error_of_the_sensitivity_covers_what_it_differs_from_finite_elements():
+    """Finite elements at level standard give 4.187 N at a depth of 1 mm."""
+    assert sensitivity_errors("finite", paper(), Press(1.0, 0.5)) == {"z": 0.0, "x": 0.0, "y": 0.0}
+    errors = sensitivity_errors("surrogate", paper(), Press(1.0, 0.5))
+    nominal, _ = curves("surrogate", made_sensors(paper(), count=1), Press(1.0, 0.5))["z"]
+    assert set(errors) == {"z", "x", "y"}
+    assert 0 < errors["z"] < 0.1
+    assert abs(nominal.force[-1] / 4.187 - 1) < errors["z"]
+    assert set(sensitivity_errors("surrogate", paper(), Press(1.0))) == {"z"}

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analytic import hall
 from geometry.arrays import Array
-from geometry.design import BadInput
-from studies.sensitivity.beam_motions import Motions, motions, poses
+from geometry.design import BadInput, Design
+from studies.sensitivity.beam_motions import Motions, motions, poses, readings
 from studies.sensitivity.made_readings import made_readings
 from studies.sensitivity.made_sensors import MadeSensors, nominal_sensor
 from studies.sensitivity.varied_inputs import Press
@@ -74,6 +75,27 @@ def curves(model: str, sensors: MadeSensors, load: Press) -> dict[str, tuple[Cur
         both = [_shear_curves(model, each, load, press[-1], shear) for each in (nominal, sensors)]
         axes |= {name: tuple(one[k] for one in both) for k, name in enumerate(AXES[1:])}
     return axes  # type: ignore[return-value]
+
+
+def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, float]:
+    """Return the model's 90 % half width of the nominal sensitivity along each axis, relative; 0 if it states none.
+
+    The errors of force and reading at the largest force add up as independent ones.
+    """
+    states = np.array([[0.0, load.shear]]) if load.shear else np.zeros((1, 1))
+    moved = motions(model, [design], np.full_like(states, load.depth), states)
+    read, width = readings([design], moved)
+    rest = read[0, 0].copy()
+    rest[0] = hall.readings(design).output[0]
+
+    def relative(element: int, state: int, force: str) -> float:
+        of_force = moved.half_widths[force][0, state] / moved.values[force][0, state]
+        of_reading = width[0, state, element] / (read[0, state, element] - rest[element])
+        return float(np.hypot(of_force, of_reading))
+
+    errors = {"z": relative(0, 0, "force_z")}
+    # by symmetry the axes x and y of the nominal sensor have the same error
+    return errors | ({name: relative(1, 1, "force_x") for name in AXES[1:]} if load.shear else {})
 
 
 def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:

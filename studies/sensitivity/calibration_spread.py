@@ -20,7 +20,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import Design
-from studies.sensitivity.calibration_curves import Curves, curves
+from studies.sensitivity.calibration_curves import Curves, curves, sensitivity_errors
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors
 from studies.sensitivity.tolerances import Tolerances
 from studies.sensitivity.varied_inputs import Press
@@ -34,6 +34,7 @@ class AxisSpread:
     ----------
     force_range : from the least to the largest force, N.
     nominal_sensitivity, nominal_offset : of the nominal sensor, V/N and V, or T/N and T for a chip.
+    model_error : half width of the model's 90 % interval of the nominal sensitivity, relative; 0 if it states none.
     sensitivity, offset : of the made sensors, shape (n,).
     error, zeroed_error, recalibrated_error : largest error of the force over the range, shape (n,), N.
     refusals : why a sensor has failed, "" where it has not.
@@ -43,6 +44,7 @@ class AxisSpread:
     force_range: tuple[float, float]
     nominal_sensitivity: float
     nominal_offset: float
+    model_error: float
     sensitivity: Array
     offset: Array
     error: Array
@@ -86,10 +88,11 @@ def calibration_spread(
     """
     sensors = made_sensors(design, tolerances, count, seed)
     pairs = curves(model, sensors, load)
-    return CalibrationSpread(sensors, {name: _spread(*pair, name) for name, pair in pairs.items()})
+    errors = sensitivity_errors(model, design, load)
+    return CalibrationSpread(sensors, {name: _spread(*pair, name, errors[name]) for name, pair in pairs.items()})
 
 
-def _spread(nominal: Curves, made: Curves, name: str) -> AxisSpread:
+def _spread(nominal: Curves, made: Curves, name: str, model_error: float) -> AxisSpread:
     """Return the spread of the sensors' curves along an axis."""
     force, truth = nominal.force, nominal.reading[0]
     count = len(made.refusals)
@@ -116,6 +119,7 @@ def _spread(nominal: Curves, made: Curves, name: str) -> AxisSpread:
         force_range=(float(force[0]), float(force[-1])),
         nominal_sensitivity=float(change / span),
         nominal_offset=float(nominal.rest[0]),
+        model_error=model_error,
         sensitivity=(reading[:, -1] - reading[:, 0]) / span,
         offset=rest,
         error=none if message else _largest_error(force, truth, reading),

@@ -130,7 +130,8 @@ def _monte_carlo(study: MonteCarloStudy) -> list[str]:
     lines += [f"{first.sensors} sensors by model {first.model}; {_failures(study, first.sensors)}.", ""]
     for name, axis in study.spread.axes.items():
         low, high = axis.force_range
-        lines += [f"- Axis {name}: {low:.3g} to {high:.3g} N{f'; {axis.message}' if axis.message else ''}."]
+        error = f"; model's 90 % interval of its sensitivity: ± {axis.model_error:.2%}" if axis.model_error else ""
+        lines += [f"- Axis {name}: {low:.3g} to {high:.3g} N{error}{f'; {axis.message}' if axis.message else ''}."]
     cells = []
     keys = dict.fromkeys((row.axis, row.quantity) for row in study.rows)
     for axis_name, quantity in keys:

@@ -121,7 +121,7 @@ def tables(results: Results) -> list[Table]:
         remark = summary(results.monte_carlo.reasons, results.monte_carlo.rows[0].sensors)
         first = ("axis", "quantity", "unit", "percentile", "value")
         spread = [row.row() for row in results.monte_carlo.rows]
-        brief = ("method", "sensors", "failed", "model", "message")
+        brief = ("method", "sensors", "failed", "model", "model_error_percent", "message")
         shown.append(Table("Calibration of made sensors", spread, brief, first, remark))
     return shown
 

@@ -85,7 +85,8 @@ class MorrisRow:
 class SpreadRow:
     """A percentile of a quantity of made sensors, with its 95 % interval; None where an end is not known.
 
-    `low` counts failed sensors as lowest, `high` as highest.
+    `low` counts failed sensors as lowest, `high` as highest. `model_error_percent` is the half width of the model's
+    90 % interval of the nominal sensitivity.
     """
 
     method: str
@@ -100,6 +101,7 @@ class SpreadRow:
     sensors: int
     failed: int
     model: str
+    model_error_percent: float
     message: str
 
     def row(self) -> FlatRow:
@@ -192,6 +194,7 @@ def spread_rows(spread: CalibrationSpread, unit: str, model: str) -> list[Spread
                         sensors=len(axis.refusals),
                         failed=failed,
                         model=model,
+                        model_error_percent=100 * axis.model_error,
                         message=axis.message,
                     )
                 )
