@@ -29,6 +29,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analytic.batch_readings import ELEMENTS, batch_readings
+from analytic.hall import at_rail
+from analytic.inverse import forward_model, response_surface
+from analytic.inverse.forward_model import Forward
+from analytic.inverse.response_surface import Mechanics
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
@@ -119,6 +123,25 @@ def _deviations(weighted: Array, K: Array) -> Array:
     spread = along / np.where(lost, 1.0, values)[:, None, :]
     spread = np.where(lost[:, None, :], 0.0, spread)
     return np.asarray(np.where(hopeless, np.inf, np.linalg.norm(spread, axis=2)))
+
+
+def at_shifts(forward: Forward, mechanics: Mechanics, shift: Array) -> Array:
+    """Return the force resolution at shifts of the magnet, shape (n, 3), N, with q the shift; NaN without noise.
+
+    Parameters
+    ----------
+    forward : elements, each with a noise above 0, and the tilt; saturated elements do not change with the pose.
+    mechanics : force as a function of the shift.
+    shift : shape (n, 3), mm.
+    """
+    noise = np.array([element.noise_T for element in forward.elements])
+    if not noise.all():
+        return np.full(shift.shape, np.nan)
+    values, slopes = forward_model.readings_with_slopes(forward, np.ascontiguousarray(shift.T))
+    for k, (element, field) in enumerate(zip(forward.elements, values, strict=True)):
+        slopes[:, k, at_rail([element], field[None])] = 0.0
+    force_slopes = response_surface.forces(mechanics, shift.T)[1]
+    return force_resolution(slopes.transpose(2, 1, 0), force_slopes.transpose(2, 1, 0), noise)
 
 
 def reading_slopes(designs: Sequence[Design], owner: NDArray[np.int64], loaded: Loaded) -> Array:

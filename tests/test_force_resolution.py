@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import beam, decode
 from analytic.batch_readings import batch_readings
-from analytic.force_resolution import Loaded, force_resolution, reading_slopes, turned
-from analytic.inverse import response_surface
+from analytic.force_resolution import Loaded, at_shifts, force_resolution, reading_slopes, turned
+from analytic.inverse import forward_model, response_surface
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, tilts_of
 
@@ -137,6 +137,20 @@ def test_force_resolution_is_the_noise_that_the_decoder_states():
     assert_allclose(decoded.shift, here.shift, atol=3e-3)
     # the polynomials' slopes of the force differ by some percent from those of the formula
     assert_allclose(sigma, decoded.noise_N, rtol=0.05)
+
+
+def test_resolution_at_shifts_is_the_noise_that_the_decoder_states():
+    design = Design(hall_noise=1e-3)
+    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.0, 2.0)
+    coder = decode.decoder(design, law)
+    shift = np.array([[0.5, -0.3, -0.6], [0.0, 0.0, -0.2]])
+    fields = forward_model.readings_with_slopes(coder.forward, shift.T)[0].T
+    sigma = at_shifts(coder.forward, law, shift)
+    assert_allclose(sigma, decode.decode(coder, fields).noise_N, rtol=1e-4)
+    quiet = forward_model.model(paper(), law.tau)
+    assert np.isnan(at_shifts(quiet, law, shift)).all()
+    limited = forward_model.model(Design(hall_noise=1e-3, hall_high=2.6), law.tau)
+    assert np.isinf(at_shifts(limited, law, shift)).any()
 
 
 def test_reading_slopes_are_differences_of_the_readings_along_the_load():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +29,9 @@ class StateReadings:
     Attributes
     ----------
     readings : None if the state has no pose.
+    resolution_N : standard deviations of the force along x, y and z that the noise of the readings causes; None if
+        the elements have no noise, or if the states do not determine the mechanics (see `resolutions`).
+    resolution_N_per_N : the same over the size of the force; None without a force.
     """
 
     readings: PoseReadings | None = field(metadata={"prefix": ""})
@@ -35,6 +40,8 @@ class StateReadings:
     depth_mm: float | None = None
     shear_mm: float | None = None
     shear_y_mm: float | None = None
+    resolution_N: list[float] | None = None
+    resolution_N_per_N: list[float] | None = None
 
     @property
     def warnings(self) -> list[str]:
@@ -45,7 +52,7 @@ class StateReadings:
         """Return the flat row for tables and JSON."""
         if self.readings is not None:
             return records.flat(self)
-        missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad"))
+        missing = dict.fromkeys((*SHOWN[1:], "tilt_rad", "tilt_y_rad", "resolution_N", "resolution_N_per_N"))
         return {"status": self.status, "message": self.message} | missing | {"warnings": []}
 
 
@@ -60,7 +67,47 @@ def of_states(design: Design, file: Path, sensing: Sensing) -> list[StateReading
     states = state_files.read(file, design)
     if not states:
         raise BadInput(f"{file} contains no states: give the output of `magtip solve --json`")
-    return [_read_state(design, state, sensing, f"{file}, line {state.line}") for state in states]
+    read = [_read_state(design, state, sensing, f"{file}, line {state.line}") for state in states]
+    known = resolutions(design, states, sensing)
+    return [
+        dataclasses.replace(one, resolution_N=known[k][0], resolution_N_per_N=known[k][1]) if k in known else one
+        for k, one in enumerate(read)
+    ]
+
+
+def resolutions(
+    design: Design, states: Sequence[State], sensing: Sensing
+) -> dict[int, tuple[list[float], list[float] | None]]:
+    """Return the force resolution of states by their index: along x, y and z, N, and over the size of the force.
+
+    The force between the states follows from polynomials that are fitted to all converged states. The result is empty
+    if these contain no presses or no shears, if an element has no noise or lies inside the beam, or if the field is
+    not the exact one.
+    """
+    import numpy as np
+
+    from analytic import force_resolution, parts
+    from analytic.inverse import forward_model, response_surface
+
+    if sensing.level != "exact" or not all(element.noise_T for element in parts.of_design(design)):
+        return {}
+    samples = {
+        k: (state.load, state.response)
+        for k, state in enumerate(states)
+        if state.status == "ok" and state.load is not None and state.response is not None
+    }
+    try:
+        law = response_surface.of_samples(samples.values())
+        forward = forward_model.model(design, law.tau, mode=sensing.mode)
+    except BadInput:
+        return {}
+    responses = [response for _, response in samples.values()]
+    sigma = force_resolution.at_shifts(forward, law, np.array([response.shift for response in responses]))
+    sizes = [math.hypot(*response.force) for response in responses]
+    return {
+        k: (line.tolist(), (line / size).tolist() if size else None)
+        for k, line, size in zip(samples, sigma, sizes, strict=True)
+    }
 
 
 def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> StateReadings:
@@ -78,7 +125,8 @@ def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> S
 def show(states: Sequence[StateReadings], *, as_json: bool, wide: bool) -> None:
     """Print the rows on standard output, and warnings about poses and states on standard error."""
     rows = [state.row() for state in states]
-    keys = list(dict.fromkeys([*SHOWN, *(key for row in rows for key in row if wide)]))
+    extra = ["resolution_N"] if any(state.resolution_N for state in states) else []
+    keys = list(dict.fromkeys([*SHOWN, *extra, *(key for row in rows for key in row if wide)]))
     printed = [row if as_json else {key: row.get(key) for key in keys} for row in rows]
     console.report(printed, as_json=as_json, title="Readings", first=SHOWN[:4], wide=wide)
     messages = [
