@@ -68,6 +68,14 @@ def test_what_the_readings_do_not_determine_is_infinite_and_nothing_else():
     assert mixed[1] == 0
 
 
+def test_nearly_singular_slopes_give_what_orthogonal_coordinates_give():
+    """Two nearly parallel columns, beyond the normal equations: the same slopes written in q1 + q2 and q2."""
+    rng = np.random.default_rng(6)
+    J, K = rng.normal(size=(200, 3, 3)), rng.normal(size=(200, 3, 3))
+    mixed = np.array([[1.0, 1.0, 0], [0, 1e-5, 0], [0, 0, 1.0]])
+    assert_allclose(force_resolution(J @ mixed, K @ mixed, NOISE), force_resolution(J, K, NOISE), rtol=1e-6)
+
+
 def test_no_slope_at_all_and_no_pose():
     J, K = slopes(2, 3)
     J[0], J[1, 0, 0] = 0, np.nan
