@@ -3,7 +3,7 @@
 import re
 
 ORDER = """
-    Design: design cad mesh cache catalogue
+    Design: design cad mesh cache catalogue size
     Simulation: solve analytic compare stability modes fit demo
     Sensing: field readings decode table layout
     Exploration: sweep sensitivity report store

@@ -40,7 +40,11 @@ app = App(
 )
 
 VERBS = {
-    "Design": {"design_commands": "design cad mesh cache", "catalogue_commands": "catalogue"},
+    "Design": {
+        "design_commands": "design cad mesh cache",
+        "catalogue_commands": "catalogue",
+        "sizing_commands": "size",
+    },
     "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
     "Sensing": {"sensing_commands": "field readings decode table layout"},
     "Exploration": {

@@ -1,0 +1,135 @@
+"""The verb that sizes a sensor from requirements: size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from geometry.design import BadInput
+from studies.cli.parameters import AsJson, Wide
+from studies.cli.printed_command import command
+from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.option_groups import Whole
+from studies.inputs.user_input import AccuracyName
+from studies.output import atomic_files, console
+
+if TYPE_CHECKING:
+    from studies.sizing.sizing_study import Sizing
+
+Wanted = Annotated[str, Parameter(name="REQUIREMENTS", help="TOML file of requirements.")]
+
+MOST = 4096
+"""Largest population, number of generations, and number of solved points; more are taken for a mistake."""
+
+
+def size(
+    source: Wanted,
+    /,
+    *,
+    out: Path,
+    export: bool = False,
+    population: Whole = 128,
+    generations: Whole = 100,
+    points: Whole = 20,
+    sensors: Whole = 1000,
+    accuracy: AccuracyName = "standard",
+    store: Path | None = None,
+    workers: Whole | None = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Find the variants that meet requirements: a Pareto front of range, resolution and size, confirmed by FEM.
+
+    Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
+    by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: the
+    message then names a smallest set that conflicts, and by how much each of them would have to give. The same
+    command continues after an interruption.
+
+    Parameters
+    ----------
+    out
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv, front.png, and the state of the search.
+    export
+        Write design file, mould and casting recipe of the best variant too.
+    population
+        Number of candidates in a generation of the search.
+    generations
+        Number of generations.
+    points
+        Largest number of points of the front that are solved; of more points, those far apart are taken.
+    sensors
+        Number of made sensors from which the yield of the best variant follows.
+    accuracy
+        Accuracy of the finite elements.
+    store
+        File that keeps all solved states; default: one of the user, which the environment variable MAGTIP_STORE can
+        name.
+    workers
+        Number of processes that solve; default: one for each core.
+    """
+    command_line = command(size, locals())
+    from fem.accuracy import LEVELS
+    from studies.exploration.needed_paths import Processes
+    from studies.output import run_record
+    from studies.output.provenance import versions
+    from studies.sizing import sizing_export, sizing_report, sizing_study
+    from studies.sizing.front_search import Effort
+    from studies.sizing.requirements import read_requirements
+
+    for name, value, least in (
+        ("population", population, 8),
+        ("generations", generations, 1),
+        ("points", points, 1),
+        ("sensors", sensors, 1),
+    ):
+        most = 100_000 if name == "sensors" else MOST
+        if not least <= value <= most:
+            raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
+    requirements = read_requirements(source)
+    for warning in requirements.warnings():
+        console.warn(warning)
+    atomic_files.check_apart([*atomic_files.inside(out, sizing_report.FILES), store], [source])
+    effort = Effort(population, generations, requirements.seed)
+    settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
+    origin = versions(("pymoo",))
+    with atomic_files.filled(out) as folder, console.progress(as_json=as_json) as progress:
+        sizing = sizing_study.run(requirements, folder, settings, progress)
+        progress(0.97, "SIZING.md, tables and front.png")
+        sizing_report.write(folder, sizing, origin, command_line)
+        run_record.write(folder, command_line, sizing_report.design_of(sizing), origin)
+        exported = None
+        if export and sizing.winner is not None:
+            exported = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+    if as_json:
+        console.report([sizing_report.record(sizing, origin, command_line)], as_json=True)
+    else:
+        _show(sizing, wide=wide)
+    for warning in exported.warnings if exported else ():
+        console.warn(warning)
+    if sizing.winner is None:
+        console.say(f"magtip: {sizing.message}")
+    if exported is not None and exported.status != "ok":
+        console.say(f"magtip: {exported.message}")
+        return FAILED
+    return GOOD if sizing.winner else FAILED
+
+
+def _show(sizing: Sizing, *, wide: bool) -> None:
+    """Print the front as a table, and the yield in a sentence."""
+    if not sizing.front:
+        return
+    console.report(
+        [point.row() for point in sizing.front],
+        as_json=False,
+        title=f"Front: {len(sizing.front)} points, solved by finite elements",
+        first=("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm"),
+        wide=wide,
+    )
+    made = sizing.winner_yield
+    if made is not None:
+        console.note(
+            f"Yield of the first: {100 * made.share:.3g} % of {made.count} made sensors are within all requirements "
+            f"(95 % interval {100 * made.low:.3g} to {100 * made.high:.3g} %)."
+        )

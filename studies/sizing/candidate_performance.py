@@ -1,0 +1,249 @@
+"""What n variants reach at once: forces, resolution, strain, stability, frequency and size, and the margins left.
+
+The E of a silicone is a range, so each bound is held at the end where it is hardest to meet: strain, stability,
+saturation and the first mode at the least E, where a force presses deepest, and the resolution at the largest E,
+where it moves the magnet least. The remanence is a range too: saturation counts at its high end, resolution at its
+low end.
+
+The poses of a force range are a grid over press force, sideways force and its direction (`GRID`). They are the same
+for the surrogate and for finite elements, see `range_poses`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analytic import force_resolution
+from analytic.clearance import wall_gaps
+from analytic.force_resolution import Loaded
+from analytic.parts import positions
+from geometry.arrays import Array
+from geometry.base import LEAST_GAP
+from geometry.fabrication.hall_bodies import SS495A
+from studies.exploration.solved_paths import frequency_unit
+from studies.sizing.candidate_variables import Variant
+from studies.sizing.pose_readings import NominalReader, Reader, decoding
+from studies.sizing.range_poses import Beams, PressCurves, ShearCurves, press_curves, shear_curves
+from studies.sizing.requirement_margins import Performance, lengths, lower, margins
+from studies.sizing.requirements import Requirements
+from studies.surrogate import surrogate_range
+
+PRESSES = (0.25, 1.0)
+"""Press forces of the poses, over the range."""
+GRID = ((0.0, 0.0), *((1.0, 45.0 * k) for k in range(8)))
+"""Sideways forces of the poses over the range, each with its direction from x towards y in degrees."""
+NO_SHEAR = 0.02
+"""Sideways force over the press force that a sensor without a required sideways range is examined at: it is small,
+and fixes how the readings change sideways."""
+MOST_RANGE = 3.0
+"""Range over the required one beyond which more of it has no value, and is not looked for."""
+DEEPER = 1.05
+"""Depth to which a second source is evaluated over that which the first one says is needed."""
+
+
+def performance(
+    variants: Sequence[Variant],
+    beams: Beams,
+    requirements: Requirements,
+    *,
+    caution: float = 1.0,
+    estimate: Performance | None = None,
+    scales: Array | None = None,
+    reader: Reader | None = None,
+) -> Performance:
+    """Return what variants reach, of which `beams` gives the responses in the same order.
+
+    Parameters
+    ----------
+    caution : number of half widths of the source's intervals by which a bound must hold.
+    estimate : what another source says of the same variants: this one is evaluated no deeper than needed to compare,
+        and at the same shears.
+    scales : factors on the ranges in z and in x of each variant, shape (n, 2), at which the other requirements are
+        held against it; default: 1.
+    reader : readings of the variants; default: with the ranges of the remanence that the catalogue states.
+    """
+    D, L, low, high, density, ratio = _columns(variants)
+    factors = np.ones((len(D), 2)) if scales is None else scales
+    force_z = factors[:, 0] * requirements.force_z
+    force_x = NO_SHEAR * force_z if requirements.force_x is None else factors[:, 1] * requirements.force_x
+    unit = D**2
+    height = np.array([each.design.magnet_height for each in variants]) / D
+    limit = surrogate_range.deepest(L / D, height)
+    if estimate is not None:
+        limit = np.minimum(limit, DEEPER * np.maximum(estimate.range_depth, estimate.depth))
+    press = press_curves(beams, limit)
+    ends = press.depth_of_force(force_z[:, None] / (np.stack([low, high], axis=1) * unit[:, None]))
+    least = press.depth_of_force((PRESSES[0] * force_z / (high * unit))[:, None])[:, 0]
+    farthest = surrogate_range.farthest(L / D)
+    guess = None if estimate is None else estimate.shears
+    shear = shear_curves(beams, press, least, ends[:, 0], force_x / (low * unit), farthest, guess)
+    critical, mode = beams.critical_depth(), beams.first_mode(ratio)
+    sheared = requirements.force_x is not None
+    # sensors that are made have one modulus each, and not a range of it
+    moduli = (low,) if (low == high).all() else (low, high)
+    poses = [_poses(variants, press, shear, E, force_z, force_x, sheared=sheared) for E in moduli]
+    reader = NominalReader(variants) if reader is None else reader
+    figures = [decoding(reader, each, len(variants)) for each in poses]
+    resolution = np.max([each[0] for each in figures], axis=0)
+    signed_det, distinct = (np.min([each[i] for each in figures], axis=0) for i in (1, 2))
+    rails = [reader.rail_margin(each.shift, each.tilt).reshape(len(D), -1).min(axis=1) for each in poses]
+    bounds = _Bounds(D, reader, press, lower(critical.value, critical.half_width, caution), requirements, caution)
+    deepest, range_z = bounds.range(low * unit)
+    end = ends[:, :1]
+    pressed = press.at("strain", end)[:, 0], press.half_width("strain", end)[:, 0]
+    strain, strain_width = _largest_strain(shear, *pressed, sheared=sheared)
+    width = press.half_width("force", deepest[:, None])[:, 0] * low * unit
+    modes = np.array(
+        [frequency_unit(*values) for values in zip(D.tolist(), low.tolist(), density.tolist(), strict=True)]
+    )
+    size, total, wall = lengths(variants, requirements)
+    reached = shear.values["force_x"][:, -1, -1] * low * unit
+    capped = shear.shear[:, -1, -1] >= 0.999 * farthest
+    result = Performance(
+        range_z=range_z,
+        range_z_half_width=width,
+        reach=press.at("force", press.deepest[:, None])[:, 0] * low * unit,
+        range_x=np.where(capped, np.minimum(reached, force_x), force_x),
+        depth=ends[:, 0],
+        depth_stiff=ends[:, 1],
+        range_depth=deepest,
+        shears=shear.shear[:, :, -1],
+        resolution_z=resolution[:, 2],
+        resolution_x=np.maximum(resolution[:, 0], resolution[:, 1]),
+        strain=strain,
+        strain_half_width=strain_width,
+        critical=critical.value,
+        critical_half_width=critical.half_width,
+        first_mode=mode.value * modes,
+        first_mode_half_width=mode.half_width * modes,
+        saturation=np.min(rails, axis=0),
+        decoding=signed_det,
+        distinct=distinct,
+        clearance=_clearance(variants, poses[0], ends[:, 0] * D),
+        outer_size=size,
+        height=total,
+        wall=wall,
+        margins={},
+    )
+    return dataclasses.replace(result, margins=margins(result, requirements, caution))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bounds:
+    """The bounds that limit the press range."""
+
+    D: Array
+    reader: Reader
+    press: PressCurves
+    critical: Array
+    requirements: Requirements
+    caution: float
+
+    def range(self, unit: Array) -> tuple[Array, Array]:
+        """Return the largest depth that keeps all bounds, over D, and its force, N; unit is E D^2, shape (n,)."""
+        needed = self.requirements
+        # NaN, where the source has no answer, must not become a depth
+        critical = np.nan_to_num(np.maximum(self.critical, 0.0), nan=0.0, posinf=np.inf)
+        deepest = np.minimum(self.press.deepest, critical / needed.stability_margin)
+        enough = self.press.depth_of_force((MOST_RANGE * needed.force_z / unit)[:, None])[:, 0]
+        deepest = np.minimum(deepest, enough)
+        shares = np.linspace(0.0, 1.0, 25)[1:]
+        low = surrogate_range.SHALLOWEST
+        depth = low + (np.maximum(deepest, 1.01 * low) - low)[:, None] * shares
+        kept = np.ones(depth.shape, dtype=np.bool_)
+        if needed.largest_strain is not None:
+            strain = self.press.at("strain", depth) + self.caution * self.press.half_width("strain", depth)
+            kept &= strain <= needed.largest_strain
+        if needed.no_saturation:
+            kept &= self._unsaturated(depth)
+        # the last depth before the first one that breaks a bound
+        count = np.where(kept.all(axis=1), len(shares), kept.argmin(axis=1))
+        chosen = np.where(count > 0, depth[np.arange(len(depth)), np.maximum(count - 1, 0)], low)
+        force = self.press.at("force", chosen[:, None])[:, 0] * unit
+        return chosen, np.where(count > 0, force, 0.0)
+
+    def _unsaturated(self, depth: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        shift = np.zeros((*depth.shape, 3))
+        shift[..., 2] = -self.press.at("shift", depth) * self.D[:, None]
+        flat = self.reader.rail_margin(shift.reshape(-1, 3), np.zeros((depth.size, 2)))
+        return np.asarray(flat.reshape(depth.shape) > 0)
+
+
+def _columns(variants: Sequence[Variant]) -> tuple[Array, ...]:
+    """Return D, L, least and largest E, density and the ratio of the densities, each of shape (n,)."""
+    rows = [
+        (
+            each.design.D,
+            each.design.L,
+            each.silicone.E_low,
+            each.silicone.E_high,
+            each.design.density,
+            each.design.magnet_density / each.design.density,
+        )
+        for each in variants
+    ]
+    return tuple(np.array(rows).T)
+
+
+def _poses(
+    variants: Sequence[Variant],
+    press: PressCurves,
+    shear: ShearCurves,
+    E: Array,
+    force_z: Array,
+    force_x: Array,
+    *,
+    sheared: bool,
+) -> Loaded:
+    """Return the poses of n variants at moduli E, shape (n,), as one table of rows, variant after variant."""
+    D = np.array([each.design.D for each in variants])
+    grid = GRID if sheared else GRID[:1]
+    presses = np.repeat(PRESSES, len(grid))
+    shares, azimuth = np.tile(np.array(grid), (len(PRESSES), 1)).T
+    unit = (E * D**2)[:, None]
+    depth = press.depth_of_force(presses * force_z[:, None] / unit)
+    # near the ends of what the source covers, a required force can lie beyond it: its margin says so
+    aside = np.clip(shear.shear_of_force(shares * force_x[:, None] / unit, depth), 0.0, shear.shear[:, -1, -1:])
+    parts = [shear.at(press, name, depth, aside) for name in ("shift_x", "shift_z", "tilt", "force_x", "force_z")]
+    # the vertical shift of `turned` is up
+    scale = np.stack([D, -D, np.ones_like(D), E * D**2, E * D**2], axis=1)
+    plane, by_depth, by_shear = (
+        np.stack([part[i] for part in parts], axis=2) * scale[:, None, :] / (D[:, None, None] if i else 1.0)
+        for i in range(3)
+    )
+    return force_resolution.turned(
+        plane.reshape(-1, 5),
+        by_depth.reshape(-1, 5),
+        by_shear.reshape(-1, 5),
+        (aside * D[:, None]).ravel(),
+        np.tile(np.radians(azimuth), len(D)),
+    )
+
+
+def _largest_strain(shear: ShearCurves, pressed: Array, width: Array, *, sheared: bool) -> tuple[Array, Array]:
+    """Return the largest strain at the ends of the ranges, and the half width of its interval."""
+    if not sheared:
+        return pressed, width
+    values = np.column_stack([pressed, shear.values["strain"][:, :, -1]])
+    widths = np.column_stack([width, shear.half_widths["strain"][:, :, -1]])
+    at = values.argmax(axis=1), np.arange(len(values))
+    return values[at[1], at[0]], widths[at[1], at[0]]
+
+
+def _clearance(variants: Sequence[Variant], loaded: Loaded, depth: Array) -> Array:
+    """Return the least gap of S2 and S3 from the bulging wall and the pressed plate less what is needed, mm."""
+    shifts = loaded.shift.reshape(len(variants), -1, 3)
+    gaps = np.full(len(variants), np.inf)
+    for k, each in enumerate(variants):
+        design = each.design
+        if design.hall_layout != "three":
+            continue
+        _, side, other = positions(design)
+        beside = min(float(wall_gaps(design, place, shifts[k]).min()) for place in (side, other))
+        above = design.L - depth[k] - side[2] - SS495A.height / 2
+        gaps[k] = min(beside - SS495A.depth, above) - LEAST_GAP
+    return gaps

@@ -1,0 +1,78 @@
+"""Export of the best variant: its design file, and solids, mould and casting recipe as `magtip cad` writes them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geometry.design import Design
+from geometry.messages import Progress
+from studies.output.atomic_files import write_text
+
+if TYPE_CHECKING:
+    from studies.fabrication.fabrication_rows import FabricationRow
+    from studies.sizing.candidate_variables import Variant
+    from studies.sizing.requirements import Requirements
+
+DESIGN, PARTS = "winner.toml", "fabrication"
+"""Design file of the best variant, and folder of its mould and recipe."""
+
+
+def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FabricationRow:
+    """Write the design file, and solids, mould and recipe if they pass their checks.
+
+    Raises
+    ------
+    BadInput
+        The folder of the recipe holds files of another origin.
+    """
+    from geometry.base import Base
+    from geometry.mold import Mold
+    from studies.fabrication.sensor_parts import RECIPE, build
+    from studies.fabrication.sensor_solids import FabricationChoices
+
+    write_text(folder / DESIGN, design_text(variant))
+    process, shape = requirements.process, requirements.outer_shape
+    choices = FabricationChoices(Mold(process=process), Base(shape=shape))
+    command = f"magtip cad {DESIGN} --out {PARTS} --process {process} --base shape={shape}"
+    row = build(variant.design, folder / PARTS, progress, choices, command=command)
+    recipe = folder / PARTS / RECIPE
+    if row.status == "ok" and recipe.exists():
+        write_text(recipe, recipe.read_text("utf-8").rstrip("\n") + "\n\n" + parts_text(variant))
+    return row
+
+
+def design_text(variant: Variant) -> str:
+    """Return the design file, with the names of the parts.
+
+    It names every field that differs from its default.
+    """
+    lines = [
+        f"# magnet: {variant.magnet.name}",
+        f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
+        f"# Hall part: {variant.hall_part.name}",
+    ]
+    unused = variant.design.unused_fields()
+    for spec in dataclasses.fields(Design):
+        value = getattr(variant.design, spec.name)
+        if value != spec.default and spec.name not in unused:
+            lines.append(f'{spec.name} = "{value}"' if isinstance(value, str) else f"{spec.name} = {value!r}")
+    return "\n".join(lines) + "\n"
+
+
+def parts_text(variant: Variant) -> str:
+    """Return the section of the recipe that names the parts of the catalogue."""
+    magnet, silicone, part = variant.magnet, variant.silicone, variant.hall_part
+    magnet_text = (
+        f"- Magnet: {magnet.name}, {magnet.diameter:g} x {magnet.height:g} mm (+-{magnet.tolerance:g} mm), grade "
+        f"{magnet.grade}, remanence {magnet.remanence_low:g} to {magnet.remanence_high:g} T, up to "
+        f"{magnet.largest_temperature:g} °C. Source: {magnet.source}."
+    )
+    silicone_text = (
+        f"- Silicone: {silicone.name}, mixed {silicone.mixed}; cured in {silicone.cure_hours:g} h at "
+        f"{silicone.cure_temperature:g} °C. E = {silicone.E_low:g} to {silicone.E_high:g} MPa. "
+        f"Source: {silicone.source}."
+    )
+    lines = ["## Parts", "", magnet_text, silicone_text, f"- Hall part: {part.name}. Source: {part.source}."]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,213 @@
+"""The files of a sizing: sizing.json, front.csv, yield.csv, SIZING.md and front.png."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from studies.output.atomic_files import write_json, write_text
+from studies.output.provenance import made
+from studies.output.records import FlatRow
+from studies.sizing.front_solves import FrontPoint, largest_differences
+
+if TYPE_CHECKING:
+    from studies.sizing.sizing_study import Sizing
+
+FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json")
+"""Files that a sizing writes into its folder."""
+VERSION = 1
+"""Version of the format of sizing.json."""
+FRONT = (
+    *("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "fem_range_z_N"),
+    *("fem_resolution_z_mN", "fem_resolution_x_mN", "fem_strain_percent", "outer_size_mm", "score"),
+)
+"""Columns of front.csv that the page shows."""
+
+
+def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
+    """Return the object of sizing.json, which `--json` prints too."""
+    winner = sizing.winner
+    return {
+        "version": VERSION,
+        "status": "ok" if winner else "failed",
+        "message": sizing.message,
+        "requirements": sizing.requirements.rows(),
+        "catalogues": {
+            spec.name: len(getattr(sizing.catalogues, spec.name)) for spec in dataclasses.fields(sizing.catalogues)
+        },
+        "search": dataclasses.asdict(sizing.effort) | {"front": sizing.found},
+        "winner": None if winner is None else winner_record(winner),
+        "front": [point.row() for point in sizing.front],
+        "differences": list(largest_differences(sizing.front).values()),
+        "yield": [] if sizing.winner_yield is None else sizing.winner_yield.rows(),
+        "conflict": [] if sizing.conflict is None else sizing.conflict.rows(),
+        "command": command,
+        "made": origin,
+    }
+
+
+def winner_record(point: FrontPoint) -> FlatRow:
+    """Return the winner: its design, its parts with their sources, and its margins."""
+    variant = point.variant
+    return {
+        "design": dataclasses.asdict(variant.design),
+        "magnet": dataclasses.asdict(variant.magnet),
+        "silicone": dataclasses.asdict(variant.silicone),
+        "hall_part": dataclasses.asdict(variant.hall_part),
+        "margins": point.margins,
+    }
+
+
+def design_of(sizing: Sizing) -> FlatRow:
+    """Return the fields of the best design; empty if there is none."""
+    return {} if sizing.winner is None else dataclasses.asdict(sizing.winner.variant.design)
+
+
+def write(folder: Path, sizing: Sizing, origin: str, command: str) -> None:
+    """Write all files of a sizing into an existing folder; files that it has no content for are removed."""
+    from studies.output.csv_tables import write_table
+    from studies.sizing import front_plot
+
+    tables = {
+        "front.csv": [point.row() for point in sizing.front],
+        "yield.csv": [] if sizing.winner_yield is None else sizing.winner_yield.rows(),
+    }
+    for name, rows in tables.items():
+        if rows:
+            write_table(folder / name, rows)
+        else:
+            (folder / name).unlink(missing_ok=True)
+    write_json(folder / "sizing.json", record(sizing, origin, command))
+    if sizing.front:
+        front_plot.draw(folder / "front.png", sizing.front)
+    else:
+        (folder / "front.png").unlink(missing_ok=True)
+    write_text(folder / "SIZING.md", page(sizing, origin, command))
+
+
+def page(sizing: Sizing, origin: str, command: str) -> str:
+    """Return SIZING.md."""
+    parts = ["# Sizing", sizing.message and f"No variant: {sizing.message}.", _requirements(sizing)]
+    if sizing.winner is not None:
+        parts += [_winner(sizing.winner), _yield(sizing)]
+    if sizing.front:
+        parts += [_front(sizing), _differences(sizing.front)]
+    parts.append(made(command, origin))
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _requirements(sizing: Sizing) -> str:
+    """Return the table of the requirements, with what the winner reaches."""
+    margins = {} if sizing.winner is None else sizing.winner.margins
+    rows = []
+    for row in sizing.requirements.rows():
+        margin = margins.get(row["requirement"])
+        rows.append(
+            {
+                "requirement": row["requirement"],
+                "value": "" if row["value"] is None else row["value"],
+                "unit": "" if row["unit"] == "1" else row["unit"],
+                "state": row["state"],
+                "margin of the winner, %": "" if margin is None else f"{100 * margin:.3g}",
+            }
+        )
+    note = (
+        "Bounds are held over the whole range of E of each silicone and of the remanence of each grade. A margin is "
+        "relative to its bound; margins above 100 % are shown as 100."
+    )
+    return f"## Requirements\n\n{table(rows)}\n\n{note}"
+
+
+def _winner(point: FrontPoint) -> str:
+    """Return what the winner is made of, and what it reaches."""
+    variant = point.variant
+    design, magnet, silicone = variant.design, variant.magnet, variant.silicone
+    place = f"l0 = {design.l0:g} mm"
+    if design.hall_layout == "three":
+        place += f", f = {design.f:g} mm, c = {design.c:g} mm"
+    beam = (
+        f"- beam: D = {design.D:g} mm, L = {design.L:g} mm, {silicone.name} (E = {silicone.E_low:g} to "
+        f"{silicone.E_high:g} MPa: {silicone.source})"
+    )
+    magnet_text = (
+        f"- magnet: {magnet.name}, {magnet.diameter:g} x {magnet.height:g} mm, remanence {magnet.remanence_low:g} to "
+        f"{magnet.remanence_high:g} T ({magnet.source})"
+    )
+    part = f"- Hall part: {variant.hall_part.name} at {place} ({variant.hall_part.source})"
+    reached = (
+        f"- by finite elements: range {point.solved['range_z']:.3g} N or more, resolution "
+        f"{1000 * point.solved['resolution_z']:.3g} mN in z and {1000 * point.solved['resolution_x']:.3g} mN in x at "
+        f"the worst pose, largest strain {100 * point.solved['strain']:.3g} %, outer size "
+        f"{point.solved['outer_size']:.3g} mm, first mode {point.solved['first_mode']:.4g} Hz"
+    )
+    lines = [beam, magnet_text, part, reached]
+    return "## The best variant\n\n" + "\n".join(lines)
+
+
+def _yield(sizing: Sizing) -> str:
+    if sizing.winner_yield is None:
+        return ""
+    made_sensors = sizing.winner_yield
+    name, missed = next(iter(made_sensors.missed.items()))
+    worst = f"; {name} fails most often, in {missed} of them" if missed else ""
+    rows = [
+        {
+            "requirement": row["requirement"],
+            "within, %": f"{row['within_percent']:.3g}",
+            "95 % interval": f"{row['low_percent']:.3g} to {row['high_percent']:.3g}",
+        }
+        for row in made_sensors.rows()
+    ]
+    return (
+        f"## Yield\n\nOf {made_sensors.count} made sensors {100 * made_sensors.share:.3g} % are within all "
+        f"requirements (95 % interval {100 * made_sensors.low:.3g} to {100 * made_sensors.high:.3g} %){worst}. E, "
+        "remanence, magnet and gain are drawn within the ranges of the catalogue, places within usual tolerances; "
+        f"each sensor is calibrated by itself.\n\n{table(rows)}"
+    )
+
+
+def _front(sizing: Sizing) -> str:
+    """Return the tables of the ranked and of the failed points."""
+    ranked = [point.row() for point in sizing.front if point.status == "ok"]
+    failed = [point for point in sizing.front if point.status != "ok"]
+    of = f" of {sizing.found}" if sizing.found > len(sizing.front) else ""
+    text = (
+        f"## Pareto front\n\n{len(sizing.front)}{of} points of the front, all solved by finite elements; "
+        f"{len(failed)} of them fail and are not ranked.\n\n![Front](front.png)"
+    )
+    if ranked:
+        text += "\n\n" + table([{name: _short(row.get(name)) for name in FRONT} for row in ranked])
+    if failed:
+        text += "\n\n### Failed by finite elements\n\n" + table(
+            [{"point": point.number, **point.variant.row(), "reason": point.reason} for point in failed]
+        )
+    return text
+
+
+def _differences(front: Sequence[FrontPoint]) -> str:
+    """Return the table of the differences between surrogate and finite elements."""
+    rows = [
+        {name: "" if value is None else _short(value) for name, value in row.items()}
+        for row in largest_differences(front).values()
+    ]
+    return f"## Surrogate beside finite elements\n\nDifferences in percent of the finite elements.\n\n{table(rows)}"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else "" if value is None else str(value)
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return rows as a Markdown table.
+
+    >>> print(table([{"D_mm": 8.0, "magnet": "4x2 N35"}]))
+    | D_mm | magnet |
+    |---|---|
+    | 8 | 4x2 N35 |
+    """
+    names = list(rows[0])
+    lines = [f"| {' | '.join(names)} |", f"|{'---|' * len(names)}"]
+    lines += [f"| {' | '.join(_short(row[name]) for name in names)} |" for row in rows]
+    return "\n".join(lines)

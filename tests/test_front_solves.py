@@ -1,0 +1,65 @@
+"""Points of a front: which are solved, which pass, and their ranks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from studies.sizing.front_solves import FrontPoint, largest_differences, ranked, spread
+from studies.sizing.requirement_margins import Performance
+from studies.sizing.requirements import Requirements
+
+NAMES = [spec.name for spec in dataclasses.fields(Performance) if spec.name != "margins"]
+
+
+def points(rows, **solved):
+    """Points with the given ranges, resolutions and sizes, and their performance."""
+    values = {name: np.ones(len(rows)) for name in NAMES} | {"shears": np.ones((len(rows), 3))}
+    values["range_z"], values["resolution_z"], values["outer_size"] = np.array(rows, dtype=float).T
+    values["resolution_x"] = values["resolution_z"] / 2
+    performance = Performance(**(values | solved), margins={})
+    made = []
+    for k in range(len(rows)):
+        one = performance.one(k)
+        made.append(FrontPoint(k + 1, None, one, one, {}, {}, "ok", ""))
+    return made, performance
+
+
+def test_ends_of_a_front_are_solved_first():
+    F = np.column_stack([np.linspace(0, 1, 11), np.linspace(1, 0, 11) ** 2])
+    assert spread(F, 2).tolist() == [0, 10]
+    assert spread(F, 11).tolist() == list(range(11))
+    chosen = spread(F, 5)
+    assert {0, 10} <= set(chosen.tolist())
+    assert np.diff(chosen).max() <= 4
+
+
+def test_the_weights_decide_the_ranks():
+    made, solved = points([(10, 0.01, 20), (5, 0.001, 20), (5, 0.01, 10)])
+    for weights, best in (((1, 0, 0), 1), ((0, 1, 0), 2), ((0, 0, 1), 3)):
+        names = dict(zip(("weight_range", "weight_resolution", "weight_size"), map(float, weights), strict=True))
+        order = ranked(made, solved, Requirements(force_z=5.0, **names))
+        assert order[0].number == best
+        assert order[0].rank == 1
+        assert order[0].score == pytest.approx(1.0)
+
+
+def test_failed_points_come_last_without_a_rank():
+    made, solved = points([(10, 0.001, 10), (5, 0.01, 20)])
+    made[0] = dataclasses.replace(made[0], status="failed", reason="largest_strain is missed by 3 %")
+    order = ranked(made, solved, Requirements(force_z=5.0))
+    assert [(point.number, point.rank) for point in order] == [(2, 1), (1, 0)]
+
+
+def test_differences_are_relative_to_finite_elements():
+    made, _ = points([(10, 0.01, 20), (5, 0.01, 20)])
+    predicted = dict(made[0].predicted, range_z=11.0)
+    made[0] = dataclasses.replace(made[0], predicted=predicted)
+    row = largest_differences(made)["range_z"]
+    assert row["largest_percent"] == pytest.approx(10.0)
+    assert row["median_percent"] == pytest.approx(5.0)
+
+
+def test_infinite_critical_depths_are_not_compared():
+    made, _ = points([(10, 0.01, 20)], critical=np.array([np.inf]))
+    assert largest_differences(made)["critical"]["points"] == 0
