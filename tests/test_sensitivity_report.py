@@ -55,6 +55,12 @@ def test_failures_are_said_and_end_with_3_if_nothing_succeeds(run):
         (("--tolerance", "Ee=1"), "--tolerance: there is no key 'Ee'"),
         (("--store", "x.sqlite"), "--store works with the method morris only"),
         (("--count", "100"), "need a power of 2, 8 or more, as count; got 100"),
+        (("--methods", "sobol,morris", "--trajectories", "1"), "from 2 to 1000 trajectories; got 1"),
+        (("--sensors", "0"), "the number of made sensors must be from 1 to 1000000; got 0"),
+        (
+            ("--vary", "friction=0.1:0.5"),
+            "--vary friction: only fields of the design, depth and shear can vary: leave it out",
+        ),
         (("--vary", "depth=1:9", "--model", "paper", "--vary", "law=1:2"), "its values are names"),
     ],
 )

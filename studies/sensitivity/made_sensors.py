@@ -78,12 +78,7 @@ def made_sensors(
     BadInput
         The count or the seed is out of range, or the design has no magnet.
     """
-    if not 1 <= count <= MOST_SENSORS:
-        raise BadInput(f"the number of made sensors must be from 1 to {MOST_SENSORS}; got {count}")
-    if not seed >= 0:
-        raise BadInput(f"the seed must be 0 or more; got {seed}")
-    if not design.shape.has_magnet:
-        raise BadInput("this design has no magnet (magnet_diameter is 0), so no sensor of it has readings")
+    check_draw(design, count, seed)
     deviation = _deviations(tolerances, count, seed)
     fields = {
         # the rounding error of 0.4998 + 0.0002 must not make a Poisson's ratio above 0.5, nor may the tolerance
@@ -106,6 +101,16 @@ def made_sensors(
         gain_factor=1 + deviation["chip_gain" if chip else "hall_gain"] / 100,
         null_shift=deviation["chip_null" if chip else "hall_null"],
     )
+
+
+def check_draw(design: Design, count: int, seed: int) -> None:
+    """Raise BadInput unless made sensors of a design can be drawn, and so many of them."""
+    if not 1 <= count <= MOST_SENSORS:
+        raise BadInput(f"the number of made sensors must be from 1 to {MOST_SENSORS}; got {count}")
+    if not seed >= 0:
+        raise BadInput(f"the seed must be 0 or more; got {seed}")
+    if not design.shape.has_magnet:
+        raise BadInput("this design has no magnet (magnet_diameter is 0), so no sensor of it has readings")
 
 
 def nominal_sensor(design: Design) -> MadeSensors:

@@ -69,18 +69,17 @@ def morris_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 1
 
 
 def trajectories(ranges: Ranges, count: int, seed: int) -> Array:
-    """Return the points of Morris' trajectories one after the other, shape ((d + 1) count, d).
-
-    Raises
-    ------
-    BadInput
-        The count is out of range, or there is no input.
-    """
-    if not (ranges and FEWEST <= count <= MOST):
-        raise BadInput(f"Morris needs an input and from {FEWEST} to {MOST} trajectories; got {count}")
+    """Return the points of Morris' trajectories one after the other, shape ((d + 1) count, d)."""
+    check_trajectories(ranges, count)
     from SALib.sample import morris
 
     return scaled(morris.sample(_problem(ranges), count, num_levels=LEVELS, seed=np.random.default_rng(seed)), ranges)
+
+
+def check_trajectories(ranges: Ranges, count: int) -> None:
+    """Raise BadInput unless there is an input and the number of trajectories is in its range."""
+    if not (ranges and FEWEST <= count <= MOST):
+        raise BadInput(f"Morris needs an input and from {FEWEST} to {MOST} trajectories; got {count}")
 
 
 def effects(

@@ -12,7 +12,7 @@ from studies.exploration import store as stores
 from studies.exploration.needed_paths import Processes
 from studies.inputs.user_input import AccuracyName
 from studies.output.records import FlatRow
-from studies.sensitivity import sensitivity_study, varied_inputs
+from studies.sensitivity import made_sensors, morris_effects, sensitivity_study, sobol_indices, varied_inputs
 from studies.sensitivity.beam_motions import MODELS
 from studies.sensitivity.sensitivity_report import Results
 from studies.sensitivity.sensitivity_study import METHODS, summary
@@ -80,7 +80,22 @@ def request_of(
     ranges = varied_inputs.parse_ranges(vary) if vary else varied_inputs.ranges_of_tolerances(design, sizes)
     if not ranges and chosen != ("montecarlo",):
         raise BadInput("no input varies: add --vary NAME=low:high")
-    return Request(design, ranges, Press(*load), chosen, sizes, model, accuracy, counts, seed)
+    request = Request(design, ranges, Press(*load), chosen, sizes, model, accuracy, counts, seed)
+    _check(request)
+    return request
+
+
+def _check(request: Request) -> None:
+    """Raise BadInput for what a method would refuse, before another method has begun to compute."""
+    points, trajectories, sensors = request.counts
+    if request.methods != ("montecarlo",):
+        varied_inputs.check_ranges(request.ranges, request.load)
+    if "sobol" in request.methods:
+        sobol_indices.check_count(request.ranges, points)
+    if "morris" in request.methods:
+        morris_effects.check_trajectories(request.ranges, trajectories)
+    if "montecarlo" in request.methods:
+        made_sensors.check_draw(request.design, sensors, request.seed)
 
 
 def run(request: Request, store: Path | None, processes: Processes, progress: Progress | None) -> Results:
@@ -88,12 +103,15 @@ def run(request: Request, store: Path | None, processes: Processes, progress: Pr
     design, ranges, load, seed = request.design, request.ranges, request.load, request.seed
     points, trajectories, sensors = request.counts
     sobol = morris = monte_carlo = None
-    if "sobol" in request.methods:
-        sobol = sensitivity_study.sobol_study(design, ranges, load, request.model, points, seed)
+    # first the method that may refuse the load, last the one whose solves take long
     if "montecarlo" in request.methods:
+        _report(progress, "made sensors")
         monte_carlo = sensitivity_study.monte_carlo_study(
             design, load, request.tolerances, request.model, sensors, seed
         )
+    if "sobol" in request.methods:
+        _report(progress, "Sobol indices")
+        sobol = sensitivity_study.sobol_study(design, ranges, load, request.model, points, seed)
     if "morris" in request.methods:
         with stores.opened(store or stores.default()) as states:
             morris = sensitivity_study.morris_study(
@@ -101,6 +119,12 @@ def run(request: Request, store: Path | None, processes: Processes, progress: Pr
                 *(states, processes, progress),
             )
     return Results(design, load, request.tolerances, sobol, morris, monte_carlo)
+
+
+def _report(progress: Progress | None, text: str) -> None:
+    """Report which method begins."""
+    if progress is not None:
+        progress(0.0, text)
 
 
 def tables(results: Results) -> list[Table]:

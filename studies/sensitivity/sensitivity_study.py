@@ -81,7 +81,7 @@ def sobol_study(design: Design, ranges: Ranges, load: Press, model: str, count: 
     BadInput
         An input cannot vary in this study, or the count is no power of 2.
     """
-    check_ranges(ranges, load, ("depth", "shear"))
+    check_ranges(ranges, load)
     points = sobol_indices.saltelli_points(ranges, count, seed)
     cases = sampled_cases(design, ranges, points, load)
     outputs, refusals = sampled_outputs(model, design, cases, sheared=_sheared(ranges, load))
@@ -114,7 +114,7 @@ def morris_study(
     KeyboardInterrupt
         The study was interrupted; what is solved is in the store, and the same call continues.
     """
-    check_ranges(ranges, load, ("depth", "shear"))
+    check_ranges(ranges, load)
     points = morris_effects.trajectories(ranges, count, seed)
     plan = morris_plan(design, ranges, load, points, accuracy)
     tables = list(sweep.run(plan, None, store, processes=processes, progress=progress))

@@ -88,13 +88,13 @@ def sobol_of(function: Callable[[Array], Array], ranges: Ranges, count: int = 10
 
 
 def saltelli_points(ranges: Ranges, count: int, seed: int) -> Array:
-    """Return the points of Saltelli's design, shape ((d + 2) count, d).
+    """Return the points of Saltelli's design, shape ((d + 2) count, d); see `check_count` for the count."""
+    check_count(ranges, count)
+    return scaled(_unit_points(ranges, count, seed), ranges)
 
-    Raises
-    ------
-    BadInput
-        The count is no power of 2 of at least 8, there are too many points, or there is no input.
-    """
+
+def check_count(ranges: Ranges, count: int) -> None:
+    """Raise BadInput unless there is an input, the count is a power of 2 of at least 8, and not too large."""
     if count < 8 or count & (count - 1):
         below = max(1 << (max(count, 8).bit_length() - 1), 8)
         raise BadInput(f"Sobol indices need a power of 2, 8 or more, as count; got {count}: take {below}")
@@ -103,7 +103,6 @@ def saltelli_points(ranges: Ranges, count: int, seed: int) -> Array:
             f"Sobol indices need an input and at most {MOST_POINTS} points; {len(ranges)} inputs and count {count} "
             f"give {(len(ranges) + 2) * count}: take a smaller count"
         )
-    return scaled(_unit_points(ranges, count, seed), ranges)
 
 
 def scaled(unit: Array, ranges: Ranges) -> Array:

@@ -81,14 +81,11 @@ def ranges_of_tolerances(design: Design, tolerances: Tolerances) -> Ranges:
     return ranges
 
 
-def check_ranges(ranges: Ranges, load: Press, names: Sequence[str]) -> None:
-    """Raise BadInput for an input that a study cannot vary; it can vary fields of the design and those in `names`."""
+def check_ranges(ranges: Ranges, load: Press) -> None:
+    """Raise BadInput for an input that is neither a field of the design, nor depth or shear, or is also fixed."""
     for name in ranges:
-        if name not in study_axes.DESIGN and name not in names:
-            raise BadInput(
-                f"--vary {name}: this method varies fields of the design{', ' if names else ''}"
-                f"{' and '.join(names)}; give {name} to another method"
-            )
+        if name not in study_axes.DESIGN and name not in ("depth", "shear"):
+            raise BadInput(f"--vary {name}: only fields of the design, depth and shear can vary: leave it out")
     if "shear" in ranges and load.shear:
         raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
 
