@@ -46,3 +46,24 @@ def test_yield_has_its_interval(tmp_path):
     assert figure.y.categories == ("largest strain", "all")
     assert figure.panels[0].series[0].low == (89, 93)
     assert figure.caption.startswith("91.2 % of 1000 made sensors meet all requirements.")
+
+
+def test_requirements_and_conflicts_are_tables():
+    record = {
+        "requirements": [
+            {"requirement": "force_z", "value": 5, "unit": "N", "state": "given"},
+            {"requirement": "height", "value": None, "unit": "mm", "state": "free"},
+        ],
+        "winner": {"margins": {"force_z": 0.25}},
+        "conflict": [],
+    }
+    (table,) = sizing_figures.sheets(record)
+    assert {name: list(values) for name, values in table.columns.items()} == {
+        "requirement": ["force z"],
+        "value": [5],
+        "unit": ["N"],
+        "margin of the best variant (%)": [25.0],
+    }
+    assert sizing_figures.sheets({"requirements": 3}) == []
+    conflict = {"winner": None, "conflict": [{"requirement": "range", "gives": "3.1 N"}]}
+    assert [table.name for table in sizing_figures.sheets(conflict)] == ["Conflict"]

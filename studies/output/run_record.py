@@ -79,14 +79,14 @@ def read(file: Path) -> Run:
 
 
 def check_format(file: Path, record: Mapping[str, Any]) -> None:
-    """Refuse a JSON object whose `format` is newer than this version reads.
+    """Refuse a JSON object whose `format`, or `version`, is newer than this version reads.
 
     Raises
     ------
     Newer
-        The format is a number above `FORMAT`.
+        It is a number above `FORMAT`.
     """
-    number = record.get("format", FORMAT)
+    number = record.get("format", record.get("version", FORMAT))
     if isinstance(number, (int, float)) and number > FORMAT:
         raise Newer(
             f"{str(file)!r} has format {number:g}, and magtip {installed(OWN) or ''} reads formats up to {FORMAT}: "

@@ -20,8 +20,8 @@ from geometry.design import BadInput, Design
 from studies.inputs import table_input, user_input
 from studies.output import run_record
 
-IGNORED = (".stl", ".step", ".3mf", ".msh", ".html", ".sh", ".log", ".tmp", ".lock")
-"""Suffixes of files that are no results to show: solids for a printer, and pages."""
+IGNORED = (".stl", ".step", ".3mf", ".dxf", ".npz", ".html")
+"""Suffixes of files that are no results to show: solids and drawings for machines, states of a search, pages."""
 PICTURES = (".png", ".svg")
 MOST_FOLDERS = 200
 """Number of sub-folders beyond which a folder is no folder of results: somebody's home, for instance."""

@@ -114,6 +114,7 @@ const Plots = (() => {
     const inner = map ? Math.max(60, Math.min(28, 300 / rows + 8) * rows) : rows ? Math.max(rows * (all.some((s) => s.y.some((v) => v % 1)) ? 25 : 19), 60) : state.single ? Math.min(330, Math.max(220, width * 0.5)) : Math.min(290, Math.max(200, width * 0.62));
     const height = top + inner + bottom;
     const svg = make("svg", { viewBox: `0 0 ${width} ${height}`, width, height, tabindex: 0, role: "group", class: "panel" });
+    svg.style.setProperty("--columns", state.columns);
     svg.setAttribute("aria-roledescription", map ? "map" : "plot");
     svg.setAttribute("aria-label", `${figure.title}${panel.title ? ", " + panel.title : ""}. Arrow keys read it off.`);
     box.appendChild(svg);
@@ -127,6 +128,7 @@ const Plots = (() => {
     else {
       const layer = make("g", {}, svg);
       for (const one of all) drawSeries(layer, one, panel.x ? { ...x, label: panel.x } : x, sx, sy, marks, figure);
+      nameMarks(layer, marks, { left, right: width - right, top, bottom: top + inner });
     }
     read(svg, figure, panel, marks, { left, right: width - right, top, bottom: top + inner });
   }
@@ -159,10 +161,13 @@ const Plots = (() => {
     make("text", { x: (area.left + area.right) / 2, y: area.height - 10, "text-anchor": "middle", class: "axis-label" }, svg, cut(inPowers(x.label, ux), area.width - 10));
     const middle = (area.top + area.bottom) / 2;
     if (figure.y.label) make("text", { x: 13, y: middle, "text-anchor": "middle", transform: `rotate(-90 13 ${middle})`, class: "axis-label" }, svg, cut(inPowers(figure.y.label, uy), area.bottom - area.top + 40));
+    const labelled = [];
     for (const guide of figure.guides || []) {
       const across = guide.axis === "y", at = across ? sy.at(guide.at) : sx.at(guide.at);
       make("line", across ? { x1: area.left, x2: area.right, y1: at, y2: at, class: "guide" } : { x1: at, x2: at, y1: area.top, y2: area.bottom, class: "guide" }, svg);
-      if (guide.label) make("text", across ? { x: area.right, y: at - 3, "text-anchor": "end", class: "guide-label" } : { x: at - 4, y: area.top + 11, "text-anchor": "end", class: "guide-label" }, svg, guide.label);
+      if (!guide.label || labelled.some((other) => Math.abs(other - at) < 11)) continue;
+      labelled.push(at);
+      make("text", across ? { x: area.right, y: at - 3, "text-anchor": "end", class: "guide-label" } : { x: at - 4, y: area.top + 11, "text-anchor": "end", class: "guide-label" }, svg, guide.label);
     }
   }
 
@@ -178,6 +183,22 @@ const Plots = (() => {
       if (one.low && one.low[k] !== null) make("path", { class: "whisker", d: one.across ? `M${sx.at(one.low[k]).toFixed(1)} ${py}H${sx.at(one.high[k]).toFixed(1)}` : `M${px} ${sy.at(one.low[k]).toFixed(1)}V${sy.at(one.high[k]).toFixed(1)}` }, group);
       if (one.mark || !one.line || visible.length === 1) make("path", { class: "mark", d: SHAPES[style], transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` }, group);
       marks.push({ x: px, y: py, series: one, index: k, lines: describe(figure, x, one, k) });
+    }
+  }
+
+  // Names beside the marks that have one, where no other name or mark is in the way.
+  function nameMarks(layer, marks, area) {
+    const taken = marks.map((mark) => [mark.x - 5, mark.y - 5, mark.x + 5, mark.y + 5]);
+    for (const mark of marks) {
+      const text = (mark.series.labels || [])[mark.index];
+      if (!text) continue;
+      const w = wide(text) * 0.92;
+      const places = [[7, 4], [-7 - w, 4], [-w / 2, 16], [-w / 2, -8]].map(([dx, dy]) => [mark.x + dx, mark.y + dy - 9, mark.x + dx + w, mark.y + dy + 2]);
+      const free = places.find(([a, b, c, d]) => a > area.left && c < area.right + 8 && b > area.top - 4 && d < area.bottom &&
+        !taken.some(([e, f, g, h]) => a < g && e < c && b < h && f < d));
+      if (!free) continue;
+      taken.push(free);
+      make("text", { x: free[0], y: free[3] - 2, class: "point-label" }, layer, text);
     }
   }
 
@@ -309,7 +330,7 @@ const Plots = (() => {
     const every = figure.panels.flatMap((p) => p.series || []), guides = figure.guides || [];
     const of = (way) => guides.filter((g) => g.axis === way).map((g) => g.at);
     // panels of one quantity share their scales, so that heights compare
-    const state = { single: count === 1, shared: count > 1 && figure.shared !== false && !listed, xs: every.flatMap((s) => spanOf(s, true)).concat(of("x")), ys: every.flatMap((s) => spanOf(s, false)).concat(of("y")) };
+    const state = { single: count === 1, columns, shared: count > 1 && figure.shared !== false && !listed, xs: every.flatMap((s) => spanOf(s, true)).concat(of("x")), ys: every.flatMap((s) => spanOf(s, false)).concat(of("y")) };
     for (const panel of figure.panels) drawPanel(figure, panel, box, each, state);
   }
 

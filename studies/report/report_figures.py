@@ -51,6 +51,7 @@ class Series:
     line, mark : whether a line joins the points, and whether points have markers.
     low, high : ends of the interval of each y, or x; empty where there are none.
     names : name of each point that the readout shows; empty where there are none.
+    labels : short name of each point that stands beside it, where there is room; empty where there are none.
     style : number of colour and marker; the same number means the same thing in all panels.
     dash : number of the line's pattern: 0 solid, 1 dashed, 2 dotted, 3 both.
     across : whether `low` and `high` are the ends of x.
@@ -65,6 +66,7 @@ class Series:
     low: tuple[float | None, ...] = ()
     high: tuple[float | None, ...] = ()
     names: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
     style: int = 0
     dash: int = 0
     across: bool = False
@@ -174,8 +176,9 @@ def series(name: str, x: Any, y: Any, style: int = 0, **more: Any) -> Series:
     for end in ("low", "high"):
         if len(more.get(end, ())):
             more[end] = numbers(np.asarray(more[end], dtype=float)[rows])
-    if len(more.get("names", ())):
-        more["names"] = tuple(str(more["names"][row]) for row in rows)
+    for texts in ("names", "labels"):
+        if len(more.get(texts, ())):
+            more[texts] = tuple(str(more[texts][row]) for row in rows)
     return Series(name, numbers(x[rows]), numbers(y[rows]), style=style, **more)
 
 
@@ -210,7 +213,7 @@ def _every(one: Series, share: float) -> Series:
 def error_guides(*bounds: float) -> tuple[Guide, ...]:
     """Return lines at zero and at plus and minus some errors in %."""
     ends = [sign * bound for bound in bounds for sign in (1, -1)]
-    return (Guide("y", 0.0), *(Guide("y", end, f"{end:+g} %") for end in ends))
+    return (Guide("y", 0.0), *(Guide("y", end, f"{end:+g} %".replace("-", "\N{MINUS SIGN}")) for end in ends))
 
 
 def grouped(keys: Sequence[Any]) -> Mapping[Any, list[int]]:

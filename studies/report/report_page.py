@@ -147,12 +147,13 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
 
 
 def minus(text: str) -> str:
-    """Return a text with true minus signs before numbers.
+    """Return a text with true minus signs before numbers, and with numbers that stay beside their unit.
 
     >>> minus("from -5 to 3 mm, see press-1.csv")
-    'from −5 to 3 mm, see press-1.csv'
+    'from −5 to 3\\xa0mm, see press-1.csv'
     """
-    return re.sub(r"(?<![\w.)-])-(?=\d)", "\N{MINUS SIGN}", text)
+    signed = re.sub(r"(?<![\w.)-])-(?=\d)", "\N{MINUS SIGN}", text)
+    return re.sub(r"(?<=\d) (?=(?:%|mm|N|MPa|V|T|mT|mN|rad|Hz)(?!\w))", "\N{NO-BREAK SPACE}", signed)
 
 
 def _count(number: int, name: str) -> str:

@@ -110,6 +110,8 @@ def section(contents: Contents, *, solve: bool) -> Section:
         if not drawn and len(table) <= MOST_OPEN_ROWS and len(table.columns) <= MOST_OPEN_COLUMNS and len(table):
             result.sheets.append(table)
         result.replaced.update(picture for figure in drawn for picture in figure.replaces)
+    if "sizing.json" in contents.records:
+        result.sheets.extend(sizing_figures.sheets(contents.records["sizing.json"]))
     _add_surfaces(result, solve=solve)
     return result
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,10 +44,51 @@ def front(table: Table) -> list[Figure]:
         axis = Axis(name_of(y.removeprefix("fem_")), log="resolution" in y)
         figures.append(
             Figure(
-                title, caption, Axis(name_of(x.removeprefix("fem_"))), axis, (Panel("", parts),), source=table.name
+                title,
+                caption,
+                Axis(name_of(x.removeprefix("fem_"))),
+                axis,
+                (Panel("", parts),),
+                source=table.name,
+                replaces=("front.png",),
             )
         )
     return [*figures, *_differences(table, names)]
+
+
+def sheets(record: Mapping[str, Any]) -> list[Table]:
+    """Return the tables of sizing.json: requirements with the margins of the best variant, and what conflicts."""
+    winner = record.get("winner") or {}
+    margins = winner.get("margins") or {}
+    rows = [
+        {
+            "requirement": str(row.get("requirement", "")).replace("_", " "),
+            "value": row.get("value"),
+            "unit": "" if row.get("unit") == "1" else row.get("unit"),
+            "margin of the best variant (%)": _percent(margins.get(row.get("requirement"))),
+        }
+        for row in _rows(record, "requirements")
+        if row.get("value") is not None
+    ]
+    conflict = _rows(record, "conflict")
+    return [_table(name, part) for name, part in (("Requirements", rows), ("Conflict", conflict)) if part]
+
+
+def _rows(record: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
+    """Return a list of objects of a record; empty if it is none."""
+    rows = record.get(name)
+    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+
+
+def _percent(margin: Any) -> float | None:
+    return 100 * margin if isinstance(margin, (int, float)) else None
+
+
+def _table(name: str, rows: list[dict[str, Any]]) -> Table:
+    """Return rows as a table."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    cells = {key: ["" if row.get(key) is None else row[key] for row in rows] for key in columns}
+    return Table(name, {key: np.array(values, dtype=object) for key, values in cells.items()})
 
 
 def _names(table: Table) -> list[str]:

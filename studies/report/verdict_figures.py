@@ -157,11 +157,14 @@ def trade(table: Table) -> list[Figure]:
                 at = at[own[at] & np.isfinite(error[at]) & (cost[at] > 0)]
                 if len(at):
                     spread = np.percentile(error[at], [50, 95])
-                    points.append((float(np.median(cost[at])), *spread.tolist(), f"{name}, {len(at)} states"))
+                    level = name.rpartition(" ")[2]
+                    points.append((float(np.median(cost[at])), *spread.tolist(), f"{name}, {len(at)} states", level))
             if points:
-                x, y, high, text = zip(*points, strict=True)
+                x, y, high, text, label = zip(*points, strict=True)
                 low = y
-                parts.append(series(model, x, y, styles[model], line=False, low=low, high=high, names=text))
+                parts.append(
+                    series(model, x, y, styles[model], line=False, low=low, high=high, names=text, labels=label)
+                )
         if parts:
             panels.append(Panel(kind, tuple(parts)))
     if not panels:
