@@ -14,6 +14,7 @@ from studies.examples import (
     export_mold,
     press_and_read,
     shear_with_friction,
+    size_variant,
     slender_beams,
 )
 
@@ -46,6 +47,12 @@ def test_the_beam_assumption_fails_in_short_and_in_slender_beams():
     assert shear[1.0] > 0.62
     assert shear[2.0] < shear[3.0] < shear[4.0]
     assert all(abs(error) < 0.1 for (_, level), both in errors.items() if level == "finite" for error in both)
+
+
+def test_the_search_and_a_press_to_the_force_agree_on_the_depth(tmp_path):
+    """The sizing reads the depth from its solved states, with the softest silicone; the press searches for it."""
+    searched, sized = size_variant.main(str(tmp_path))
+    assert searched == pytest.approx(sized, rel=2e-3)
 
 
 def test_full_slip_is_mu_times_the_normal_force():
@@ -103,7 +110,7 @@ def test_program_is_short_and_says_what_it_shows(path):
     assert text.rstrip().endswith('if __name__ == "__main__":\n    main()')
 
 
-@pytest.mark.parametrize("name", ["export_mold", "slender_beams"])
+@pytest.mark.parametrize("name", ["size_variant", "export_mold", "slender_beams"])
 def test_programs_of_the_first_page_have_under_20_lines(name):
     """The page links them for its users; docstring and empty lines do not count."""
     text = (FOLDER / f"{name}.py").read_text("utf-8")
