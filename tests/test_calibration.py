@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.training.calibration import FEWEST, conformal_quantile, quantiles_around, quantiles_by_region
+from studies.training.calibration import FEWEST, conformal_quantile, quantiles_by_region
 
 
 def test_intervals_hold_nine_of_ten_new_points():
@@ -22,10 +22,3 @@ def test_regions_have_their_own_quantiles_unless_they_have_few_points():
     scores = np.concatenate([np.full(FEWEST, 1.0), np.full(FEWEST, 3.0), np.full(2, 9.0)])[:, None]
     region = np.repeat([0, 1, 2], [FEWEST, FEWEST, 2])
     assert quantiles_by_region(scores, region, 3)[:, 0].tolist() == [1, 3, 3]
-
-
-def test_quantiles_around_a_node_are_those_of_the_states_near_it():
-    shares = np.tile(np.linspace(0, 1, 11), (FEWEST, 1))
-    scores = np.where(shares < 0.5, 1.0, 4.0)
-    found = quantiles_around(np.array([0.0, 1.0]), shares, scores, np.zeros(FEWEST, dtype=np.int64), 1)
-    assert found.tolist() == [[1.0, 4.0]]

@@ -11,14 +11,14 @@ from studies.exploration.needed_paths import Processes
 from studies.surrogate.gaussian_process import GaussianProcess
 from studies.surrogate.prediction import Beams, first_zero
 from studies.training import surrogate_report, surrogate_study, surrogate_test
+from studies.training.state_errors import StateError, recalibrated
 from studies.training.surrogate_fit import press_outputs, shear_outputs
 from studies.training.surrogate_study import Extent, widest_points
-from studies.training.surrogate_test import StateError
 
 ROUGH = replace(QUICK, name="rough", section_size=0.35, section_patch=0.12, harmonics=1)
 # of 400 seeds the one whose first beams lie in the range, are short and have blunt edges: their meshes are small
 SEED = 213
-EXTENT = Extent(first=9, rounds=(1,), test=1, critical=0, accuracy=ROUGH, seed=SEED)
+EXTENT = Extent(first=9, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH, seed=SEED)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_training_beams_get_back_their_own_states(result):
 
 
 def test_every_state_of_the_test_has_its_errors(result):
-    rows = surrogate_test.errors(result)
+    rows = result.errors
     count = len(result.test.set.beams)
     for kind, quantities, states in (("press", 5, 5), ("shear", 7, 3), ("mode", 1, 1)):
         assert len([row for row in rows if row.kind == kind]) == count * quantities * states
@@ -110,3 +110,13 @@ def test_goals_are_judged_by_percentile_and_coverage():
     assert any("intervals hold 100 %" in sentence for sentence in wide)
     bad = surrogate_test.missed(surrogate_test.summaries([row(error_percent=3.0, interval_percent=9.0)] * 10))
     assert any("95th percentile of the errors 3 %, goal 2 %" in sentence for sentence in bad)
+
+
+def test_intervals_are_scaled_to_the_errors_of_their_region(result):
+    """All errors of slender beams are twice their intervals; a region with few rows takes the quantile of all."""
+    short = [row(L_over_D=1.0, error_percent=1.0, interval_percent=1.0)] * 40
+    slender = [row(L_over_D=3.0, error_percent=2.0, interval_percent=1.0)] * 40
+    scaled = recalibrated(result.surrogate, short + slender)
+    before, after = (s.groups["press"].quantiles for s in (result.surrogate, scaled))
+    assert after["force"] / before["force"] == pytest.approx(np.array([[1.0], [2.0], [2.0], [2.0]]) * np.ones((1, 8)))
+    assert np.array_equal(after["shift"], before["shift"])

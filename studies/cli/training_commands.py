@@ -53,7 +53,7 @@ def surrogate(
         console.progress(as_json=as_json) as progress,
     ):
         result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)
-        rows = surrogate_test.summaries(surrogate_test.errors(result))
+        rows = surrogate_test.summaries(result.errors)
         if folder is not None:
             surrogate_report.write(folder, result, extent.first, versions(("matplotlib",)), command_line)
     console.report(

@@ -1,11 +1,15 @@
 """Quantiles of errors from which the surrogate's intervals follow (conformal prediction).
 
 An interval is the prediction plus or minus q g y, with the spread g of the Gaussian process, the yardstick y of the
-quantity, and the quantile q of the scores |error| / (g y) of beams that were left out. With the ceil(0.9 (n + 1))-th
-smallest of n scores the interval holds the truth of an exchangeable new beam with a probability of at least 0.9 (Vovk
-et al. 2005; Lei et al. 2018). Here the scores are those of the training points, each predicted from all others, and
-not of a separate set (the jackknife; Barber et al. 2021): the guarantee is weaker, and a test on beams that training
-has not seen takes its place. Quantiles by region and node make the intervals right within these too, not on average.
+quantity, and the quantile q of the scores |error| / (g y). With the ceil(0.9 (n + 1))-th smallest of n scores the
+interval holds the truth of a beam that is drawn like those of the scores with a probability of at least 0.9 (Vovk et
+al. 2005; Lei et al. 2018).
+
+The quantiles are found in two steps. The errors of the training beams, each predicted from all others, tell by region
+and node how large errors are there (the jackknife; Barber et al. 2021). Training beams are not drawn like a user's,
+and know the errors at the nodes only. So random beams at random depths and shears, on which nothing else depends,
+scale the intervals: the quantile of their errors over their half widths, by quantity and region, multiplies the first
+ones.
 """
 
 from __future__ import annotations
@@ -18,8 +22,6 @@ from numpy.typing import NDArray
 from geometry.arrays import Array
 
 COVERAGE = 0.9
-WINDOW = 0.2
-"""Distance of a state from a node, in shares of the range of the roots of the depths, up to which it counts there."""
 FEWEST = 30
 """Least number of scores of a region with a quantile of its own; the others share that of all beams."""
 
@@ -33,23 +35,6 @@ def conformal_quantile(scores: Array) -> Array:
     n = len(scores)
     rank = min(math.ceil(COVERAGE * (n + 1)), n)
     return np.asarray(np.sort(scores, axis=0)[rank - 1])
-
-
-def quantiles_around(nodes: Array, shares: Array, scores: Array, region: NDArray[np.int64], regions: int) -> Array:
-    """Return the quantiles of scores in each region around each node, shape (regions, nodes).
-
-    Parameters
-    ----------
-    nodes, shares : where nodes (m,) and states (n, k) lie in the range of the depths, 0 to 1 in their roots.
-    scores : of these states, shape (n, k).
-    region : of each beam, shape (n,).
-    """
-    regions_of = np.broadcast_to(region[:, None], shares.shape)
-    result = np.empty((regions, len(nodes)))
-    for j, node in enumerate(nodes):
-        near = np.abs(shares - node) <= WINDOW
-        result[:, j] = quantiles_by_region(scores[near][:, None], regions_of[near], regions)[:, 0]
-    return result
 
 
 def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int) -> Array:

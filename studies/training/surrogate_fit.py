@@ -17,7 +17,7 @@ from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.gaussian_process import GaussianProcess
 from studies.surrogate.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN
 from studies.surrogate.surrogate_file import Group, Surrogate
-from studies.training.calibration import quantiles_around, quantiles_by_region
+from studies.training.calibration import quantiles_by_region
 from studies.training.length_scales import fitted
 from studies.training.training_beams import Beams, joined
 from studies.training.training_states import States
@@ -36,39 +36,28 @@ class TrainingSet:
 
     Attributes
     ----------
-    press, between : presses to the depths of training, and to random ones, on which the intervals are calibrated: the
-        error of a mesh differs from depth to depth, and an interpolation between nodes has its own.
     mode : first natural frequency over `frequency_unit`, shape (n,).
     """
 
     beams: Beams
     press: States
-    between: States
     mode: Array
     shear: States
 
     def kept(self, rows: NDArray[Any]) -> TrainingSet:
         """Return the beams of these rows."""
-        return TrainingSet(
-            self.beams[rows],
-            self.press.kept(rows),
-            self.between.kept(rows),
-            self.mode[rows],
-            self.shear.kept(rows),
-        )
+        return TrainingSet(self.beams[rows], self.press.kept(rows), self.mode[rows], self.shear.kept(rows))
 
     def complete(self) -> TrainingSet:
         """Return the beams of which no state has failed."""
         ratio = np.isnan(self.press.quantities["sideways_ratio"]).any(axis=1)
-        whole = self.press.complete & self.between.complete & self.shear.complete
-        return self.kept(whole & ~np.isnan(self.mode) & ~ratio)
+        return self.kept(self.press.complete & self.shear.complete & ~np.isnan(self.mode) & ~ratio)
 
     def joined(self, other: TrainingSet) -> TrainingSet:
         """Return the beams of both."""
         return TrainingSet(
             joined(self.beams, other.beams),
             self.press.joined(other.press),
-            self.between.joined(other.between),
             np.concatenate([self.mode, other.mode]),
             self.shear.joined(other.shear),
         )
@@ -117,9 +106,6 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
     x, b = states.features, states.beams
     region = prediction.beam_region(b.L, b.height)
     outputs = press_outputs(states.press)
-    between = press_outputs(states.between)
-    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(b.L, b.height))[:, None]
-    shares = (np.sqrt(states.between.depth) - low) / (high - low)
     groups: dict[str, Group] = {}
     left_out: dict[str, Array] = {}
     for name, quantities in (("press", PRESS), ("strain", STRAIN)):
@@ -128,13 +114,7 @@ def surrogate_of(states: TrainingSet, about: Mapping[str, Any]) -> Surrogate:
         predicted, g = process.left_out()
         own = dict(zip(quantities, np.split(predicted, len(quantities), axis=1), strict=True))
         quantiles = {
-            quantity: quantiles_around(
-                prediction.root_shares(),
-                shares,
-                np.abs(1 - np.exp(between[quantity] - prediction.through_roots(logs, shares))) / g[:, None],
-                region,
-                4,
-            )
+            quantity: quantiles_by_region(np.abs(1 - np.exp(outputs[quantity] - logs)) / g[:, None], region, 4)
             for quantity, logs in own.items()
         }
         left_out |= own

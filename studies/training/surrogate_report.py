@@ -15,8 +15,8 @@ from studies.output.provenance import made
 from studies.output.table_plots import sheet
 from studies.surrogate import surrogate_file
 from studies.training import surrogate_test
+from studies.training.state_errors import StateError
 from studies.training.surrogate_study import Result
-from studies.training.surrogate_test import StateError
 
 FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
 
@@ -43,7 +43,7 @@ also takes 0.03 (level paper) to 3 ms (level finite), beyond the 0.1 ms that 10 
 
 def write(folder: Path, result: Result, first: int, origin: str, command: str) -> list[str]:
     """Write the report into an existing folder; return one sentence for each goal that is missed."""
-    rows = surrogate_test.errors(result)
+    rows = result.errors
     table = surrogate_test.summaries(rows)
     missed = surrogate_test.missed(table)
     speed = surrogate_test.designs_per_second(result)

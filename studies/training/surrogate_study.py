@@ -2,7 +2,8 @@
 
 The first training beams fill the range evenly. Each round then adds the beams, of a large random pool, whose shears
 have the widest intervals, one after the other: every one narrows the intervals around it before the next is chosen.
-The test beams are independent random ones at random depths and shears, and serve for nothing else.
+Random beams at random depths and shears scale the intervals, and other such beams are the test, and serve for nothing
+else.
 """
 
 from __future__ import annotations
@@ -22,14 +23,17 @@ from studies.output.provenance import versions
 from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.gaussian_process import GaussianProcess, correlation
 from studies.surrogate.surrogate_file import Surrogate
+from studies.training.state_errors import StateError, errors, recalibrated
 from studies.training.surrogate_fit import TrainingSet, surrogate_of
 from studies.training.training_beams import Beams, random_beams, training_beams
 from studies.training.training_states import Solver, shear_depth
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
-RANDOM_DEPTHS, TEST_SHEARS = 5, 3
-"""Random depths of each press for calibration and test, random shears of each beam of the test."""
+RANDOM_DEPTHS, RANDOM_SHEARS = 5, 3
+"""Random depths of each press, and random shears, for calibration and test."""
+CALIBRATION = 1000
+"""Added to the seed for the beams of the calibration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +44,20 @@ class Extent:
     ----------
     first : number of evenly spread training beams.
     rounds : number of beams that each round adds where intervals are widest.
+    calibration : number of random beams that scale the intervals.
     test : number of beams of the test; `critical` of them also with their critical depth by `fem.stability`.
     """
 
     first: int = 300
-    rounds: tuple[int, ...] = (100, 100)
+    rounds: tuple[int, ...] = (100,)
+    calibration: int = 120
     test: int = 220
     critical: int = 60
     accuracy: Accuracy = STANDARD
     seed: int = 1
 
 
-FEW = Extent(first=40, rounds=(8,), test=12, critical=2, accuracy=QUICK)
+FEW = Extent(first=40, rounds=(8,), calibration=12, test=12, critical=2, accuracy=QUICK)
 """A study of some minutes, whose surrogate has errors of 10 %."""
 
 
@@ -82,20 +88,26 @@ class Result:
     test: Test
     failed: tuple[int, int]
 
+    @property
+    def errors(self) -> list[StateError]:
+        """Errors in all states of the test."""
+        return errors(self.surrogate, self.test.set, self.test.critical)
+
 
 def run(extent: Extent, store: Store, processes: Processes, progress: Progress | None = None) -> Result:
     """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
     beams = training_beams(extent.first, extent.seed)
     beams = beams[beams.in_range]
-    states = training_states(solver, beams, extent.seed)
+    states = training_states(solver, beams)
     for k, count in enumerate(extent.rounds):
         surrogate = surrogate_of(states.complete(), {})
         pool = random_beams(POOL, extent.seed + 2 + k)
         more = widest(surrogate, pool[pool.in_range], count)
-        states = states.joined(training_states(solver, more, extent.seed + 2 + k))
+        states = states.joined(training_states(solver, more))
     complete = states.complete()
-    test = test_states(solver, random_beams(extent.test, extent.seed + 1), extent.seed + 1)
+    calibration = random_states(solver, extent.calibration, extent.seed + CALIBRATION)
+    test = random_states(solver, extent.test, extent.seed + 1)
     tested = test.complete()
     critical = solver.critical_depths(tested.beams[: extent.critical])
     about = {
@@ -105,36 +117,35 @@ def run(extent: Extent, store: Store, processes: Processes, progress: Progress |
         "versions": versions(),
     }
     surrogate = surrogate_of(complete, about)
+    surrogate = recalibrated(surrogate, errors(surrogate, calibration.complete()))
     failed = len(states.beams) - len(complete.beams), len(test.beams) - len(tested.beams)
     return Result(surrogate, complete, Test(tested, critical), failed)
 
 
-def training_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
-    """Return the states of training beams: at the nodes of the surrogate, and presses to random depths."""
+def training_states(solver: Solver, beams: Beams) -> TrainingSet:
+    """Return the states of training beams: at the nodes of the surrogate."""
     press = solver.presses(beams, surrogate_range.press_depths(beams.L, beams.height))
-    between = solver.presses(beams, random_depths(beams, np.random.default_rng(seed)))
     mode = solver.first_modes(beams)
     shear = solver.shears(beams, shear_depth(beams, press), surrogate_range.shears(beams.L))
-    return TrainingSet(beams, press, between, mode, shear)
+    return TrainingSet(beams, press, mode, shear)
 
 
-def test_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
-    """Return the states of beams of the test: at random depths and shears."""
-    depths, shears = test_loads(beams, seed)
+def random_states(solver: Solver, count: int, seed: int) -> TrainingSet:
+    """Return the states of random beams in the range at random depths and shears."""
+    beams, rng = random_beams(count, seed), np.random.default_rng(seed)
+    depths, shears = random_depths(beams, rng), random_shears(beams, rng)
     inside = beams.in_range
     beams, depths, shears = beams[inside], depths[inside], shears[inside]
     press = solver.presses(beams, depths)
     mode = solver.first_modes(beams)
-    return TrainingSet(beams, press, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
+    return TrainingSet(beams, press, mode, solver.shears(beams, shear_depth(beams, press), shears))
 
 
-def test_loads(beams: Beams, seed: int) -> tuple[Array, Array]:
-    """Return random depths, spread in their root, and random shears of beams over D, (n, k) each, rising."""
-    rng = np.random.default_rng(seed)
-    depths = random_depths(beams, rng)
+def random_shears(beams: Beams, rng: np.random.Generator) -> Array:
+    """Return random shears of beams over D, shape (n, RANDOM_SHEARS), rising."""
     least = surrogate_range.SHEAR_NODES[0] / 2
-    part = np.sort(least + (1 - least) * rng.random((len(beams), TEST_SHEARS)), axis=1)
-    return depths, np.round(part * surrogate_range.farthest(beams.L)[:, None], 6)
+    part = np.sort(least + (1 - least) * rng.random((len(beams), RANDOM_SHEARS)), axis=1)
+    return np.asarray(np.round(part * surrogate_range.farthest(beams.L)[:, None], 6))
 
 
 def random_depths(beams: Beams, rng: np.random.Generator) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,11 +17,12 @@ from analytic import beam
 from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load
-from studies.surrogate import prediction, surrogate_range
-from studies.surrogate.prediction import DEEP, SLENDER, THICK, Beams, Quantity
+from studies.surrogate import surrogate_range
+from studies.surrogate.prediction import DEEP, SLENDER, THICK, Beams
 from studies.training.length_scales import fitted
+from studies.training.state_errors import StateError
 from studies.training.surrogate_fit import TrainingSet, press_outputs
-from studies.training.surrogate_study import Result, Test
+from studies.training.surrogate_study import Result
 from studies.training.training_beams import DIAMETER_MM, random_beams
 
 GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
@@ -39,36 +40,6 @@ REGIONS: dict[str, Callable[[StateError], bool]] = {
     f"thick magnet, above {THICK:g} D": lambda one: one.magnet_height_over_D > THICK,
     "nu below 0.49": lambda one: one.nu < 0.49,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class StateError:
-    """Error of one quantity in one state.
-
-    Attributes
-    ----------
-    kind : press, shear, critical depth or mode.
-    error_percent, interval_percent : error, and half width of the 90 % interval, of the yardstick.
-    """
-
-    beam: int
-    kind: str
-    quantity: str
-    L_over_D: float
-    magnet_diameter_over_D: float
-    magnet_height_over_D: float
-    nu: float
-    depth_over_D: float
-    shear_over_D: float
-    fem: float
-    surrogate: float
-    error_percent: float
-    interval_percent: float
-
-    @property
-    def covered(self) -> bool:
-        """Whether the interval holds the truth."""
-        return abs(self.error_percent) <= self.interval_percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,88 +65,6 @@ class Trend:
     beams: int
     surrogate_percent: float
     formula_percent: float
-
-
-def errors(result: Result) -> list[StateError]:
-    """Return the errors of all states of the test."""
-    test = result.test
-    b = test.set.beams
-    predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, result.surrogate)
-    return [
-        *_presses(test, predicted),
-        *_shears(test, predicted),
-        *_modes(test, predicted),
-        *_critical_depths(test, predicted),
-    ]
-
-
-def _presses(test: Test, predicted: Beams) -> Iterator[StateError]:
-    press = test.set.press
-    q = press.quantities
-    truth = {
-        "force": q["force_z"],
-        "shift": -q["shift_z"],
-        "contact_radius": q["contact_radius"],
-        "strain": q["strain"],
-        "sideways_ratio": q["sideways_ratio"],
-    }
-    for name, quantity in predicted.press(press.depth).items():
-        rod = 1 - quantity.value if name == "sideways_ratio" else quantity.value
-        yield from _rows(test, "press", name, press.depth, press.shear, truth[name], quantity, rod)
-
-
-def _shears(test: Test, predicted: Beams) -> Iterator[StateError]:
-    shear = test.set.shear
-    found = predicted.shear(shear.depth, shear.shear)
-    rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
-    for name, quantity in found.items():
-        true = -shear.quantities[name] if name == "shift_z" else shear.quantities[name]
-        yield from _rows(test, "shear", name, shear.depth, shear.shear, true, quantity, rods[name])
-
-
-def _modes(test: Test, predicted: Beams) -> Iterator[StateError]:
-    quantity = predicted.first_mode(test.set.beams.density_ratio)
-    column = Quantity(quantity.value[:, None], quantity.half_width[:, None])
-    none = np.zeros_like(column.value)
-    yield from _rows(test, "mode", "frequency", none, none, test.set.mode[:, None], column, column.value)
-
-
-def _critical_depths(test: Test, predicted: Beams) -> Iterator[StateError]:
-    """Yield the errors of the critical depths by `fem.stability` that lie within the range of the surrogate."""
-    count = len(test.critical)
-    quantity, deepest = predicted.critical_depth(), predicted.deepest[:count]
-    true, value = test.critical, quantity.value[:count]
-    # a beam that is stable as far as the range goes by one of both counts as critical at its end
-    exists = ((true <= deepest) | (value <= deepest)) & ~np.isnan(true)
-    column = Quantity(np.minimum(value, deepest)[:, None], quantity.half_width[:count, None])
-    column = Quantity(column.value, np.where(np.isfinite(column.half_width), column.half_width, 0.0))
-    shown = np.where(exists, np.minimum(true, deepest), np.nan)[:, None]
-    none = np.zeros_like(shown)
-    yield from _rows(test, "critical depth", "depth", shown, none, shown, column, column.value)
-
-
-def _rows(
-    test: Test, kind: str, name: str, depth: Array, shear: Array, true: Array, quantity: Quantity, rod: Array
-) -> Iterator[StateError]:
-    """Yield the errors of one quantity, arrays (n, k), without the states that do not exist."""
-    b = test.set.beams
-    for k, i in np.argwhere(~np.isnan(true)):
-        unit = 100 / float(rod[k, i])
-        yield StateError(
-            beam=int(k),
-            kind=kind,
-            quantity=name,
-            L_over_D=float(b.L[k]),
-            magnet_diameter_over_D=float(b.diameter[k]),
-            magnet_height_over_D=float(b.height[k]),
-            nu=float(b.nu[k]),
-            depth_over_D=float(depth[k, i]),
-            shear_over_D=float(shear[k, i]),
-            fem=float(true[k, i]),
-            surrogate=float(quantity.value[k, i]),
-            error_percent=unit * float(quantity.value[k, i] - true[k, i]),
-            interval_percent=abs(unit) * float(quantity.half_width[k, i]),
-        )
 
 
 def summaries(rows: Sequence[StateError]) -> list[Summary]:
