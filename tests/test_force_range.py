@@ -159,3 +159,6 @@ def test_states_give_the_range_too(run, strict, tmp_path):
     (formula,) = strict(run("layout", "paper", "--level", "finite", "--force-range", "3,0.3", "--json")[1])
     assert_allclose(record["force_range"]["median_N"], formula["force_range"]["median_N"], rtol=0.05)
     assert record["force_range"]["warnings"] == []
+    (far,) = strict(run("layout", "paper", "--responses", "states.jsonl", "--force-range", "3,3", "--json")[1])
+    (warning,) = far["force_range"]["warnings"]
+    assert warning.endswith("of the loads lie beyond the states: solve deeper or farther sideways")

@@ -300,9 +300,11 @@ def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
     from analytic import beam
     from studies.sensing import force_level_check
 
-    if level == decode_readings.RESPONSES:
-        return []
     reached = grid.reached
+    if level == decode_readings.RESPONSES:
+        beyond = 100 * float((~reached[grid.distinct]).mean())
+        text = f"{percent_text(beyond)} of the loads lie beyond the states: solve deeper or farther sideways"
+        return [text] if beyond else []
     if level == force_level_check.BEST:
         depth, shear = float(grid.plate[0, reached].max()), float(np.hypot(*grid.plate[1:, reached]).max())
         remark = beam.outside(coder.forward.design, Load(depth=depth, shear_x=shear, friction="stick"), level)
