@@ -29,3 +29,21 @@ def test_a_bad_file_is_refused(run, toml):
     status, out, err = run("catalogue", "--file", toml("[[silicone]]"))
     assert (status, out) == (2, "")
     assert err.endswith("[[silicone]] number 1: name is missing\n")
+
+
+def test_published_sensors(run, strict):
+    status, out, _ = run("catalogue", "published", "--json")
+    assert status == 0
+    assert {row["sensor"] for row in strict(out)} == {
+        "Chathuranga 2016",
+        "MagOne",
+        "Dwivedi 2018",
+        "Tomo 2016",
+        "eFlesh 2025",
+    }
+
+
+def test_results_go_with_published_sensors_only(run):
+    status, _, err = run("catalogue", "magnets", "--sized", "out")
+    assert (status, err.count("\n")) == (2, 1)
+    assert "--sized goes with published sensors" in err

@@ -1,11 +1,12 @@
 """Published sensors: figures and their origins, files of requirements with the same boxes, the table."""
 
+import json
 import re
 
 import pytest
 
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.published_sensors import REQUIRED, comparison, published_sensors, remarks
+from studies.sizing.published_sensors import REQUIRED, comparison, published_sensors, reached_in, remarks
 from studies.sizing.requirements import read_requirements
 
 SENSORS = {sensor.name: sensor for sensor in published_sensors()}
@@ -70,3 +71,36 @@ def test_a_variant_stands_beside_each_figure():
     values = {(row["sensor"], row["quantity"]): row["variant"] for row in rows}
     assert values["MagOne", "resolution_z"] == 2e-3
     assert values["MagOne", "range_z"] is None
+
+
+def written(folder, front):
+    (folder / "magone").mkdir(parents=True)
+    (folder / "magone" / "sizing.json").write_text(json.dumps({"front": front}), "utf-8")
+    return folder
+
+
+ROW = {
+    "status": "ok",
+    "fem_range_z_N": 12.0,
+    "fem_range_x_N": 2.0,
+    "fem_resolution_z_mN": 3.0,
+    "fem_resolution_x_mN": None,
+    "outer_size_mm": 14.9,
+    "height_mm": 13.0,
+}
+
+
+def test_results_are_read(tmp_path):
+    reached = reached_in(written(tmp_path, [{"status": "failed"}, ROW]))["MagOne"]
+    assert reached == {"range_z": 12.0, "range_x": 2.0, "resolution_z": 0.003, "outer_size": 14.9, "height": 13.0}
+
+
+@pytest.mark.parametrize("front", [[], [{"status": "failed"}]])
+def test_a_box_without_a_variant_is_left_out(tmp_path, refused, front):
+    with refused("holds no result of magtip size in a folder named paper_sensor, magone"):
+        reached_in(written(tmp_path, front))
+
+
+def test_what_is_no_result_is_refused(tmp_path, refused):
+    with refused("sizing.json is no result of magtip size", "run it again"):
+        reached_in(written(tmp_path, [{"status": "ok"}]))

@@ -1,4 +1,4 @@
-"""The verb that lists the parts from which sensors are sized: catalogue."""
+"""The verb that lists the parts from which sensors are sized, and published sensors to compare with: catalogue."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from geometry.design import BadInput
 from studies.cli.parameters import AsJson, Wide
 from studies.inputs.exit_status import GOOD
 from studies.output import console
 
 Kind = Annotated[
-    Literal["magnets", "hall_parts", "silicones"] | None,
-    Parameter(name="KIND", help="magnets, hall_parts or silicones; default: all three."),
+    Literal["magnets", "hall_parts", "silicones", "published"] | None,
+    Parameter(
+        name="KIND", help="magnets, hall_parts or silicones, or published (sensors); default: the first three."
+    ),
 ]
 
 
@@ -22,17 +25,25 @@ def catalogue(
     /,
     *,
     file: list[Path] | None = None,
+    sized: Path | None = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """List the magnets, Hall parts and silicones from which sensors are sized, with ranges and sources.
+    """List the magnets, Hall parts and silicones from which sensors are sized, or the figures of published sensors.
 
     Parameters
     ----------
     file
         TOML file with parts of your own, which are added to the shipped ones or replace those of the same name;
         repeatable.
+    sized
+        Folder with results of magtip size for the boxes of published sensors, each in a folder that is named as its
+        file of requirements: what the best variant reaches stands beside the published figures.
     """
+    if kind == "published":
+        return _published(sized, wide=wide, as_json=as_json)
+    if sized is not None:
+        raise BadInput("--sized goes with published sensors: magtip catalogue published --sized FOLDER")
     from studies.sizing import catalogues
     from studies.sizing.requirements import CATALOGUES, Requirements
 
@@ -45,6 +56,19 @@ def catalogue(
         console.report(records, as_json=as_json, title=title, brief=("source",), first=FIRST[each], wide=wide)
     if not as_json:
         console.note("--wide shows the sources; `assumed` names values without a source that was read.")
+    return GOOD
+
+
+def _published(sized: Path | None, *, wide: bool, as_json: bool) -> int:
+    """Print the figures of published sensors, beside what variants of the same boxes reach."""
+    from studies.sizing import published_sensors
+
+    rows = published_sensors.comparison({} if sized is None else published_sensors.reached_in(sized))
+    first = ("sensor", "quantity", "unit", "published", "variant")
+    console.report(rows, as_json=as_json, title="Published sensors", first=first, wide=wide)
+    if not as_json:
+        for sentence in published_sensors.remarks():
+            console.note(sentence)
     return GOOD
 
 

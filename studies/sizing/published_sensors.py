@@ -7,6 +7,7 @@ of the error of a made sensor, which has hysteresis, creep and the error of its 
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -112,6 +113,48 @@ def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any
                 }
             )
     return rows
+
+
+COLUMNS = {
+    "range_z": ("fem_range_z_N", 1.0),
+    "range_x": ("fem_range_x_N", 1.0),
+    "resolution_z": ("fem_resolution_z_mN", 1e-3),
+    "resolution_x": ("fem_resolution_x_mN", 1e-3),
+    "outer_size": ("outer_size_mm", 1.0),
+    "height": ("height_mm", 1.0),
+}
+"""Columns of the front in sizing.json, with the factor to the unit of the quantity."""
+
+
+def reached_in(folder: Path) -> dict[str, dict[str, float]]:
+    """Return what the best variant of each box reaches, by the name of the published sensor.
+
+    Parameters
+    ----------
+    folder : with a folder for each file of requirements, of the same name, into which `magtip size` wrote.
+
+    Raises
+    ------
+    BadInput
+        There is no result, or one cannot be read.
+    """
+    reached = {}
+    for sensor in published_sensors():
+        file = folder / sensor.requirements.stem / "sizing.json"
+        if not file.exists():
+            continue
+        try:
+            front = json.loads(file.read_text("utf-8"))["front"]
+            best = next((row for row in front if row["status"] == "ok"), None)
+            if best is not None:
+                values = {name: (best[column], factor) for name, (column, factor) in COLUMNS.items()}
+                reached[sensor.name] = {n: v * f for n, (v, f) in values.items() if v is not None}
+        except (ValueError, KeyError, TypeError) as error:
+            raise BadInput(f"{file} is no result of magtip size ({error!r}): run it again") from None
+    if not reached:
+        stems = ", ".join(sensor.requirements.stem for sensor in published_sensors())
+        raise BadInput(f"{str(folder)!r} holds no result of magtip size in a folder named {stems}")
+    return reached
 
 
 def remarks() -> list[str]:
