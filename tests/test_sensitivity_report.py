@@ -1,6 +1,7 @@
 """The verb sensitivity on the command line: its tables, files, pictures and refusals."""
 
 import csv
+import re
 
 import pytest
 
@@ -18,6 +19,9 @@ def test_all_methods_write_their_tables_pictures_and_the_page(run, tmp_path, str
     text = (tmp_path / "o" / "SENSITIVITY.md").read_text("utf-8")
     for heading in ("## Sobol indices", "## Morris' effects", "## Made sensors", "Made with `magtip sensitivity"):
         assert heading in text
+    # the gain of the elements has no effect on the force
+    assert re.search(r"^- force \(N\) varies with E \d+ %\.$", text, flags=re.M)
+    assert "- Along z 95 % of the sensors that have not failed err by at most" in text
     for name in ("sobol", "morris", "montecarlo"):
         assert (tmp_path / "o" / f"{name}.png").stat().st_size > 10_000
         with open(tmp_path / "o" / f"{name}.csv", newline="", encoding="utf-8") as file:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from geometry.design import Design
 from studies.output.provenance import made
 from studies.output.text_tables import titled
 from studies.sensitivity import sensitivity_plots
+from studies.sensitivity.percentiles import percentile
 from studies.sensitivity.sensitivity_rows import MorrisRow, SobolRow
 from studies.sensitivity.sensitivity_study import MonteCarloStudy, MorrisStudy, SobolStudy, summary
 from studies.sensitivity.tolerances import Tolerances
@@ -22,6 +24,9 @@ FILES = (
     *("montecarlo.csv", "percentiles.csv", "montecarlo.png"),
 )
 """Files that `write` writes into a folder; those of a method only if it was requested."""
+
+LEAST_SHARE = 0.05
+"""Least total order of an input that the page names in a sentence."""
 
 SOBOL = """\
 The first-order index is the share of the output's variance that an input explains alone, the total order also its
@@ -100,6 +105,7 @@ def _sobol(study: SobolStudy) -> list[str]:
         f"{first.points} points by model {first.model}; {_failures(study, first.points)}.",
         "",
     ]
+    lines += [*_largest_shares(study.rows), ""]
     cells = []
     for output, rows in sensitivity_plots.by_output(study.rows):
         error = f"{rows[0].model_error_over_deviation:.2g}"
@@ -108,6 +114,20 @@ def _sobol(study: SobolStudy) -> list[str]:
             cells.append([titled(output), row.input, *orders, error])
     lines += _markdown(("output", "input", "first order", "total order", "model's error / deviation"), cells)
     return [*lines, "", "![Sobol indices with their intervals](sobol.png)", ""]
+
+
+def _largest_shares(rows: Sequence[SobolRow]) -> list[str]:
+    """Return for each output the inputs whose total order is at least `LEAST_SHARE`, the largest first."""
+    lines = []
+    for output, each in sensitivity_plots.by_output(rows):
+        shares = [(row.total_order, row.input) for row in each if row.total_order is not None]
+        named = [
+            f"{name} {100 * share:.0f} %" for share, name in sorted(shares, reverse=True) if share >= LEAST_SHARE
+        ]
+        # the interval of an index is then wide: the estimate alone would mislead
+        doubt = "; the model's error exceeds this variation" if each[0].model_error_over_deviation > 1 else ""
+        lines += [f"- {titled(output)} varies with {', '.join(named)}{doubt}."] if named else []
+    return lines
 
 
 def _morris(study: MorrisStudy) -> list[str]:
@@ -130,8 +150,13 @@ def _monte_carlo(study: MonteCarloStudy) -> list[str]:
     lines += [f"{first.sensors} sensors by model {first.model}; {_failures(study, first.sensors)}.", ""]
     for name, axis in study.spread.axes.items():
         low, high = axis.force_range
-        error = f"; model's 90 % interval of its sensitivity: ± {axis.model_error:.2%}" if axis.model_error else ""
+        error = (
+            f"; model's 90 % interval of its sensitivity: ± {100 * axis.model_error:.2g} %"
+            if axis.model_error
+            else ""
+        )
         lines += [f"- Axis {name}: {low:.3g} to {high:.3g} N{error}{f'; {axis.message}' if axis.message else ''}."]
+    lines += [*_force_errors(study), ""]
     cells = []
     keys = dict.fromkeys((row.axis, row.quantity) for row in study.rows)
     for axis_name, quantity in keys:
@@ -140,8 +165,23 @@ def _monte_carlo(study: MonteCarloStudy) -> list[str]:
         nominal = "" if quantity.endswith("error") else _number(rows[0].nominal)
         cells.append([axis_name, quantity.replace("_", " "), rows[0].unit, nominal, *values])
     shares = [f"{row.percentile:g} %" for row in study.rows[:3]]
-    lines += ["", *_markdown(("axis", "quantity", "unit", "nominal", *shares), cells)]
+    lines += [*_markdown(("axis", "quantity", "unit", "nominal", *shares), cells)]
     return [*lines, "", "![Histograms of sensitivity and force errors](montecarlo.png)", ""]
+
+
+def _force_errors(study: MonteCarloStudy) -> list[str]:
+    """Return for each axis the 95th percentile of the force errors, in N and of the span of the force range."""
+    lines = []
+    for name, axis in study.spread.axes.items():
+        span = axis.force_range[1] - axis.force_range[0]
+        worst = [percentile(values, 0.95)[0] for values in (axis.error, axis.zeroed_error, axis.recalibrated_error)]
+        texts = [f"{error:.2g} N ({100 * error / span:.3g} % of the range)" for error in worst]
+        if all(map(math.isfinite, worst)):
+            lines.append(
+                f"- Along {name} 95 % of the sensors that have not failed err by at most {texts[0]} with the nominal "
+                f"calibration, {texts[1]} after zeroing, and {texts[2]} after recalibration."
+            )
+    return lines
 
 
 def _tolerances(results: Results) -> list[str]:
