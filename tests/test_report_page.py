@@ -149,7 +149,8 @@ def test_arrow_keys_turn_the_sensor(page):
 
 def test_sensor_is_drawn_without_webgl(chromium, report):
     with Browser("--disable-3d-apis") as plain:
-        page = plain.page(report.out)
+        # drawing without a graphics processor takes time in proportion to the area
+        page = plain.page(report.out, width=500, height=700)
         assert page.run("document.querySelector('[data-surface]').dataset.renderer") == "canvas"
         before = colours(page)
         assert len(np.unique(before.reshape(-1, 3), axis=0)) > 100

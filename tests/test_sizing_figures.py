@@ -32,6 +32,18 @@ def test_front_tells_the_best_from_the_removed(front):
     assert "range z, -6 %" in differences.caption
 
 
+def test_points_are_named_by_their_rank(front):
+    best, passed, failed = sizing_figures.front(front)[0].panels[0].series
+    assert (best.labels, passed.labels, failed.labels) == (("1",), ("2",), ("",))
+
+
+def test_front_is_a_table_of_its_main_columns(front):
+    table = sizing_figures.front_sheet(front)
+    assert list(table.columns)[:4] == ["rank", "status", "D_mm", "L_mm"]
+    assert "range_z_N" in table.columns
+    assert len(table) == 3
+
+
 def test_differences_have_a_point_for_each_variant(front):
     differences = sizing_figures.front(front)[-1]
     assert sum(len(one.x) for one in differences.panels[0].series) == 3

@@ -60,7 +60,8 @@ const Plots = (() => {
     for (let k = first; k <= last; k++)
       if (factors.length > 1 || (k - first) % every === 0)
         for (const f of factors) { const v = f * 10 ** k; if (v >= low * 0.999 && v <= high * 1.001) ticks.push(v); }
-    return ticks;
+    // less than a decade has too few round powers
+    return ticks.length > 2 || decades > 3 ? ticks : linearTicks(low, high, count).filter((v) => v > 0);
   }
 
   // A scale from values to pixels; categories stand at 0, 1, 2 ...

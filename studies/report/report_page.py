@@ -21,6 +21,7 @@ from studies.report import folder_contents, page_pictures, report_sections
 from studies.report.folder_contents import Contents, Table
 from studies.report.page_text import lead_of, page_html, title_of
 from studies.report.report_sections import Section
+from studies.report.sweep_figures import name_of
 
 OWN = Path(__file__).parent
 SCRIPTS = ("plots.js", "deformed.js", "page.js")
@@ -247,14 +248,14 @@ def _sheet(table: Table) -> dict[str, Any]:
     """Return a table as the template takes it."""
     columns = [table.texts(name) for name in table.columns]
     rows = [[_cell(column[k]) for column in columns] for k in range(len(table))]
-    return {"title": table.name, "head": [name.replace("_", " ") for name in table.columns], "rows": rows, "note": ""}
+    return {"title": table.name, "head": [name_of(name) for name in table.columns], "rows": rows, "note": ""}
 
 
 def _cell(text: str) -> dict[str, Any]:
     try:
-        return {"text": f"{float(text):.6g}", "number": True}
+        return {"text": f"{float(text):.4g}", "number": True}
     except ValueError:
-        return {"text": text, "number": False}
+        return {"text": {"True": "yes", "False": "no"}.get(text, text), "number": False}
 
 
 def _file_name(folder: str, title: str) -> str:

@@ -112,6 +112,8 @@ def section(contents: Contents, *, solve: bool) -> Section:
         result.replaced.update(picture for figure in drawn for picture in figure.replaces)
     if "sizing.json" in contents.records:
         result.sheets.extend(sizing_figures.sheets(contents.records["sizing.json"]))
+        if "front.csv" in contents.tables:
+            result.sheets.append(sizing_figures.front_sheet(contents.tables["front.csv"]))
     _add_surfaces(result, solve=solve)
     return result
 

@@ -19,6 +19,11 @@ FRONTS = (
     ("fem_range_x_N", "fem_resolution_x_mN", "Sideways resolution over sideways range, finite elements"),
 )
 """Pairs of columns of front.csv that are drawn."""
+SHOWN = (
+    *("rank", "status", "D_mm", "L_mm", "magnet", "silicone", "hall_part"),
+    *("fem_range_z_N", "fem_resolution_z_mN", "fem_strain_percent", "outer_size_mm"),
+)
+"""Columns of front.csv that the page shows as a table."""
 BEST, PASSED, FAILED = 0, 2, 1
 """Styles of the best variant, of those that pass, and of those that finite elements removed."""
 
@@ -30,7 +35,7 @@ def front(table: Table) -> list[Figure]:
     names = _names(table)
     figures = []
     for x, y, title in FRONTS:
-        if not table.has(x, y):
+        if not table.has(x, y) or not _varies(table.floats(x)) or not _varies(table.floats(y)):
             continue
         parts = _groups(table, x, y, rank, ok, names)
         caption = f"{int(ok.sum())} of {len(table)} variants of the front meet all requirements by finite elements. "
@@ -54,6 +59,17 @@ def front(table: Table) -> list[Figure]:
             )
         )
     return [*figures, *_differences(table, names)]
+
+
+def _varies(values: Array) -> bool:
+    """Return whether a column has two different numbers."""
+    return len(set(values[np.isfinite(values)].tolist())) > 1
+
+
+def front_sheet(table: Table) -> Table:
+    """Return the main columns of the front, with the numbers of finite elements."""
+    names = [name for name in SHOWN if name in table.columns]
+    return Table("Front", {name.removeprefix("fem_"): table.columns[name] for name in names})
 
 
 def sheets(record: Mapping[str, Any]) -> list[Table]:
@@ -109,7 +125,8 @@ def _groups(table: Table, x: str, y: str, rank: Array, ok: NDArray[np.bool_], na
     parts = []
     for label, style, rows in groups:
         own = [names[row] for row in np.flatnonzero(rows).tolist()]
-        one = series(label, table.floats(x)[rows], table.floats(y)[rows], style, line=False, names=np.array(own))
+        ranks = [f"{value:.0f}" if np.isfinite(value) else "" for value in rank[rows]]
+        one = series(label, table.floats(x)[rows], table.floats(y)[rows], style, line=False, names=own, labels=ranks)
         parts += [one] if one.y else []
     return tuple(parts)
 

@@ -145,7 +145,7 @@ def name_of(column: str) -> str:
     >>> name_of("magnet_height_mm"), name_of("nu")
     ('magnet height (mm)', 'nu')
     """
-    for unit in ("mm", "MPa", "rad", "deg", "N", "V", "T", "mT", "Hz", "percent"):
+    for unit in ("mm", "MPa", "rad", "deg", "mN", "N", "V", "mT", "T", "Hz", "percent"):
         if column.endswith(f"_{unit}"):
             sign = {"percent": "%", "deg": "degrees"}.get(unit, unit)
             return f"{column.removesuffix(f'_{unit}').replace('_', ' ')} ({sign})"
