@@ -197,26 +197,27 @@ def _lines(table: Table, grid: Grid, quantity: str) -> Iterator[Figure]:
             f"{len(few)} of {len(seconds)} values of {name_of(grid.second)} are drawn; the table has all.",
         )
         seconds = [seconds[k] for k in few]
-    x = table.floats(grid.x)
+    x, values = table.floats(grid.x), [table.floats(column) for column in columns[:4]]
+    colours = table.texts(grid.second)
     drawn = []
     for title, members in panels:
         parts: list[Series] = []
         for k, second in enumerate(seconds if grid.second else [""]):
-            own = [row for row in members if not grid.second or table.texts(grid.second)[row] == second]
+            own = [row for row in members if not grid.second or colours[row] == second]
             for dash, column in enumerate(columns[:4]):
                 label = model_name(column, quantity)
                 name = f"{value_of(grid.second, second)}, {label}" if grid.second else label
                 style = k if grid.second else dash
-                one = series(name, x[own], table.floats(column)[own], style, dash=dash)
+                one = series(name, x[own], values[dash][own], style, dash=dash)
                 parts += [one] if one.y else []
         drawn.append(Panel(title, tuple(parts)))
-    unit = QUANTITIES[quantity]
-    title = unit.partition(" (")[0]
+    title = QUANTITIES[quantity].partition(" (")[0]
     lines = "Solid lines are " + model_name(columns[0], quantity)
     others = [model_name(name, quantity) for name in columns[1:4]]
     patterns = ("dashed", "dotted", "dash-dotted")
     shown = "; ".join(f"{pattern}: {name}" for pattern, name in zip(patterns, others, strict=False))
-    caption = f"{lines}{'; ' + shown if shown else ''}."
+    unit = QUANTITIES[quantity]
+    caption = f"{lines}{'; ' + shown if shown else ''}. {_span(table, columns, quantity, rows)}"
     yield Figure(
         f"{title[:1].upper()}{title[1:]} over {name_of(grid.x).partition(' (')[0]}",
         caption,
@@ -229,6 +230,20 @@ def _lines(table: Table, grid: Grid, quantity: str) -> Iterator[Figure]:
     )
 
 
+def _span(table: Table, columns: Sequence[str], quantity: str, rows: NDArray[np.int64]) -> str:
+    """Return between which values a quantity lies, in a sentence for all models."""
+    unit = QUANTITIES[quantity].partition("(")[2].rstrip(")")
+    parts = []
+    for column in columns[:4]:
+        values = table.floats(column)[rows]
+        values = values[np.isfinite(values)]
+        if len(values):
+            parts.append(
+                f"{model_name(column, quantity)} from {values.min():.3g} to {values.max():.3g} {unit}".strip()
+            )
+    return f"Over all cases: {'; '.join(parts)}."
+
+
 def _maps(table: Table, grid: Grid, error: str) -> Iterator[Figure]:
     """Yield a map of the errors of each formula over the first two axes."""
     found = [name for name in table.columns if name == error or (name.endswith(f"_{error}"))]
@@ -238,15 +253,17 @@ def _maps(table: Table, grid: Grid, error: str) -> Iterator[Figure]:
     rows = np.flatnonzero(table.ok)
     panels, notes = _panels(table, grid, rows)
     across, up = _values(table, grid.x), _values(table, grid.second)
+    wide, high = ({text: k for k, text in enumerate(texts)} for texts in (across, up))
+    places = [(high[b], wide[a]) for a, b in zip(table.texts(grid.x), table.texts(grid.second), strict=True)]
     for column in columns[:2]:
         values = table.floats(column)
         if not np.isfinite(values[rows]).any():
             continue
         drawn = []
         for title, members in panels:
-            cells = [[float("nan")] * len(across) for _ in up]
+            cells = np.full((len(up), len(across)), np.nan)
             for row in members:
-                cells[up.index(table.texts(grid.second)[row])][across.index(table.texts(grid.x)[row])] = values[row]
+                cells[places[row]] = values[row]
             drawn.append(Panel(title, cells=tuple(numbers(line) for line in cells)))
         judged = values[rows][np.isfinite(values[rows])]
         within = 100 * np.mean(np.abs(judged) <= 10)
