@@ -4,9 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
+from fem.accuracy import QUICK
+from fem.scene import Scene
 from geometry.design import Design, paper
+from geometry.loads import Load
+from studies.exploration import store
+from studies.exploration.solved_paths import solved
 from studies.sensitivity.calibration_spread import calibration_spread, failure_reasons
+from studies.sensitivity.made_readings import made_readings
 from studies.sensitivity.tolerances import Tolerances
 from studies.sensitivity.varied_inputs import Press
 
@@ -81,3 +88,22 @@ def test_only_sensors_that_reach_a_rail_fail():
     failed = np.array([reason == "its reading lies at a rail" for reason in axis.refusals])
     assert 0 < failed.sum() < 40
     assert np.array_equal(np.isnan(axis.sensitivity), failed)
+
+
+def test_the_surrogate_predicts_the_spread_of_finite_elements():
+    """Three sensors solved one by one: the surrogate's sensitivities differ by its stated error, equally for all."""
+    spread_of_three = calibration_spread(paper(), Press(1.0), count=3, seed=3)
+    axis, sensors = spread_of_three.axes["z"], spread_of_three.sensors
+    loads, force = tuple(map(Load, (0.8, 0.95, 1.1, 1.25))), axis.force_range[1]
+    ratios = []
+    for k, design in enumerate(sensors.designs):
+        with store.in_memory() as kept:
+            answers, _ = solved(Scene(design, loads, QUICK), kept)
+        forces, shifts = np.array([(one.response.force[2], one.response.shift[2]) for one in answers]).T
+        sunk = np.zeros((len(sensors), 2, 3))
+        sunk[k, 1, 2] = PchipInterpolator(forces, shifts)(force)
+        rest, loaded = made_readings(sensors, sunk, np.zeros((len(sensors), 2, 2))).output[k, :, 0]
+        ratios.append(axis.sensitivity[k] / ((loaded - rest) / force))
+    assert ratios == pytest.approx([1.0] * 3, abs=axis.model_error)
+    assert np.ptp(ratios) < 0.005
+    assert np.ptp(axis.sensitivity) > 0.03 * axis.nominal_sensitivity
