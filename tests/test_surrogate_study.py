@@ -114,9 +114,18 @@ def test_goals_are_judged_by_percentile_and_coverage():
 
 def test_intervals_are_scaled_to_the_errors_of_their_region(result):
     """All errors of slender beams are twice their intervals; a region with few rows takes the quantile of all."""
-    short = [row(L_over_D=1.0, error_percent=1.0, interval_percent=1.0)] * 40
-    slender = [row(L_over_D=3.0, error_percent=2.0, interval_percent=1.0)] * 40
+    both = [{"depth_over_D": depth, "interval_percent": 1.0} for depth in (0.02, 0.3)]
+    short = [row(L_over_D=1.0, error_percent=1.0, **more) for more in both] * 40
+    slender = [row(L_over_D=3.0, error_percent=2.0, **more) for more in both] * 40
     scaled = recalibrated(result.surrogate, short + slender)
     before, after = (s.groups["press"].quantiles for s in (result.surrogate, scaled))
     assert after["force"] / before["force"] == pytest.approx(np.array([[1.0], [2.0], [2.0], [2.0]]) * np.ones((1, 8)))
     assert np.array_equal(after["shift"], before["shift"])
+
+
+def test_light_and_deep_presses_are_scaled_apart(result):
+    light = [row(depth_over_D=0.02, error_percent=3.0, interval_percent=1.0)] * 40
+    deep = [row(depth_over_D=0.3, L_over_D=1.5, error_percent=0.5, interval_percent=1.0)] * 40
+    scaled = recalibrated(result.surrogate, light + deep)
+    ratio = scaled.groups["press"].quantiles["force"] / result.surrogate.groups["press"].quantiles["force"]
+    assert ratio[0] == pytest.approx([3.0] * 4 + [0.5] * 4)

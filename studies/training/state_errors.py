@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from studies.surrogate import prediction
+from studies.surrogate import prediction, surrogate_range
 from studies.surrogate.prediction import CRITICAL, Beams, Quantity
 from studies.surrogate.surrogate_file import Group, Surrogate
 from studies.training.calibration import quantiles_by_region
@@ -21,6 +21,8 @@ from studies.training.surrogate_fit import TrainingSet
 
 KINDS = {"press": "press", "strain": "press", "mode": "mode", "shear": "shear", "shear_skin": "shear"}
 """Kind of the states that each group of the surrogate predicts."""
+HALF = 0.5
+"""Share of the range of the depths, in their roots, beyond which a press is deep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ def errors(surrogate: Surrogate, states: TrainingSet, critical: Array | None = N
 
 
 def recalibrated(surrogate: Surrogate, rows: Sequence[StateError]) -> Surrogate:
-    """Return the surrogate with intervals scaled to the errors of random beams, by quantity and region."""
+    """Return the surrogate with intervals scaled to the errors of random beams, by quantity, region and depth."""
     return replace(
         surrogate, groups={name: _scaled(group, KINDS[name], rows) for name, group in surrogate.groups.items()}
     )
@@ -84,9 +86,26 @@ def _scaled(group: Group, kind: str, rows: Sequence[StateError]) -> Group:
         if name == CRITICAL or not own:
             quantiles[name] = values
             continue
-        scores = np.array([abs(row.error_percent) / row.interval_percent for row in own])
-        quantiles[name] = values * quantiles_by_region(scores[:, None], _regions(own, kind), len(values))
+        scores = np.array([abs(row.error_percent) / row.interval_percent for row in own])[:, None]
+        region = _regions(own, kind)
+        if kind != "press":
+            quantiles[name] = values * quantiles_by_region(scores, region, len(values))
+            continue
+        # light and deep presses apart: the error of a light one is that of the contact's mesh
+        deep, nodes = _shares(own) > HALF, prediction.root_shares() > HALF
+        factors = [quantiles_by_region(scores[part], region[part], len(values)) for part in (~deep, deep)]
+        quantiles[name] = values * np.where(nodes, factors[1], factors[0])
     return replace(group, quantiles=quantiles)
+
+
+def _shares(rows: Sequence[StateError]) -> Array:
+    """Return where the depth of each press lies in the range of the depths, 0 to 1 in the roots."""
+    L, height, depth = (
+        np.array([getattr(row, name) for row in rows])
+        for name in ("L_over_D", "magnet_height_over_D", "depth_over_D")
+    )
+    low = np.sqrt(surrogate_range.SHALLOWEST)
+    return np.asarray((np.sqrt(depth) - low) / (np.sqrt(surrogate_range.deepest(L, height)) - low))
 
 
 def _regions(rows: Sequence[StateError], kind: str) -> NDArray[np.int64]:
