@@ -64,9 +64,9 @@ def variables(requirements: Requirements, catalogues: Catalogues) -> tuple[Varia
     return (
         Variable("D", low, high),
         Variable("slenderness", *surrogate_range.LENGTH),
-        Variable("magnet", choices=len(catalogues.magnets)),
-        Variable("silicone", choices=len(catalogues.silicones)),
-        Variable("hall_part", choices=len(catalogues.hall_parts)),
+        Variable("magnet", choices=len(catalogues.magnets), ordered=True),
+        Variable("silicone", choices=len(catalogues.silicones), ordered=True),
+        Variable("hall_part", choices=len(catalogues.hall_parts), ordered=True),
         Variable("below", *BELOW),
         Variable("aside", *ASIDE),
         Variable("level", *LEVEL),

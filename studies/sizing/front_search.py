@@ -32,18 +32,26 @@ CHOICE_MUTATION = 0.1
 """Share of offspring in which a choice is replaced by a random one. pymoo's default for one variable is 0.5, with
 which half of all good choices are lost in each generation."""
 
+POOL = 6
+"""Random candidates from which the first generation is chosen, over its size: where few candidates are feasible, the
+first good ones decide around which choices the search goes on."""
+
 Evaluate = Callable[[Array], tuple[Array, Array]]
 """Returns objectives (n, k), all to be made small, and constraints (n, q), met where <= 0, of n candidates (n, m)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable of the search: a number from `low` to `high`, or one of `choices` choices, numbered from 0."""
+    """A variable of the search: a number from `low` to `high`, or one of `choices` choices, numbered from 0.
+
+    Of `ordered` choices, neighbours are alike: offspring then take choices near those of their parents.
+    """
 
     name: str
     low: float = 0.0
     high: float = 1.0
     choices: int = 0
+    ordered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +147,11 @@ def restored(file: Path, identity: str) -> Generation | None:
 
 
 def _first(variables: Sequence[Variable], evaluate: Evaluate, effort: Effort) -> Generation:
-    """Return the random first generation: a Latin hypercube, so that each choice appears about equally often."""
+    """Return the best of a random pool: a Latin hypercube, so that each choice appears about equally often."""
     random = np.random.default_rng(effort.seed)
-    columns = []
+    columns, count = [], POOL * effort.population
     for variable in variables:
-        share = (random.permutation(effort.population) + random.random(effort.population)) / effort.population
+        share = (random.permutation(count) + random.random(count)) / count
         if variable.choices:
             columns.append(np.floor(share * variable.choices))
         else:
@@ -158,18 +166,27 @@ def _next(variables: Sequence[Variable], evaluate: Evaluate, state: Generation) 
     from pymoo.algorithms.moo.nsga2 import binary_tournament
     from pymoo.core.duplicate import NoDuplicateElimination
     from pymoo.core.mixed import MixedVariableMating
-    from pymoo.core.variable import Choice, Real
+    from pymoo.core.variable import Choice, Integer, Real
     from pymoo.operators.crossover.sbx import SBX
     from pymoo.operators.crossover.ux import UX
     from pymoo.operators.mutation.pm import PM
     from pymoo.operators.mutation.rm import ChoiceRandomMutation
+    from pymoo.operators.repair.rounding import RoundingRepair
     from pymoo.operators.selection.tournament import TournamentSelection
 
     random = _generator(state.random)
     mating = MixedVariableMating(
         selection=TournamentSelection(func_comp=binary_tournament),
-        crossover={Real: SBX(eta=15, prob=0.9), Choice: UX()},
-        mutation={Real: PM(eta=20), Choice: ChoiceRandomMutation(prob_var=CHOICE_MUTATION)},
+        crossover={
+            Real: SBX(eta=15, prob=0.9),
+            Integer: SBX(eta=15, prob=0.9, vtype=float, repair=RoundingRepair()),
+            Choice: UX(),
+        },
+        mutation={
+            Real: PM(eta=20),
+            Integer: PM(eta=10, vtype=float, repair=RoundingRepair()),
+            Choice: ChoiceRandomMutation(prob_var=CHOICE_MUTATION),
+        },
         eliminate_duplicates=NoDuplicateElimination(),
     )
     # binary_tournament reads these two from the algorithm
@@ -229,12 +246,15 @@ def _population(
 def _problem(variables: Sequence[Variable], state: Generation) -> Problem:
     """Return the variables, and the numbers of objectives and constraints, as pymoo describes them."""
     from pymoo.core.problem import Problem
-    from pymoo.core.variable import Choice, Real
+    from pymoo.core.variable import Choice, Integer, Real
 
-    kinds = {
-        each.name: Choice(options=list(range(each.choices))) if each.choices else Real(bounds=(each.low, each.high))
-        for each in variables
-    }
+    def kind(each: Variable) -> object:
+        if not each.choices:
+            return Real(bounds=(each.low, each.high))
+        last = each.choices - 1
+        return Integer(bounds=(0, last)) if each.ordered and last else Choice(options=list(range(last + 1)))
+
+    kinds = {each.name: kind(each) for each in variables}
     return Problem(vars=kinds, n_obj=state.F.shape[1], n_ieq_constr=state.G.shape[1])
 
 

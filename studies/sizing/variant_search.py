@@ -90,12 +90,16 @@ def islands(requirements: Requirements, catalogues: Catalogues) -> list[Candidat
     """Return the candidates with one-axis parts and those with 3-axis chips, which are searched apart.
 
     A good beam for one is none for the other: in a common population whichever becomes feasible first would displace
-    the other one before it is good.
+    the other one before it is good. Parts are sorted, so that neighbours in the search are alike.
     """
-    kinds = [[part for part in catalogues.hall_parts if (part.layout == "three") == three] for three in (True, False)]
-    return [
-        Candidates(requirements, dataclasses.replace(catalogues, hall_parts=tuple(parts))) for parts in kinds if parts
-    ]
+    sorted_parts = dataclasses.replace(
+        catalogues,
+        magnets=tuple(sorted(catalogues.magnets, key=lambda one: one.diameter**2 * one.height * one.remanence)),
+        silicones=tuple(sorted(catalogues.silicones, key=lambda one: one.E)),
+    )
+    parts = sorted(catalogues.hall_parts, key=lambda one: one.gain)
+    kinds = [tuple(part for part in parts if (part.layout == "three") == three) for three in (True, False)]
+    return [Candidates(requirements, dataclasses.replace(sorted_parts, hall_parts=kind)) for kind in kinds if kind]
 
 
 def searched(
