@@ -30,9 +30,9 @@ def size(
     *,
     out: Path,
     export: bool = False,
-    population: Whole = 128,
-    generations: Whole = 100,
-    points: Whole = 20,
+    population: Whole = 96,
+    generations: Whole = 80,
+    points: Whole = 16,
     sensors: Whole = 1000,
     accuracy: AccuracyName = "standard",
     store: Path | None = None,
@@ -120,8 +120,11 @@ def _show(sizing: Sizing, *, wide: bool) -> None:
     """Print the front as a table, and the yield in a sentence."""
     if not sizing.front:
         return
+    from studies.sizing.sizing_report import FRONT
+
+    rows = [point.row() for point in sizing.front]
     console.report(
-        [point.row() for point in sizing.front],
+        rows if wide else [{name: row[name] for name in (*FRONT, "status", "reason")} for row in rows],
         as_json=False,
         title=f"Front: {len(sizing.front)} points, solved by finite elements",
         first=("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "outer_size_mm"),

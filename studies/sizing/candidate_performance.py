@@ -5,8 +5,8 @@ saturation and the first mode at the least E, where a force presses deepest, and
 where it moves the magnet least. The remanence is a range too: saturation counts at its high end, resolution at its
 low end.
 
-The poses of a force range are a grid over press force, sideways force and its direction (`GRID`). They are the same
-for the surrogate and for finite elements, see `range_poses`.
+The poses of a force range are a grid over press force, sideways force and its direction (`PoseGrid`). They are the
+same for the surrogate and for finite elements, see `range_poses`.
 """
 
 from __future__ import annotations
@@ -32,10 +32,26 @@ from studies.sizing.requirement_margins import Performance, lengths, lower, marg
 from studies.sizing.requirements import Requirements
 from studies.surrogate import surrogate_range
 
-PRESSES = (0.25, 1.0)
-"""Press forces of the poses, over the range."""
-GRID = ((0.0, 0.0), *((1.0, 45.0 * k) for k in range(8)))
-"""Sideways forces of the poses over the range, each with its direction from x towards y in degrees."""
+
+@dataclass(frozen=True, slots=True)
+class PoseGrid:
+    """Poses of a force range: press forces and sideways forces over the ranges, and directions from x towards y."""
+
+    presses: tuple[float, ...]
+    shears: tuple[float, ...]
+    directions: int
+
+    @property
+    def sideways(self) -> list[tuple[float, float]]:
+        """Sideways forces and their directions in degrees, first none."""
+        turn = 360 / self.directions
+        return [(0.0, 0.0), *((share, turn * k) for share in self.shears for k in range(self.directions))]
+
+
+SEARCHED = PoseGrid((0.25, 1.0), (1.0,), 8)
+"""Poses at which the search rates each candidate."""
+CHECKED = PoseGrid((0.25, 0.4, 0.6, 0.8, 1.0), (0.33, 0.67, 1.0), 16)
+"""Poses at which the points of a front are checked."""
 NO_SHEAR = 0.02
 """Sideways force over the press force that a sensor without a required sideways range is examined at: it is small,
 and fixes how the readings change sideways."""
@@ -54,6 +70,7 @@ def performance(
     estimate: Performance | None = None,
     scales: Array | None = None,
     reader: Reader | None = None,
+    grid: PoseGrid = SEARCHED,
 ) -> Performance:
     """Return what variants reach, of which `beams` gives the responses in the same order.
 
@@ -64,6 +81,7 @@ def performance(
         and at the same shears.
     scales : factors on the ranges in z and in x of each variant, shape (n, 2), at which the other requirements are
         held against it; default: 1.
+    grid : poses of the force range.
     reader : readings of the variants; default: with the ranges of the remanence that the catalogue states.
     """
     D, L, low, high, density, ratio = _columns(variants)
@@ -77,7 +95,7 @@ def performance(
         limit = np.minimum(limit, DEEPER * np.maximum(estimate.range_depth, estimate.depth))
     press = press_curves(beams, limit)
     ends = press.depth_of_force(force_z[:, None] / (np.stack([low, high], axis=1) * unit[:, None]))
-    least = press.depth_of_force((PRESSES[0] * force_z / (high * unit))[:, None])[:, 0]
+    least = press.depth_of_force((grid.presses[0] * force_z / (high * unit))[:, None])[:, 0]
     farthest = surrogate_range.farthest(L / D)
     guess = None if estimate is None else estimate.shears
     shear = shear_curves(beams, press, least, ends[:, 0], force_x / (low * unit), farthest, guess)
@@ -85,7 +103,7 @@ def performance(
     sheared = requirements.force_x is not None
     # sensors that are made have one modulus each, and not a range of it
     moduli = (low,) if (low == high).all() else (low, high)
-    poses = [_poses(variants, press, shear, E, force_z, force_x, sheared=sheared) for E in moduli]
+    poses = [_poses(variants, press, shear, E, force_z, force_x, grid, sheared=sheared) for E in moduli]
     reader = NominalReader(variants) if reader is None else reader
     figures = [decoding(reader, each, len(variants)) for each in poses]
     resolution = np.max([each[0] for each in figures], axis=0)
@@ -196,14 +214,15 @@ def _poses(
     E: Array,
     force_z: Array,
     force_x: Array,
+    grid: PoseGrid,
     *,
     sheared: bool,
 ) -> Loaded:
     """Return the poses of n variants at moduli E, shape (n,), as one table of rows, variant after variant."""
     D = np.array([each.design.D for each in variants])
-    grid = GRID if sheared else GRID[:1]
-    presses = np.repeat(PRESSES, len(grid))
-    shares, azimuth = np.tile(np.array(grid), (len(PRESSES), 1)).T
+    sideways = grid.sideways if sheared else grid.sideways[:1]
+    presses = np.repeat(grid.presses, len(sideways))
+    shares, azimuth = np.tile(np.array(sideways), (len(grid.presses), 1)).T
     unit = (E * D**2)[:, None]
     depth = press.depth_of_force(presses * force_z[:, None] / unit)
     # near the ends of what the source covers, a required force can lie beyond it: its margin says so

@@ -16,7 +16,7 @@ import numpy as np
 
 from geometry.arrays import Array, Ints
 from studies.output.records import FlatRow
-from studies.sizing.candidate_performance import performance
+from studies.sizing.candidate_performance import CHECKED, performance
 from studies.sizing.fem_beams import FemBeams
 from studies.sizing.requirement_margins import Performance
 from studies.sizing.variant_search import beams_of, objectives
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from studies.sizing.requirements import Requirements
     from studies.training.training_states import Solver
 
-MOST_POINTS = 20
+MOST_POINTS = 16
 """Points of a front that are solved: their finite elements take two to three minutes on two cores."""
 COMPARED = {
     "range_z": ("range_z_N", 1.0),
@@ -37,7 +37,7 @@ COMPARED = {
     "strain": ("strain_percent", 100.0),
     "critical": ("critical_depth_over_D", 1.0),
     "first_mode": ("first_mode_Hz", 1.0),
-    "saturation": ("saturation_margin_percent", 100.0),
+    "saturation": ("rail_distance_percent", 100.0),
 }
 """Quantities that both sources give: column in tables, and its unit in that of `Performance`."""
 ALIKE = {"outer_size": "outer_size_mm", "height": "height_mm", "wall": "wall_mm"}
@@ -79,16 +79,29 @@ class FrontPoint:
             row |= {f"surrogate_{column}": predicted, f"fem_{column}": solved, **self._difference(name, column)}
             width = self.predicted.get(f"{name}_half_width")
             if width is not None:
-                row[f"surrogate_{column}_half_width"] = unit * width
+                stem, end = _stem(column)
+                row[f"surrogate_{stem}_half_width_{end}"] = unit * width
         row |= {f"margin_{name}_percent": 100 * value for name, value in self.margins.items()}
         return row | {"score": self.score, "reason": self.reason}
 
     def _difference(self, name: str, column: str) -> FlatRow:
-        stem, _, unit = column.rpartition("_")
-        label = f"{stem}_difference_percent" if unit != "D" else f"{column}_difference_percent"
         solved = self.solved[name]
         known = np.isfinite(solved) and np.isfinite(self.predicted[name]) and solved != 0
-        return {label: 100 * (self.predicted[name] / solved - 1) if known else None}
+        return {
+            f"{_stem(column)[0]}_difference_percent": 100 * (self.predicted[name] / solved - 1) if known else None
+        }
+
+
+def _stem(column: str) -> tuple[str, str]:
+    """Return the name in a column, and its unit.
+
+    >>> _stem("range_z_N"), _stem("critical_depth_over_D")
+    (('range_z', 'N'), ('critical_depth', 'over_D'))
+    """
+    for unit in ("over_D", column.rpartition("_")[2]):
+        if column.endswith(f"_{unit}"):
+            return column.removesuffix(f"_{unit}"), unit
+    return column, ""
 
 
 def spread(F: Array, count: int) -> Ints:
@@ -123,9 +136,9 @@ def solved_front(
     everyone = performance(variants, beams_of(variants), requirements)
     chosen = spread(objectives(everyone), most)
     variants = [variants[k] for k in chosen]
-    predicted = performance(variants, beams_of(variants), requirements)
+    predicted = performance(variants, beams_of(variants), requirements, grid=CHECKED)
     fem = FemBeams([each.design for each in variants], solver)
-    solved = performance(variants, fem, requirements, caution=0.0, estimate=predicted)
+    solved = performance(variants, fem, requirements, caution=0.0, estimate=predicted, grid=CHECKED)
     points = [_point(k, variants[k], predicted, solved) for k in range(len(variants))]
     return ranked(points, solved, requirements)
 

@@ -115,7 +115,8 @@ def _requirements(sizing: Sizing) -> str:
         )
     note = (
         "Bounds are held over the whole range of E of each silicone and of the remanence of each grade. A margin is "
-        "relative to its bound; margins above 100 % are shown as 100."
+        "relative to its bound; margins above 100 % are shown as 100. The range is not followed beyond three times "
+        "the required one."
     )
     return f"## Requirements\n\n{table(rows)}\n\n{note}"
 
@@ -192,7 +193,11 @@ def _differences(front: Sequence[FrontPoint]) -> str:
         {name: "" if value is None else _short(value) for name, value in row.items()}
         for row in largest_differences(front).values()
     ]
-    return f"## Surrogate beside finite elements\n\nDifferences in percent of the finite elements.\n\n{table(rows)}"
+    note = (
+        "Differences in percent of the finite elements. The surrogate's range is cautious: its bounds hold at the "
+        "worse ends of its intervals."
+    )
+    return f"## Surrogate beside finite elements\n\n{note}\n\n{table(rows)}"
 
 
 def _short(value: Any) -> str:
