@@ -109,3 +109,10 @@ def test_an_unknown_grade_is_refused(refused, toml):
 def test_a_part_in_two_files_is_refused(refused, toml):
     with refused("b.toml: .*a.toml has a part 'Dragon Skin 30' too"):
         parts_of(catalogues=(toml(OWN, "a.toml"), toml(OWN.replace("= 4", "= 5"), "b.toml")))
+
+
+@pytest.mark.parametrize("bound", ["D_high", "outer_size"])
+def test_a_beam_in_which_no_magnet_fits_is_refused(refused, bound):
+    with refused("no magnet in use fits into a beam of 4.1 mm: the smallest one, 4x2 N35, needs 4.2 mm"):
+        parts_of(magnets=("5x2 N35", "4x2 N35"), **{bound: 4.1})
+    assert parts_of(magnets=("4x2 N35",), **{bound: 4.2}).magnets

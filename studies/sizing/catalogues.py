@@ -7,12 +7,13 @@ raises a `BadInput` here, whose message is one sentence with the remedy.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from geometry.design import BadInput, nearest
+from geometry.design import LEAST_WALL, BadInput, nearest
 from studies.sizing.catalogue_entries import HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.catalogue_files import CatalogueFile, read_catalogue
 from studies.sizing.requirements import CATALOGUES, Requirements
@@ -40,7 +41,8 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     Raises
     ------
     BadInput
-        A file cannot be used, two files of the user share a name, a name is unknown, or no part of a kind is left.
+        A file cannot be used, two files of the user share a name, a name is unknown, no part of a kind is left, or no
+        magnet fits into the largest beam.
 
     >>> [part.name for part in catalogues_of(Requirements(force_z=5.0, magnets=("4x2 N35",))).magnets]
     ['4x2 N35']
@@ -51,8 +53,10 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     ours = {kind: read_catalogue(str(FOLDER / f"{kind}.toml")) for kind in CATALOGUES}
     grades = {name: grade for file in (ours["magnets"], *users) for name, grade in file.grades.items()}
     files = {kind: ([ours[kind]] if kind in requirements.shipped else []) + users for kind in CATALOGUES}
+    magnets = _in_use("magnets", _magnets(files["magnets"], grades), requirements)
+    _check_fit(magnets, requirements)
     return Catalogues(
-        _in_use("magnets", _magnets(files["magnets"], grades), requirements),
+        magnets,
         _in_use("hall_parts", _merged(file.hall_parts for file in files["hall_parts"]), requirements),
         _in_use("silicones", _merged(file.silicones for file in files["silicones"]), requirements),
     )
@@ -139,6 +143,17 @@ def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) ->
         if name not in parts:
             raise BadInput(f"{kind}: the catalogues have no {name!r}: {_close(name, parts)}")
     return tuple(parts[name] for name in names)
+
+
+def _check_fit(magnets: Sequence[MagnetEntry], requirements: Requirements) -> None:
+    """Raise BadInput if no magnet leaves silicone beside it in the largest beam that the requirements allow."""
+    widest = min(requirements.D_high or math.inf, requirements.outer_size or math.inf)
+    least = min(magnets, key=lambda magnet: magnet.diameter)
+    if least.diameter + 2 * LEAST_WALL > widest:
+        raise BadInput(
+            f"no magnet in use fits into a beam of {widest:g} mm: the smallest one, {least.name}, needs "
+            f"{least.diameter + 2 * LEAST_WALL:g} mm with the silicone beside it"
+        )
 
 
 def _close(name: str, parts: Iterable[str]) -> str:
