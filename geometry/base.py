@@ -223,10 +223,11 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
         return ()
     opening = element_seats.opening(seat)
     openings = [] if opening is None else [opening]
-    x, y, _ = seat.corner
-    if recess and x + seat.sides[0] > 0 and recess_radius > x - WEB and seat.corner[2] + seat.sides[2] > 0:
-        # in front of S2 and S3 the recess opens into their slots
-        gate = Block((0.0, y, 0.0), (x + seat.sides[0] / 2, seat.sides[1], recess))
+    near, top = seat.corner[0], seat.corner[2] + seat.sides[2]
+    if recess and recess_radius > near - WEB and 0 < near and top > 0:
+        # in front of S2 and S3 the recess opens into their slots, as wide as the wall between would be too thin
+        aside = min(-seat.corner[1], math.sqrt(recess_radius**2 - max(near - WEB, 0.0) ** 2))
+        gate = Block((0.0, -aside, 0.0), (near + seat.sides[0] / 2, 2 * aside, recess))
         openings += [gate, element_seats.swapped(gate)]
     return tuple(openings)
 

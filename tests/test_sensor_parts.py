@@ -424,3 +424,16 @@ def test_axes_that_change_no_solid_are_named():
     chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
     assert design_variants.idle(chip, axes)[1] == ("f", "hall_layout is tmag5273a1")
     assert design_variants.idle(chip, {"E": [1.0]}) == []
+
+
+def test_a_round_base_with_its_recess_in_files_drawings_and_recipe(run, tmp_path, strict):
+    fields = ("--set", "D=4", "--set", "L=4.5", "--set", "l0=4.1", "--set", "hall_layout=tmag5273a1")
+    magnet = ("--set", "magnet_diameter=2", "--set", "magnet_height=2")
+    status, out, _ = run("cad", "paper", "--base", "round", "--out", "parts", "--json", *fields, *magnet)
+    assert status == 0
+    (record,) = strict(out)
+    assert record["assembled_size_mm"][:2] == pytest.approx([4 + 2 * (0.2 + 1.2)] * 2)
+    assert "The recess is 0.4 mm deep and leaves a gap of 0.2 mm" in (tmp_path / "parts/README.md").read_text("utf-8")
+    sheet = (tmp_path / "parts" / "base.svg").read_text("utf-8")
+    assert "recess Ø4.4" in sheet
+    assert "Ø6.8" in sheet

@@ -49,7 +49,7 @@ def cad(
     mold
         Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3 or split=1; repeatable.
     base
-        Setting of the base, KEY=VALUE, such as screw=0 or thickness=5; repeatable.
+        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4 or screw=0; repeatable.
     axis
         Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
     tolerance

@@ -284,8 +284,17 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
         where = f", {design.chip_x:g} mm from the axis on x" if design.chip_x else ""
         lines.append(f"1. The chip's board is glued under the base, the chip in its pocket{where}.")
         lines.append("2. Its z axis must point down as in the model, or change the sign.")
-    lines.append("3. Glue the beam onto the middle of the base with silicone glue; it must hold the whole disc.")
+    onto = "into the recess" if plan.recess else "onto the middle"
+    lines.append(f"3. Glue the beam {onto} of the base with silicone glue; it must hold the whole disc.")
     lines.append("   The finite elements take it as bonded there: prime the base as the glue's data sheet says.")
+    if plan.recess:
+        gap, share = plan.recess_radius - design.R, 100 * plan.recess / design.L
+        lines.append(
+            f"   The recess is {plan.recess:g} mm deep and leaves a gap of {gap:.3g} mm around the beam, which may "
+            f"stand off the axis by as much. Its floor is the base plane, so l0 and c count as without it. Keep the "
+            f"gap free of glue: filled, it shortens the beam by up to {share:.2g} %, and the shear force rises by up "
+            f"to {100 * ((1 - plan.recess / design.L) ** -3 - 1):.2g} %."
+        )
     lines.append("")
     lines.append("Bodies of the elements and the depth of their plates are partly unchecked figures")
     return [*lines[:-1], lines[-1] + ": measure your parts before you print.", ""]

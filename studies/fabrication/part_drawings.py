@@ -78,7 +78,7 @@ def _sensor_sheet(
             ((0, 0), (f, 0), "below", 0, f"f = {number(f)}"),
             ((0, 0), (0, f), "left", 0, f"f = {number(f)}"),
         ]
-    above.dims += _square(plan, 1)
+    above.dims += _outline(plan, 1)
     for view in (side, above):
         _axis(view)
     magnet = (
@@ -99,9 +99,15 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
     below.projection(base, below=True)
     p = plan
     side.dims.append(((-p.half, -p.thickness), (-p.half, 0), "left", 0, number(p.thickness)))
-    top = max((post.corner[2] + post.sides[2] for post in p.posts.values()), default=0.0)
-    if top > 0:
-        side.dims.append(((p.half, 0), (p.half, top), "right", 0, number(top)))
+    posts = max((post.corner[2] + post.sides[2] for post in p.posts.values()), default=0.0)
+    top = max(posts, p.recess)
+    if posts > p.recess:
+        side.dims.append(((p.half, 0), (p.half, posts), "right", 0, number(posts)))
+    if p.recess:
+        # the floor of the recess is the base plane; the dimensions of the seats count from there
+        side.dims.append(((-p.half, 0), (-p.half, p.recess), "left", 1, f"recess {number(p.recess)}"))
+        r = p.recess_radius
+        side.dims.append(((-r, 0), (r, 0), "below", 1, f"recess Ø{number(2 * r)}"))
     for name, block in p.seats.items():
         (x, y, z), (a, b, c) = block.corner, block.sides
         if name == "S3":
@@ -116,7 +122,7 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
             side.dims.append(((p.half, 0), (x + a, z), "right", 2, number(abs(z))))
             above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
-    above.dims += _square(plan, 1)
+    above.dims += _outline(plan, 1)
     notes = ["printed as it stands, underside down, without supports"]
     if p.screw > 0:
         at = p.screw_at
@@ -183,10 +189,13 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     return sheet("Mould", [[side], [above]], notes)
 
 
-def _square(plan: Plan, level: int) -> list[Dimension]:
-    """Return the dimensions of the base's sides, seen from above."""
+def _outline(plan: Plan, level: int) -> list[Dimension]:
+    """Return the dimensions of the base's sides or of its diameter, seen from above."""
     h = plan.half
-    return [((-h, -h), (h, -h), "below", level, number(2 * h)), ((-h, -h), (-h, h), "left", level, number(2 * h))]
+    across: Dimension = ((-h, -h), (h, -h), "below", level, number(2 * h))
+    if plan.is_round:
+        return [((-h, 0), (h, 0), "below", level, f"Ø{number(2 * h)}")]
+    return [across, ((-h, -h), (-h, h), "left", level, number(2 * h))]
 
 
 def _axis(view: View) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from geometry.base import Base, Plan
+from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
@@ -75,16 +75,18 @@ class FabricatedSolids:
 def parse_fabrication_choices(
     process: str, mold: Sequence[str], base: Sequence[str], tolerance: float | None
 ) -> FabricationChoices:
-    """Return the fabrication choices that the texts KEY=VALUE state.
+    """Return the fabrication choices that the texts KEY=VALUE state; `base` may also hold the name of a shape.
 
-    >>> parse_fabrication_choices("sla", ["columns=3", "shrink=0.01"], [], None).mold.columns
-    3
+    >>> choices = parse_fabrication_choices("sla", ["columns=3", "shrink=0.01"], ["round"], None)
+    >>> choices.mold.columns, choices.base.shape
+    (3, 'round')
     """
     if tolerance is not None:
         check_tolerance(tolerance)
     if any(text.partition("=")[0].strip() == "process" for text in mold):
         raise BadInput("process is not a key of --mold: give --process fdm or --process sla")
     settings = user_input.parse_choices("--mold", mold, Mold)
+    base = [f"shape={text}" if text in SHAPES else text for text in base]
     return FabricationChoices(
         Mold(process=process, **settings), Base(**user_input.parse_choices("--base", base, Base)), tolerance
     )
