@@ -224,7 +224,7 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
     opening = element_seats.opening(seat)
     openings = [] if opening is None else [opening]
     near, top = seat.corner[0], seat.corner[2] + seat.sides[2]
-    if recess and recess_radius > near - WEB and 0 < near and top > 0:
+    if recess and recess_radius > near - WEB and near > 0 and top > 0:
         # in front of S2 and S3 the recess opens into their slots, as wide as the wall between would be too thin
         aside = min(-seat.corner[1], math.sqrt(recess_radius**2 - max(near - WEB, 0.0) ** 2))
         gate = Block((0.0, -aside, 0.0), (near + seat.sides[0] / 2, 2 * aside, recess))
