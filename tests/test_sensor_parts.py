@@ -27,7 +27,16 @@ from studies.output import console
 from studies.simulation.design_summary import OuterSize
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
-SHEETS = {"sensor.svg", "base.svg", "mold.svg", "assembly.step", "mold.step", "assembly.png", "README.md"}
+SHEETS = {
+    "sensor.svg",
+    "base.svg",
+    "mold.svg",
+    "assembly.step",
+    "mold.step",
+    "assembly.png",
+    "board.dxf",
+    "README.md",
+}
 
 
 def files_of(folder):
@@ -57,7 +66,16 @@ def test_the_recipe_names_files_volumes_and_checks(made):
     text = (made / "README.md").read_text(encoding="utf-8")
     assert text.startswith(casting_recipe.MARK)
     assert text.splitlines()[2].startswith("Written by `magtip cad paper --out ")
-    for name in (*PARTS, "assembly.png", "assembly.step", "mold.step", "sensor.svg", "base.svg", "mold.svg"):
+    for name in (
+        *PARTS,
+        "assembly.png",
+        "assembly.step",
+        "mold.step",
+        "sensor.svg",
+        "base.svg",
+        "mold.svg",
+        "board.dxf",
+    ):
         assert name in text
     # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet
     assert "| first: the beam round the pin | 0.310 | 2.46 | 2.66 |" in text

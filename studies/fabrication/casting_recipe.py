@@ -142,7 +142,10 @@ def _files(parts: Sequence[Exported], plan: Plan | None) -> list[str]:
     lines.append("`mold.step` shows the closed mould, `mold.svg` its drawing.")
     if plan:
         lines.append("`assembly.step` shows the whole sensor with named, coloured parts; `sensor.svg` and `base.svg`")
-        lines.append("are dimensioned drawings on A4.")
+        lines.append(
+            "are dimensioned drawings on A4. `board.dxf` (R2010, mm, seen from above) has the base's outline"
+        )
+        lines.append("and the elements' pads for a board: check the pads against your data sheet.")
     return [*lines, ""]
 
 

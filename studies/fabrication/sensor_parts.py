@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 PICTURE = "assembly.png"
 
+BOARD = "board.dxf"
+
 RECIPE = "README.md"
 """The casting recipe; a README.md that magtip did not write is never replaced."""
 
@@ -115,7 +117,7 @@ def _refuse_failed(checks: Sequence[Check]) -> None:
 def names() -> list[str]:
     """Return the names of all files that a folder may have, the recipe first."""
     parts = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
-    return [RECIPE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg"]
+    return [RECIPE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg", BOARD]
 
 
 def left_over(folder: Path, stage: Path) -> list[str]:
@@ -159,7 +161,7 @@ def _write(
 ) -> list[Exported]:
     """Write all files but the recipe into the temporary folder `stage`; return the exported parts."""
     from geometry import mold
-    from geometry.fabrication import solid_files
+    from geometry.fabrication import board_drawing, solid_files
     from studies.fabrication import part_drawings
 
     progress(0.6, "STEP, STL and 3MF")
@@ -175,6 +177,7 @@ def _write(
         )
         for name, text in part_drawings.sheets(design, solids.plan, solids.sensor, solids.bodies).items():
             atomic_files.write_text(stage / f"{name}.svg", text)
+        atomic_files.write_text(stage / BOARD, board_drawing.board(design, solids.plan))
     return exported
 
 

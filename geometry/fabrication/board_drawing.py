@@ -1,0 +1,162 @@
+"""A DXF drawing of the base and of the elements' pads, for a board that is glued under the base.
+
+The drawing is in DXF R2010, in mm, seen from above (x to the right, y upwards), with the origin on the beam's axis. Its
+layers are OUTLINE (edge of the base, screw holes), BEAM (edge of the beam), HALL (bodies of the elements, a circle
+round each Hall plate), PADS (pads and drilled holes), AXES and TEXT.
+
+| part | pads | source | unchecked |
+|---|---|---|---|
+| SS495A | three holes 1.27 mm apart | Honeywell SS490 chart: leads 0.050 in apart, 0.015 in thick | drill and pad; place of S1's bend |
+| TMAG5273 | SOT-23-6 | pitch 0.95 mm of the SOT-23-6 outline | length, width and distance of the rows |
+| TLE493D-P2B6 | TSOP6 | pitch 0.95 mm of the TSOP6 outline | length, width and distance of the rows |
+
+Unchecked dimensions are common values: compare them with the data sheet before you order a board.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from geometry.fabrication.hall_bodies import CHIPS, SS495A, places
+
+if TYPE_CHECKING:
+    from geometry.base import Plan
+    from geometry.design import Design
+
+LAYERS = {"OUTLINE": 7, "BEAM": 30, "PADS": 1, "HALL": 5, "AXES": 8, "TEXT": 7}
+"""Layers of the drawing, each with its AutoCAD colour index."""
+
+DRILL, PAD = 0.7, 1.0
+"""Diameters of the hole and of the pad of a lead of 0.41 mm square, mm; 0.27 mm remain between pads."""
+
+BEND = 2.0
+"""Distance from the body of S1 to where its leads are bent down, mm; a bend closer to the body may crack it."""
+
+LETTER = 0.8
+"""Height of text, mm."""
+
+NOTE = "Seen from above, mm. Pads are common values: check against your data sheet."
+
+
+@dataclass(frozen=True, slots=True)
+class LandPattern:
+    """Pads of a chip with two rows of three pins, mm.
+
+    Attributes
+    ----------
+    pitch : distance of neighbouring pads of a row, along x.
+    rows : distance of the centres of both rows, along y.
+    length, width : size of a pad along y and along x.
+    """
+
+    pitch: float
+    rows: float
+    length: float
+    width: float
+
+
+LAND_PATTERNS = {
+    "tmag5273a1": LandPattern(pitch=0.95, rows=2.6, length=1.1, width=0.6),
+    "tle493d-p2b6": LandPattern(pitch=0.95, rows=2.4, length=1.0, width=0.5),
+}
+
+
+def board(design: Design, plan: Plan) -> str:
+    """Return the text of the DXF file.
+
+    Parameters
+    ----------
+    plan : plan of the base of this design.
+    """
+    import ezdxf
+    from ezdxf import units
+
+    drawing = ezdxf.new("R2010", units=units.MM)
+    for name, colour in LAYERS.items():
+        drawing.layers.add(name, color=colour)
+    space = drawing.modelspace()
+    if plan.is_round:
+        _circle(space, "OUTLINE", 0, 0, plan.half)
+    else:
+        _rectangle(space, "OUTLINE", 0, 0, 2 * plan.half, 2 * plan.half)
+    if plan.screw > 0:
+        for x in (-plan.screw_at, plan.screw_at):
+            for y in (-plan.screw_at, plan.screw_at):
+                _circle(space, "OUTLINE", x, y, plan.screw / 2)
+    _circle(space, "BEAM", 0, 0, design.R)
+    if design.hall_layout == "three":
+        _leaded(space, design)
+    else:
+        _chip(space, design)
+    _axes(space, plan.half)
+    _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
+    text = io.StringIO()
+    drawing.write(text)
+    return text.getvalue()
+
+
+def pads(design: Design) -> list[tuple[float, float]]:
+    """Return the centres of all pads (x, y), mm; of three elements first those of S1, then of S2 and of S3."""
+    if design.hall_layout != "three":
+        pattern, (middle, _, _) = LAND_PATTERNS[design.hall_layout], places(design)[design.hall_layout]
+        return [(middle + k * pattern.pitch, side * pattern.rows / 2) for side in (-1, 1) for k in (-1, 0, 1)]
+    p = SS495A
+    # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel
+    bend, down = -p.height / 2 - BEND, design.f - p.depth + p.thickness / 2
+    across = [k * p.pitch for k in (-1, 0, 1)]
+    return [(bend, y) for y in across] + [(down, y) for y in across] + [(x, down) for x in across]
+
+
+def _leaded(space: Any, design: Design) -> None:
+    """Draw bodies and pads of three one-axis elements."""
+    p = SS495A
+    middle = design.f - p.depth + p.thickness / 2
+    _rectangle(space, "HALL", 0, 0, p.height, p.width)
+    _rectangle(space, "HALL", middle, 0, p.thickness, p.width)
+    _rectangle(space, "HALL", 0, middle, p.width, p.thickness)
+    for name, (x, y, _) in places(design).items():
+        _circle(space, "HALL", x, y, 0.2)
+        _text(space, name, x + 0.3, y + 0.3)
+    for x, y in pads(design):
+        _circle(space, "PADS", x, y, PAD / 2)
+        _circle(space, "PADS", x, y, DRILL / 2)
+
+
+def _chip(space: Any, design: Design) -> None:
+    """Draw body and pads of a 3-axis chip; pin 1 lies at the least x and y."""
+    chip, pattern = CHIPS[design.hall_layout], LAND_PATTERNS[design.hall_layout]
+    x, y, _ = places(design)[design.hall_layout]
+    _rectangle(space, "HALL", x, y, chip.length, chip.width)
+    _circle(space, "HALL", x, y, 0.2)
+    _text(space, design.hall_layout, x - chip.length / 2, y + 0.3)
+    for pad_x, pad_y in pads(design):
+        _rectangle(space, "PADS", pad_x, pad_y, pattern.width, pattern.length)
+    _text(space, "1", x - chip.length / 2 - LETTER, y - pattern.rows / 2)
+
+
+def _axes(space: Any, half: float) -> None:
+    """Draw the axes x and y, from the beam's axis to beyond the base, with arrows."""
+    end, wing = half + 3.0, 0.5
+    for name, (x, y) in {"x": (1.0, 0.0), "y": (0.0, 1.0)}.items():
+        tip = (end * x, end * y)
+        space.add_line((0, 0), tip, dxfattribs={"layer": "AXES"})
+        for side in (-1, 1):
+            back = (tip[0] - 2 * wing * x + side * wing * y, tip[1] - 2 * wing * y + side * wing * x)
+            space.add_line(tip, back, dxfattribs={"layer": "AXES"})
+        _text(space, name, tip[0] + 0.3, tip[1] + 0.3)
+
+
+def _circle(space: Any, layer: str, x: float, y: float, radius: float) -> None:
+    space.add_circle((x, y), radius, dxfattribs={"layer": layer})
+
+
+def _rectangle(space: Any, layer: str, x: float, y: float, wide: float, tall: float) -> None:
+    """Draw a closed rectangle around its centre (x, y)."""
+    corners = [(x + i * wide / 2, y + j * tall / 2) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    space.add_lwpolyline(corners, close=True, dxfattribs={"layer": layer})
+
+
+def _text(space: Any, text: str, x: float, y: float) -> None:
+    space.add_text(text, height=LETTER, dxfattribs={"layer": "TEXT", "insert": (x, y)})
