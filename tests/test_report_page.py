@@ -269,6 +269,17 @@ def test_page_prints_black_on_white_with_all_figures(chromium, report, data):
     assert page.run(f"{shown}.length") == panels + len(data["surfaces"])
 
 
+def test_figures_are_drawn_for_the_width_of_paper(chromium, report):
+    page = chromium.page(report.out, width=390)
+    page.run(
+        "window.widths = []; window.addEventListener('beforeprint', () => "
+        "window.widths.push(document.querySelector('[data-figure] svg.panel').viewBox.baseVal.width))"
+    )
+    page.pdf()
+    assert page.run("window.widths[0]") == 690
+    assert page.run("document.querySelector('[data-figure] svg.panel').viewBox.baseVal.width") < 390
+
+
 def test_size_is_bounded(report):
     assert report.size == report.out.stat().st_size
     assert report.size < report_page.MOST_BYTES

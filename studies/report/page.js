@@ -20,7 +20,7 @@ const Tip = (() => {
 
 (() => {
   const data = JSON.parse(document.getElementById("report-data").textContent);
-  const MOST_ROWS = 200;
+  const MOST_ROWS = 200, PAPER = 690;
 
   const cell = (value) => {
     const text = value === null || value === undefined ? "" : String(value);
@@ -74,8 +74,8 @@ const Tip = (() => {
     const figure = data.figures[box.dataset.figure], plot = box.querySelector(".plot");
     Plots.legend(figure, box.querySelector(".legend"));
     wire(box, () => Plots.rows(figure));
-    let width = 0;
-    const draw = () => { if (plot.clientWidth !== width) { width = plot.clientWidth; Plots.draw(figure, plot); } };
+    let drawn = 0;
+    const draw = (width = plot.clientWidth) => { if (width !== drawn) { drawn = width; Plots.draw(figure, plot, width); } };
     draw(); redraw.push(draw);
   }
   for (const box of document.querySelectorAll("[data-surface]")) {
@@ -86,6 +86,9 @@ const Tip = (() => {
   for (const box of document.querySelectorAll("[data-table]")) wire(box, () => parse(data.tables[box.dataset.table]));
   let waiting = 0;
   window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(() => redraw.forEach((draw) => draw()), 60); });
+  // paper has its own width, whatever that of the window
+  window.addEventListener("beforeprint", () => redraw.forEach((draw) => draw(PAPER)));
+  window.addEventListener("afterprint", () => redraw.forEach((draw) => draw()));
   window.addEventListener("scroll", () => Tip.hide(), { passive: true });
 
   const THEMES = ["auto", "light", "dark"], NAMES = { auto: "Theme: system", light: "Theme: light", dark: "Theme: dark" };

@@ -321,8 +321,7 @@ const Plots = (() => {
     return [[...head, "series", ...(named ? ["point"] : []), figure.x.label || "x", figure.y.label || "y", ...(ranged ? ["low", "high"] : [])], ...out];
   }
 
-  function draw(figure, box) {
-    const width = box.clientWidth;
+  function draw(figure, box, width) {
     if (!width) return;
     box.replaceChildren();
     const count = figure.panels.length, listed = figure.y.categories && figure.kind !== "map" && Math.max(...figure.y.categories.map((t) => t.length)) > 18;

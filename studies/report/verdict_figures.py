@@ -12,6 +12,7 @@ from studies.report.report_figures import Axis, Figure, Guide, Panel, grouped, s
 
 LEAST_SHARE = 1e-6
 """Smallest share of a bound that is drawn: errors of rounding would stretch the axis."""
+ACCURACIES = ("quick", "standard", "fine")
 PASSED, MISSED = 0, 1
 """Styles of passed and of missed checks."""
 
@@ -101,12 +102,14 @@ def accuracy(table: Table) -> list[Figure]:
     panels, covered, count = [], 0, 0
     for quantity in ("force", "shift", "tilt", "sideways", "depth", "frequency"):
         error, estimate = np.abs(table.floats(f"{quantity}_error")), table.floats(f"{quantity}_estimate")
+        # rows of the references themselves have no accuracy level
         known = np.isfinite(error) & np.isfinite(estimate) & (error > 0) & (estimate > 0)
+        known &= np.isin(table.texts("level"), ACCURACIES)
         if not known.any():
             continue
         covered, count = covered + int((error[known] <= estimate[known]).sum()), count + int(known.sum())
         parts = []
-        for style, level in enumerate(("quick", "standard", "fine")):
+        for style, level in enumerate(ACCURACIES):
             rows = known & np.array([text == level for text in table.texts("level")])
             names = [
                 f"design {one}, {two}" for one, two in zip(table.texts("design"), table.texts("scene"), strict=True)
