@@ -76,3 +76,11 @@ def test_many_folders_are_refused(tmp_path, refused, monkeypatch):
         (tmp_path / str(k)).mkdir()
     with refused("more than 3 sub-folders"):
         folder_contents.read(tmp_path)
+
+
+def test_version_counts_only_in_files_of_magtip(tmp_path, refused):
+    (tmp_path / "package.json").write_text('{"version": 9}')
+    assert folder_contents.read(tmp_path)[0].records == {"package.json": {"version": 9}}
+    (tmp_path / "sizing.json").write_text('{"version": 9}')
+    with refused("sizing.json", "format 9", "newer"):
+        folder_contents.read(tmp_path)

@@ -23,6 +23,8 @@ from studies.output import run_record
 IGNORED = (".stl", ".step", ".3mf", ".dxf", ".npz", ".html")
 """Suffixes of files that are no results to show: solids and drawings for machines, states of a search, pages."""
 PICTURES = (".png", ".svg")
+SIZING = "sizing.json"
+"""Record of a sizing, whose version counts."""
 MOST_FOLDERS = 200
 """Number of sub-folders beyond which a folder is no folder of results: somebody's home, for instance."""
 
@@ -222,7 +224,9 @@ def _record(file: Path) -> dict[str, Any]:
         raise BadInput(f"{file.name} is not JSON") from None
     if not isinstance(record, dict):
         raise BadInput(f"{file.name} holds no JSON object")
-    run_record.check_format(file, record)
+    # a JSON file of other origin may have a version of its own
+    if file.name == SIZING:
+        run_record.check_format(file, record)
     return record
 
 

@@ -9,6 +9,7 @@ from geometry.design import BadInput, Design, paper
 from studies.inputs import user_input
 from studies.report import (
     deformed_surface,
+    folder_contents,
     model_figures,
     paper_figures,
     sizing_figures,
@@ -110,8 +111,8 @@ def section(contents: Contents, *, solve: bool) -> Section:
         if not drawn and len(table) <= MOST_OPEN_ROWS and len(table.columns) <= MOST_OPEN_COLUMNS and len(table):
             result.sheets.append(table)
         result.replaced.update(picture for figure in drawn for picture in figure.replaces)
-    if "sizing.json" in contents.records:
-        result.sheets.extend(sizing_figures.sheets(contents.records["sizing.json"]))
+    if folder_contents.SIZING in contents.records:
+        result.sheets.extend(sizing_figures.sheets(contents.records[folder_contents.SIZING]))
         if "front.csv" in contents.tables:
             result.sheets.append(sizing_figures.front_sheet(contents.tables["front.csv"]))
     _add_surfaces(result, solve=solve)
