@@ -5,9 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from studies.sizing.front_solves import FrontPoint, largest_differences, ranked, spread
+from studies.sizing.catalogues import catalogues_of
+from studies.sizing.front_search import Effort
+from studies.sizing.front_solves import FrontPoint, checked, largest_differences, ranked, spread
 from studies.sizing.requirement_margins import Performance
 from studies.sizing.requirements import Requirements
+from studies.sizing.variant_search import islands, searched
 
 NAMES = [spec.name for spec in dataclasses.fields(Performance) if spec.name != "margins"]
 
@@ -58,6 +61,18 @@ def test_differences_are_relative_to_finite_elements():
     row = largest_differences(made)["range_z"]
     assert row["largest_percent"] == pytest.approx(10.0)
     assert row["median_percent"] == pytest.approx(5.0)
+
+
+def test_front_is_checked_at_more_poses_before_it_is_solved():
+    needed = Requirements(force_z=5.0, force_x=1.0, D_low=9.0, D_high=11.0)
+    parts = catalogues_of(needed)
+    _, variants = searched(islands(needed, parts)[:1], Effort(16, 2))
+    tight = dataclasses.replace(needed, resolution_z=0.3)
+    kept, F = checked(variants, tight)
+    assert 0 < len(kept) < len(variants)
+    assert (F[:, 1] <= np.log(0.3)).all()
+    # none is confirmed: all are returned
+    assert len(checked(variants, dataclasses.replace(needed, resolution_z=1e-6))[0]) == len(variants)
 
 
 def test_infinite_critical_depths_are_not_compared():

@@ -16,6 +16,10 @@ from studies.inputs.user_input import read_design
 NEEDED = """
 force_z = "5 N"
 force_x = "1 N"
+resolution_z = "100 mN"
+resolution_x = "100 mN"
+bandwidth = "100 Hz"
+samples = 16
 largest_strain = "100 %"
 outer_size = "30 mm"
 magnets = ["5x3 N45", "4x3 N45"]
