@@ -239,7 +239,9 @@ def sizes(design: Design, mold: Mold) -> Sizes:
 
 def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
     """Return the diameter of the vents and the radius of the circle of their centres, mm."""
-    vent = min(1.0, 0.5 * annulus) if mold.vent_diameter is None else mold.vent_diameter
+    # half the annulus, but wide enough to print where the annulus has room for that
+    usual = max(min(1.0, 0.5 * annulus), min(mold.printing.detail, LARGEST_VENT * annulus))
+    vent = usual if mold.vent_diameter is None else mold.vent_diameter
     if not vent <= LARGEST_VENT * annulus:
         raise BadInput(
             f"vent_diameter must not exceed {LARGEST_VENT:g} of the annulus of {annulus:.3g} mm between pin and "

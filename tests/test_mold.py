@@ -261,3 +261,13 @@ def test_bad_parameters(choice, text):
     with pytest.raises(BadInput) as caught:
         sizes(Design(), Mold(**choice))
     assert str(caught.value).startswith(text)
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+@pytest.mark.parametrize("size", [(1, 1), (1.5, 1), (2, 1), (2, 2)])
+def test_a_mould_of_a_beam_of_4_mm_has_vents_that_print_and_passes_all_checks(process, size):
+    diameter, height = size
+    design = Design(D=4, L=4.5, l0=4.1, magnet_diameter=diameter, magnet_height=height)
+    mold = Mold(process=process)
+    assert sizes(design, mold).vent_diameter >= mold.printing.detail - 1e-9
+    assert failed(design, mold, *parts(design, mold)) == []
