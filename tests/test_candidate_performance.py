@@ -132,6 +132,16 @@ def test_strong_field_saturates():
     assert result.range_z[0] == 0
 
 
+def test_range_ends_where_the_strain_reaches_its_bound():
+    one = made()
+    free = Requirements(force_z=5.0, largest_strain=0.3, no_saturation=False)
+    end = reached(one, free, caution=0.0)
+    # the press force at the end of the range as the required range: its strain is the bound
+    there = reached(one, dataclasses.replace(free, force_z=float(end.range_z[0])), caution=0.0)
+    assert 0 < end.range_z[0] < 14.9
+    assert there.strain == pytest.approx(0.3, rel=2e-3)
+
+
 def test_element_at_the_magnets_height_folds():
     """Where the magnet gets level with S2 and S3 their readings have a maximum, and det J changes its sign."""
     high, low = (made(silicone="Dragon Skin 30", places=(0.1, 0.1, level)) for level in (0.8, -0.3))

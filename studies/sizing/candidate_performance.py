@@ -169,26 +169,33 @@ class _Bounds:
         deepest = np.minimum(self.press.deepest, critical / needed.stability_margin)
         enough = self.press.depth_of_force((MOST_RANGE * needed.force_z / unit)[:, None])[:, 0]
         deepest = np.minimum(deepest, enough)
-        shares = np.linspace(0.0, 1.0, 25)[1:]
         low = surrogate_range.SHALLOWEST
-        depth = low + (np.maximum(deepest, 1.01 * low) - low)[:, None] * shares
-        kept = np.ones(depth.shape, dtype=np.bool_)
-        if needed.largest_strain is not None:
-            strain = self.press.at("strain", depth) + self.caution * self.press.half_width("strain", depth)
-            kept &= strain <= needed.largest_strain
-        if needed.no_saturation:
-            kept &= self._unsaturated(depth)
-        # the last depth before the first one that breaks a bound
-        count = np.where(kept.all(axis=1), len(shares), kept.argmin(axis=1))
-        chosen = np.where(count > 0, depth[np.arange(len(depth)), np.maximum(count - 1, 0)], low)
+        depth = low + (np.maximum(deepest, 1.01 * low) - low)[:, None] * np.linspace(0.0, 1.0, 25)[1:]
+        slack = self._slack(depth)
+        kept = slack >= 0
+        # between the last depth before the first one that breaks a bound, and that one, the slack is nearly linear
+        count = np.where(kept.all(axis=1), depth.shape[1], kept.argmin(axis=1))
+        rows, last = np.arange(len(depth)), np.maximum(count - 1, 0)
+        after = np.minimum(count, depth.shape[1] - 1)
+        fall = slack[rows, last] - slack[rows, after]
+        share = np.where(fall > 0, slack[rows, last] / np.where(fall > 0, fall, 1.0), 0.0)
+        chosen = depth[rows, last] + np.where(after > last, share, 0.0) * (depth[rows, after] - depth[rows, last])
+        chosen = np.where(count > 0, chosen, low)
         force = self.press.at("force", chosen[:, None])[:, 0] * unit
         return chosen, np.where(count > 0, force, 0.0)
 
-    def _unsaturated(self, depth: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        shift = np.zeros((*depth.shape, 3))
-        shift[..., 2] = -self.press.at("shift", depth) * self.D[:, None]
-        flat = self.reader.rail_margin(shift.reshape(-1, 3), np.zeros((depth.size, 2)))
-        return np.asarray(flat.reshape(depth.shape) > 0)
+    def _slack(self, depth: Array) -> Array:
+        """Return the least margin of strain and saturation at depths (n, k), at most 1; NaN without an answer."""
+        slack = np.ones(depth.shape)
+        if self.requirements.largest_strain is not None:
+            strain = self.press.at("strain", depth) + self.caution * self.press.half_width("strain", depth)
+            slack = np.minimum(slack, 1 - strain / self.requirements.largest_strain)
+        if self.requirements.no_saturation:
+            shift = np.zeros((*depth.shape, 3))
+            shift[..., 2] = -self.press.at("shift", depth) * self.D[:, None]
+            rail = self.reader.rail_margin(shift.reshape(-1, 3), np.zeros((depth.size, 2)))
+            slack = np.minimum(slack, rail.reshape(depth.shape))
+        return slack
 
 
 def _columns(variants: Sequence[Variant]) -> tuple[Array, ...]:

@@ -138,7 +138,7 @@ def _winner(point: FrontPoint) -> str:
     )
     part = f"- Hall part: {variant.hall_part.name} at {place} ({variant.hall_part.source})"
     reached = (
-        f"- by finite elements: range {point.solved['range_z']:.3g} N or more, resolution "
+        f"- by finite elements: range {point.solved['range_z']:.3g} N, resolution "
         f"{1000 * point.solved['resolution_z']:.3g} mN in z and {1000 * point.solved['resolution_x']:.3g} mN in x at "
         f"the worst pose, largest strain {100 * point.solved['strain']:.3g} %, outer size "
         f"{point.solved['outer_size']:.3g} mm, first mode {point.solved['first_mode']:.4g} Hz"
@@ -176,7 +176,7 @@ def _front(sizing: Sizing) -> str:
     of = f" of {sizing.found}" if sizing.found > len(sizing.front) else ""
     text = (
         f"## Pareto front\n\n{len(sizing.front)}{of} points of the front, all solved by finite elements; "
-        f"{len(failed)} of them fail and are not ranked.\n\n![Front](front.png)"
+        f"failed and not ranked: {len(failed)}.\n\n![Front](front.png)"
     )
     if ranked:
         text += "\n\n" + table([{name: _short(row.get(name)) for name in FRONT} for row in ranked])
