@@ -47,6 +47,7 @@ RANGES = {
     "columns": Range(1, 10, "", whole=True),
     "rows": Range(1, 10, "", whole=True),
     "split": Range(0, 1, "", whole=True),
+    "marks": Range(0, 1, "", whole=True),
     "dowel": Range(0.1, 100.0),
 }
 
@@ -75,6 +76,7 @@ class Mold:
     tip_vent : diameter of a hole through the floor at the tip, 0 for none; it leaves a nub to cut off.
     columns, rows : number of cavities along x and along y.
     split : 1 for a B in two halves along a row (only with rows = 1).
+    marks : 1 to engrave A on the lid, B on the foot, and the pole of the magnet that faces up in the mould (N or S).
     dowel : diameter of the two upright dowels in B's foot that align the halves.
 
     Raises
@@ -100,6 +102,7 @@ class Mold:
     columns: int = 1
     rows: int = 1
     split: int = 0
+    marks: int = 0
     dowel: float | None = None
 
     def __post_init__(self) -> None:

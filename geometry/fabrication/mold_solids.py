@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.cad import cut, moved, turned
 from geometry.design import Design
+from geometry.fabrication import engraved_marks
 from geometry.mold import Mold, Sizes, sizes
 
 if TYPE_CHECKING:
@@ -29,18 +30,19 @@ def parts(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[Solid,
     import build123d as bd
 
     s = sizes(design, mold)
+    on_lid, on_foot, _ = engraved_marks.mold_marks(design, mold, s) if mold.marks else ([], [], "")
     lid = cut(slab(s, s.rim, -s.skirt, s.lid), slab(s, s.inner, -s.skirt, 0.0))
     if s.pin_radius > 0:
         pin = turned(s.pin)
         lid = lid.fuse(*(moved(pin, (*centre, 0.0)) for centre in s.centres)).solids()[0]
-    A = cut(lid, *vents(s, mold))
+    A = cut(lid, *vents(s, mold), *on_lid)
 
     half_x, half_y = (max(centre[k] for centre in s.centres) + s.rim for k in (0, 1))
     foot = bd.Solid.make_box(2 * half_x, 2 * half_y, s.floor, bd.Plane((-half_x, -half_y, s.bottom)))
     block = slab(s, s.outer, s.bottom, 0.0).fuse(foot).solids()[0]
     cavity = beam.rotate(bd.Axis.X, 180) if beam and not mold.shrink else turned(s.cavity)
     through = tip_vents(s, mold)
-    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through)
+    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through, *on_foot)
 
 
 def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:

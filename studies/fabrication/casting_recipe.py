@@ -164,6 +164,11 @@ def _printing(design: Design, choices: FabricationChoices, plan: Plan | None) ->
             "- Platinum silicone does not cure on most fresh resins: wash, cure under UV, bake for some hours at "
             "the temperature of the first cure below, and varnish the mould; try a drop first."
         )
+    if m.marks:
+        lines.append(
+            "- The letter A is on the lid, B on the foot; N or S on the foot is the pole of the magnet that faces up "
+            "when it is glued into its pocket."
+        )
     lines.append("- The cure decides the material: see the temperatures under Cast.")
     if m.split:
         s = sizes(design, m)

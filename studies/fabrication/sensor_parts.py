@@ -184,6 +184,7 @@ def _write(
 def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSolids) -> list[str]:
     """Return warnings: a base that cannot be made, a plate that would meet the base, details too fine to print."""
     from geometry import base, mold
+    from geometry.fabrication import engraved_marks
 
     s, process = mold.sizes(design, choices.mold), choices.mold.printing
     widths = {"the pin": 2 * s.pin_radius, "a vent": s.vent_diameter, "B's wall": s.wall}
@@ -192,6 +193,8 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
         for name, size in widths.items()
         if 0 < size < process.detail
     ]
+    if choices.mold.marks and (no_room := engraved_marks.mold_marks(design, choices.mold, s)[2]):
+        too_fine.append(no_room)
     return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
 
 

@@ -1,0 +1,105 @@
+"""Letters engraved into level faces: solids to cut from a part, made of straight strokes, without fonts. All in mm.
+
+The mould gets A on the lid, B on the foot, and on the foot's opposite corner N or S: the pole of the magnet that
+faces up, out of the mould, when the magnet is put into its pocket. No mark touches the cavity, a fit or the rim.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from build123d import Solid
+
+    from geometry.design import Design
+    from geometry.mold import Mold, Sizes
+
+Point = tuple[float, float]
+
+LETTERS: dict[str, tuple[tuple[Point, ...], ...]] = {
+    "A": (((0, 0), (0.33, 1), (0.66, 0)), ((0.13, 0.35), (0.53, 0.35))),
+    "B": (
+        ((0, 0), (0, 1), (0.4, 1), (0.6, 0.76), (0.4, 0.52), (0, 0.52)),
+        ((0.4, 0.52), (0.66, 0.26), (0.4, 0), (0, 0)),
+    ),
+    "N": (((0, 0), (0, 1), (0.66, 0), (0.66, 1)),),
+    "S": (
+        (
+            (0.66, 0.85),
+            (0.5, 1),
+            (0.16, 1),
+            (0, 0.76),
+            (0.16, 0.52),
+            (0.5, 0.48),
+            (0.66, 0.24),
+            (0.5, 0),
+            (0.16, 0),
+            (0, 0.15),
+        ),
+    ),
+}
+"""Strokes of each letter as lines through points; the height is 1 and the width 0.66."""
+
+WIDTH = 0.66
+"""Width of a letter between the middles of its outer strokes, in units of its height."""
+
+STROKES = {"fdm": 0.6, "sla": 0.4}
+"""Width of a stroke, mm: one and a half lines of a 0.4 mm nozzle, and wide enough to wash resin out."""
+
+LEAST = 5.0
+"""Least height of a legible letter, in units of the width of its strokes."""
+
+DEPTH = 0.4
+"""Depth of the letters, mm: two common layers of filament printing."""
+
+MARGIN = 0.4
+"""Least distance of a letter from the edges of its face, mm."""
+
+
+def strokes(letter: str, centre: Point, height: float, width: float, top: float) -> list[Solid]:
+    """Return the strokes of a letter that is to be cut into a level face at z = `top`, seen from above.
+
+    Parameters
+    ----------
+    centre : (x, y) of the middle of the letter, mm.
+    height, width : height of the letter with its strokes, and width of the strokes, mm.
+    """
+    import build123d as bd
+
+    size = height - width
+    corner = centre[0] - WIDTH * size / 2, centre[1] - size / 2
+    solids = []
+    for line in LETTERS[letter]:
+        points = [(corner[0] + size * x, corner[1] + size * y) for x, y in line]
+        for (x, y), (u, v) in itertools.pairwise(points):
+            along = math.hypot(u - x, v - y)
+            plane = bd.Plane((x, y, top - DEPTH), x_dir=(u - x, v - y, 0), z_dir=(0, 0, 1))
+            box = bd.Solid.make_box(along + width, width, DEPTH, plane)
+            back = ((x - u) * width / 2 / along, (y - v) * width / 2 / along)
+            aside = ((v - y) * width / 2 / along, (x - u) * width / 2 / along)
+            solids.append(box.moved(bd.Location((back[0] + aside[0], back[1] + aside[1], 0))))
+    return solids
+
+
+def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[Solid], str]:
+    """Return the strokes to cut from A, those to cut from B, and a warning if a letter has no room (else "")."""
+    width = STROKES[mold.process]
+    far_x, far_y = (max(centre[k] for centre in s.centres) for k in (0, 1))
+    # the letter keeps the lid's thickness as its distance from the cavity: the checks ask for no less
+    start = s.R + math.sqrt(max(s.lid**2 - (s.lid - DEPTH) ** 2, 0.0)) + MARGIN
+    on_lid = s.rim - MARGIN - start
+    # on the foot, in the corner between the cup with the gap around it and the edges
+    on_foot = s.rim - MARGIN - (s.outer + MARGIN) / math.sqrt(2)
+    if not min(on_lid, on_foot) >= LEAST * width:
+        return [], [], f"the mould has no room for legible letters, which are at least {LEAST * width:g} mm high"
+    lid, foot = (min(size, 5.0) for size in (on_lid, on_foot))
+    a = strokes("A", (far_x + start + on_lid / 2, 0.0), lid, width, s.lid)
+    corner = far_x + s.rim - MARGIN - foot / 2, far_y + s.rim - MARGIN - foot / 2
+    b = strokes("B", corner, foot, width, s.bottom + s.floor)
+    if design.shape.has_magnet:
+        # in the mould the base is up: a north pole that points to the base faces up
+        pole = "N" if design.magnet_north == "down" else "S"
+        b += strokes(pole, (-corner[0], -corner[1]), foot, width, s.bottom + s.floor)
+    return a, b, ""
