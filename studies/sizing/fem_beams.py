@@ -110,6 +110,6 @@ class FemBeams:
 
 
 def _table(answers: Sequence[Sequence[Answer]], read: Callable[[Answer, Any], Any]) -> Solved:
-    """Return what `read` finds in answers and their responses, shape (n, k); NaN where a solve failed."""
+    """Return what `read` reads from answers and their responses, shape (n, k); NaN where a solve failed."""
     rows = [[np.nan if one.response is None else read(one, one.response) for one in row] for row in answers]
     return Solved(np.array(rows, dtype=float))

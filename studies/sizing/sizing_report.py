@@ -37,7 +37,7 @@ def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
         "catalogues": {
             spec.name: len(getattr(sizing.catalogues, spec.name)) for spec in dataclasses.fields(sizing.catalogues)
         },
-        "search": dataclasses.asdict(sizing.effort) | {"front": sizing.found},
+        "search": dataclasses.asdict(sizing.effort) | {"front": sizing.front_size},
         "winner": None if winner is None else winner_record(winner),
         "front": [point.row() for point in sizing.front],
         "differences": list(largest_differences(sizing.front).values()),
@@ -173,7 +173,7 @@ def _front(sizing: Sizing) -> str:
     """Return the tables of the ranked and of the failed points."""
     ranked = [point.row() for point in sizing.front if point.status == "ok"]
     failed = [point for point in sizing.front if point.status != "ok"]
-    of = f" of {sizing.found}" if sizing.found > len(sizing.front) else ""
+    of = f" of {sizing.front_size}" if sizing.front_size > len(sizing.front) else ""
     text = (
         f"## Pareto front\n\n{len(sizing.front)}{of} points of the front, all solved by finite elements; "
         f"failed and not ranked: {len(failed)}.\n\n![Front](front.png)"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from studies.sizing.front_yield import Yield
     from studies.sizing.requirements import Requirements
 
-FOUND, SOLVED = 0.35, 0.9
+SEARCHED, SOLVED = 0.35, 0.9
 """Shares of the progress at which the search, and the finite elements, end."""
 
 
@@ -52,7 +52,7 @@ class Sizing:
     Attributes
     ----------
     front : points of the front, the ranked ones first; empty if no candidate meets all requirements.
-    found : number of variants on the front of the search.
+    front_size : number of variants on the front of the search.
     winner_yield : yield of the best point; None if there is none.
     conflict : why there is no candidate; None if there is one, or if the search has only missed it.
     """
@@ -60,7 +60,7 @@ class Sizing:
     requirements: Requirements
     catalogues: Catalogues
     effort: Effort
-    found: int
+    front_size: int
     front: list[FrontPoint]
     winner_yield: Yield | None
     conflict: Conflict | None
@@ -109,14 +109,14 @@ def run(requirements: Requirements, folder: Path, settings: Settings, progress: 
 
     catalogues = catalogues_of(requirements)
     groups = islands(requirements, catalogues)
-    first = functools.partial(_part, progress, 0.0, FOUND)
+    first = functools.partial(_part, progress, 0.0, SEARCHED)
     lasts, variants = searched(groups, settings.effort, folder, first)
     if not variants:
-        conflict = conflict_search.conflict_of(groups, lasts, functools.partial(_part, progress, FOUND, 1.0))
+        conflict = conflict_search.conflict_of(groups, lasts, functools.partial(_part, progress, SEARCHED, 1.0))
         return Sizing(requirements, catalogues, settings.effort, 0, [], None, conflict)
     with stores.opened(settings.store or stores.default()) as store:
         solver = Solver(
-            store, settings.processes, functools.partial(_part, progress, FOUND, SOLVED), settings.accuracy
+            store, settings.processes, functools.partial(_part, progress, SEARCHED, SOLVED), settings.accuracy
         )
         front = front_solves.solved_front(variants, requirements, solver, most=settings.points)
     made = None

@@ -118,8 +118,8 @@ def searched(
         part = None if progress is None else functools.partial(_part, progress, number - 1, len(groups))
         last = search(group.variables, group.evaluate, effort, file=file, case=case, progress=part)
         lasts.append(last)
-        _, found = group.possible(last.X[last.front])
-        variants += found
+        _, feasible = group.possible(last.X[last.front])
+        variants += feasible
         rows.append(last.F[last.front])
     F = np.concatenate(rows)
     # one is dominated if another one is nowhere worse and somewhere better
