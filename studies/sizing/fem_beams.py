@@ -59,13 +59,15 @@ class FemBeams:
     def shear(self, depth: Array, shear: Array) -> dict[str, Solved]:
         """Return the response to glued shears at depths and shears (n, k), see `prediction.Beams.shear`.
 
-        All shears of a beam at one depth are one path.
+        All shears of a beam at one depth are one path. A load of which depth or shear is NaN, because a press has
+        failed, has NaN as its response.
         """
         scenes: list[Scene] = []
         places: list[tuple[int, list[int]]] = []
         for k, design in enumerate(self.designs):
-            for at in np.unique(depth[k]):
-                same = np.flatnonzero(depth[k] == at)
+            known = ~np.isnan(depth[k] + shear[k])
+            for at in np.unique(depth[k, known]):
+                same = np.flatnonzero(known & (depth[k] == at))
                 # a path is followed outwards
                 columns = same[np.argsort(shear[k, same])].tolist()
                 loads = tuple(
@@ -74,7 +76,7 @@ class FemBeams:
                 )
                 scenes.append(Scene(design, loads, self.solver.accuracy, model="harmonic"))
                 places.append((k, columns))
-        rows: list[list[Any]] = [[None] * depth.shape[1] for _ in self.designs]
+        rows: list[list[Answer | None]] = [[None] * depth.shape[1] for _ in self.designs]
         for (k, columns), answers in zip(places, self.solver.answers(scenes), strict=True):
             for column, answer in zip(columns, answers, strict=True):
                 rows[k][column] = answer
@@ -109,7 +111,9 @@ class FemBeams:
         return Solved(np.array(lowest, dtype=float))
 
 
-def _table(answers: Sequence[Sequence[Answer]], read: Callable[[Answer, Any], Any]) -> Solved:
-    """Return what `read` reads from answers and their responses, shape (n, k); NaN where a solve failed."""
-    rows = [[np.nan if one.response is None else read(one, one.response) for one in row] for row in answers]
+def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any]) -> Solved:
+    """Return what `read` reads from answers and their responses, shape (n, k); NaN where there is none."""
+    rows = [
+        [np.nan if one is None or one.response is None else read(one, one.response) for one in row] for row in answers
+    ]
     return Solved(np.array(rows, dtype=float))
