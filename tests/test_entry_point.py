@@ -319,15 +319,22 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
         "analytic": ("--depth", 1),
         "field": ("--points", "a"),
         "table": ("--out", "a"),
+        "size": ("--out", "a"),
+        "sensitivity": ("--depth", 1),
     }
     # the word after store is one of its actions
     for verb in (name for name in app if not name.startswith("-") and name != "store"):
-        status, out, err = run(verb, "first", "t2.csv", "my", *needed.get(verb, ()))
+        # the word after catalogue is one of its kinds
+        word = "magnets" if verb == "catalogue" else "first"
+        status, out, err = run(verb, word, "t2.csv", "my", *needed.get(verb, ()))
         assert (status, out) == (2, "")
         taken, _, surplus = err.partition(": leave out ")
-        first = "" if "takes one" in taken else "'first', "
+        first = "" if "takes one" in taken else f"{word!r}, "
         assert surplus == f"{first}'t2.csv', 'my', or quote a value that has spaces\n"
-        takes = ("options only", *(f"one {name} and options" for name in ("DESIGN", "FILE", "STUDY")))
+        takes = (
+            "options only",
+            *(f"one {name} and options" for name in ("DESIGN", "FILE", "STUDY", "DIR", "REQUIREMENTS", "KIND")),
+        )
         assert taken in {f"magtip: {verb} takes {what}" for what in takes}
     assert not list(tmp_path.iterdir())
 

@@ -43,7 +43,7 @@ SHEAR_NODES = (0.2, 0.5, 0.8, 1.0)
 def deepest(L: Array, height: Array) -> Array:
     """Return the largest depth of beams, shape (n,).
 
-    >>> deepest(np.array([1.125, 0.75]), np.array([0.25, 0.25])).tolist()
+    >>> deepest(np.array([1.125, 0.75]), np.array([0.25, 0.25])).round(9).tolist()
     [0.35, 0.2]
     """
     return np.asarray(np.minimum(DEEPEST, DEPTH_SHARE * (L - height)))
