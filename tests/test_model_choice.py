@@ -7,11 +7,28 @@ import pytest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.simulation import model_choice
-from studies.simulation.model_choice import choose, region, statements
+from studies.simulation.model_choice import Statement, choose, region, statements
+from studies.surrogate import surrogate_response
 
 PRESS, SHEAR = Load(depth=0.4), Load(depth=0.8, shear_x=0.8, friction="stick")
 RUB, TILTED = Load(depth=0.8, shear_x=0.8, friction=0.4), Load(depth=0.8, plate_tilt=0.1)
 TOLERANCES = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+
+WITHOUT = [each for each in statements() if each.model != "surrogate"]
+"""The rule as it is without statements about the surrogate."""
+PLACES = (
+    ("press", "depth to 0.06 D"),
+    ("press", "depth to D/4"),
+    ("press", "deep"),
+    ("glued shear", "shear to 0.15 D"),
+)
+RULE = [
+    *WITHOUT,
+    *(Statement(*place, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02) for place in PLACES),
+]
+"""The rule with bounds of 2 % for the surrogate."""
+STUBBY = Design(L=8.0, l0=6.0, magnet_diameter=4.8, magnet_height=2.8)
+"""L/D 1 and a large magnet: outside the range of the formulas."""
 
 
 def allowed(load, **options):
@@ -45,7 +62,7 @@ def test_a_large_tolerance_chooses_formulas_for_a_press_inside_their_range():
 
 def test_formulas_are_not_chosen_outside_their_range():
     stubby = Design(L=7.0, l0=6.0)
-    assert choose(stubby, [PRESS], 0.2).model_kind == "fem"
+    assert choose(stubby, [PRESS], 0.2).model_kind != "formula"
 
 
 def test_formulas_are_not_chosen_where_the_magnet_is_ignored_but_exists():
@@ -108,3 +125,62 @@ def test_every_kind_has_statements_of_all_three_accuracies():
 def test_the_shipped_rule_is_that_of_the_committed_results():
     results = model_choice.DATA.parents[2] / "results" / "trade" / "model_choice.json"
     assert model_choice.DATA.read_text("utf-8") == results.read_text("utf-8")
+
+
+@pytest.mark.parametrize("load", [PRESS, Load(depth=1.0), SHEAR])
+def test_the_surrogate_is_chosen_between_formulas_and_finite_elements(load):
+    choice = choose(STUBBY, [load], 0.05, rule=RULE)
+    assert (choice.model_kind, choice.name) == ("surrogate", "surrogate shipped")
+    assert "90 % intervals" in choice.reason
+    assert choose(STUBBY, [load], 0.015, rule=RULE).model_kind == "fem"
+
+
+def test_a_formula_that_meets_the_tolerance_comes_before_the_surrogate():
+    assert choose(paper(), [PRESS], 0.2, rule=RULE).model_kind == "formula"
+    assert choose(paper(), [PRESS], 0.05, rule=RULE).model_kind == "surrogate"
+
+
+def test_the_half_widths_of_the_surrogate_must_meet_the_tolerance_too():
+    exact = [dataclasses.replace(each, force=1e-6, shift=1e-6, tilt=None, readings=1e-6) for each in RULE]
+    only = [each for each in exact if each.model == "surrogate"]
+    widths = surrogate_response.respond(STUBBY, PRESS)
+    widest = max(widths.force_error, widths.shift_error)
+    assert choose(STUBBY, [PRESS], 0.5, rule=only).bound == pytest.approx(widest)
+    with pytest.raises(BadInput, match="by model surrogate shipped"):
+        choose(STUBBY, [PRESS], 0.9 * widest, rule=only)
+
+
+@pytest.mark.parametrize(
+    ("design", "load", "magnet"),
+    [
+        (dataclasses.replace(STUBBY, law="mooney-rivlin", mooney_share=0.2), PRESS, "rigid"),
+        (dataclasses.replace(STUBBY, nu=0.44), PRESS, "rigid"),
+        (STUBBY, PRESS, "ignored"),
+        (STUBBY, Load(depth=0.05), "rigid"),
+        (STUBBY, TILTED, "rigid"),
+        (STUBBY, RUB, "rigid"),
+    ],
+)
+def test_outside_the_range_of_the_surrogate_finite_elements_are_chosen(design, load, magnet):
+    assert choose(design, [load], 0.3, magnet, rule=RULE).model_kind == "fem"
+
+
+def test_one_load_outside_the_range_of_the_surrogate_decides_for_the_path():
+    assert choose(STUBBY, [PRESS, Load(depth=0.05)], 0.3, rule=RULE).model_kind == "fem"
+
+
+def test_a_press_that_may_buckle_is_left_to_finite_elements():
+    slender = Design(L=30.0, l0=28.2, magnet_diameter=4.0, magnet_height=2.0)
+    critical = surrogate_response.beams_of([slender]).critical_depth()
+    depth = 8.0 * float(critical.value[0])
+    assert 0 < depth < 2.9
+    assert choose(slender, [Load(depth=depth)], 0.05, rule=RULE).model_kind == "fem"
+    assert choose(slender, [Load(depth=0.7 * depth)], 0.05, rule=RULE).model_kind == "surrogate"
+
+
+def test_a_deformed_body_is_not_computed_by_the_surrogate():
+    assert choose(STUBBY, [PRESS], 0.05, rule=RULE, formulas=False).model_kind == "fem"
+
+
+def test_a_rule_without_statements_about_the_surrogate_never_chooses_it():
+    assert choose(STUBBY, [PRESS], 0.05, rule=WITHOUT).model_kind == "fem"

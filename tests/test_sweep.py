@@ -25,6 +25,9 @@ from studies.exploration.study_rows import flat_rows
 from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
+from studies.simulation import model_choice
+from studies.simulation.model_choice import Statement
+from studies.surrogate import surrogate_response
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
@@ -471,6 +474,21 @@ def test_a_tolerance_chooses_the_model_of_each_case(run, strict):
     assert (light["chosen_model"], light["solve"]) == ("formula finite", 0)
     own = beam.solve(paper(), Load(depth=0.4), "finite").force[2]
     assert light["chosen_force_N"] == pytest.approx(own, rel=1e-12)
+
+
+def test_a_tolerance_may_choose_the_surrogate_which_needs_no_solve(run, strict, monkeypatch):
+    own = Statement("press", "depth to D/4", "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, None, 0.02)
+    monkeypatch.setattr(model_choice, "statements", lambda rule=model_choice.statements(): (*rule, own))
+    command = ("sweep", "paper", "--tolerance", "5%", "--axis", "depth=0.6,0.8", "--quantities", "force,strain")
+    status, out, err = run(*command, "--json")
+    rows = strict(out)
+    assert (status, "surrogate shipped in 2 of 2 cases" in err) == (0, True)
+    for row in rows:
+        estimate = surrogate_response.respond(paper(), Load(depth=row["depth_mm"]))
+        assert (row["chosen_model"], row["solve"], row["status"]) == ("surrogate shipped", 0, "ok")
+        assert row["chosen_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-12)
+        assert (row["error_estimate"], row["shift_error_estimate"]) == (estimate.force_error, estimate.shift_error)
+        assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
 
 
 def test_rows_have_the_error_estimates_of_solve():

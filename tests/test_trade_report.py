@@ -1,5 +1,6 @@
 """Table and chart of cost and error."""
 
+import dataclasses
 import math
 
 import pytest
@@ -23,6 +24,8 @@ STATES = [
     *(state(p, "axisymmetric", "standard", design=i, cpu=2.0) for i, p in enumerate((0.1, 0.2, 0.3))),
     *(state(p, "formula", "finite", cpu=1e-3) for p in (2.0, 4.0)),
     state(70.0, "formula", "finite", outside="nu = 0.4 is below 0.49", cpu=1e-3),
+    *(state(p, "surrogate", "shipped", cpu=6e-3) for p in (0.4, 0.8)),
+    dataclasses.replace(state(0.0, "surrogate", "shipped", cpu=1e-5), status="refused", errors={}),
 ]
 
 
@@ -37,6 +40,12 @@ def test_a_cell_holds_median_percentile_and_largest_error():
 def test_a_formula_counts_inside_its_range_only():
     cell = next(c for c in trade_report.cells(STATES) if c.name == "formula finite")
     assert (cell.solved, cell.states, cell.worst[2]) == (2, 3, 4.0)
+
+
+def test_the_surrogate_counts_inside_its_range_only_in_errors_and_cost():
+    cell = next(c for c in trade_report.cells(STATES) if c.name == "surrogate shipped")
+    assert (cell.solved, cell.states, cell.worst[2]) == (2, 3, 0.8)
+    assert (cell.cpu_s, cell.cost) == pytest.approx((6e-3, 0.012))
 
 
 def test_the_report_names_model_errors_confirmation_and_command(tmp_path):

@@ -44,6 +44,16 @@ def test_a_formula_on_too_few_designs_has_no_bound():
     assert statements([state(1.0, model="formula", level="finite", design=i) for i in (0, 3, 5)]) == []
 
 
+def test_the_surrogate_has_a_bound_for_each_region_of_loads_and_is_read_back():
+    rule = statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9, 10)])
+    assert [(one.model, one.level, one.region) for one in rule] == [("surrogate", "shipped", "depth to 0.06 D")]
+    assert [Statement(**each) for each in json.loads(trade_rule.as_text(rule, ""))["statements"]] == rule
+
+
+def test_the_surrogate_on_too_few_designs_has_no_bound():
+    assert statements([state(1.0, model="surrogate", level="shipped", design=i) for i in (0, 3, 9)]) == []
+
+
 def test_tetrahedra_have_one_bound_for_all_regions():
     (one,) = statements([state(1.0, model="half", design=number) for number in (0, 1)])
     assert one.region == "any"

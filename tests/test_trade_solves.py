@@ -6,6 +6,7 @@ from fem.accuracy import QUICK
 from geometry.loads import Load
 from studies.benchmarks import trade_cases, trade_solves
 from studies.benchmarks.trade_solves import Run, measure, solved
+from studies.surrogate import surrogate_response
 from studies.validation import error_study
 from studies.validation.error_study_cases import Trial
 
@@ -38,15 +39,30 @@ def test_a_load_that_a_level_refuses_is_a_state():
     assert state.status == "refused"
 
 
+def test_the_surrogate_is_measured_without_a_process():
+    run = Run(trade_cases.trial(0, "glued shear", "auto"), "shipped")
+    answer = solved(run.trial, measure(run))
+    assert (run.model, run.level) == ("surrogate", "shipped")
+    assert [state.response for state in answer.states] == [
+        surrogate_response.respond(run.trial.design, load).response for load in run.trial.loads
+    ]
+    assert 0 < answer.cpu_s < 1
+
+
+def test_the_surrogate_refuses_what_lies_outside_its_range():
+    states = trade_solves.follow_surrogate(trade_cases.trial(1, "press", "auto"))
+    assert {(state.status, state.response) for state in states} == {("refused", None)}
+
+
 def test_keys_tell_model_level_and_load_apart():
     runs = [
         *(Run(trade_cases.trial(0, "press", model), QUICK) for model in ("axisymmetric", "harmonic", "half")),
         *(Run(trade_cases.trial(0, kind, "harmonic"), QUICK) for kind in ("glued shear", "friction")),
-        *(Run(TRIAL, level) for level in ("paper", "finite")),
+        *(Run(TRIAL, level) for level in ("paper", "finite", "shipped")),
     ]
     assert len({run.key for run in runs}) == len(runs)
 
 
-@pytest.mark.parametrize("method", [QUICK, "finite"])
+@pytest.mark.parametrize("method", [QUICK, "finite", "shipped"])
 def test_the_text_of_the_progress_names_design_and_method(method):
     assert "design 0" in Run(TRIAL, method).name

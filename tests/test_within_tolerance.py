@@ -8,11 +8,16 @@ from fem.solution import Estimates
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs.option_groups import Method
-from studies.simulation import load_cases, within_tolerance
+from studies.simulation import load_cases, model_choice, within_tolerance
+from studies.simulation.model_choice import Statement
+from studies.surrogate import surrogate_response
+
+WITHOUT_SURROGATE = ("--set", "magnet_edge_radius=0.4")
+"""A magnet with rounder edges than the surrogate knows."""
 
 
 def test_solve_says_which_model_a_tolerance_chooses_and_why(run):
-    status, out, err = run("solve", "paper", "--depth", "1", "--tolerance", "2%", "--json")
+    status, out, err = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "1", "--tolerance", "2%", "--json")
     row = json.loads(out)
     assert status == 0
     assert row["chosen_model"] == "axisymmetric quick"
@@ -23,7 +28,7 @@ def test_solve_says_which_model_a_tolerance_chooses_and_why(run):
 
 def test_formulas_answer_in_the_columns_of_finite_elements(run):
     _, out, _ = run("solve", "paper", "--depth", "0.4", "--tolerance", "20%", "--json")
-    _, solved, _ = run("solve", "paper", "--depth", "0.4", "--tolerance", "2%", "--json")
+    _, solved, _ = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
     formula, fem = json.loads(out), json.loads(solved)
     assert formula["model"] == formula["chosen_model"] == "formula finite"
     assert set(formula) == set(fem)
@@ -33,6 +38,54 @@ def test_formulas_answer_in_the_columns_of_finite_elements(run):
 def test_a_table_of_formulas_says_so(run):
     _, out, _ = run("solve", "paper", "--depth", "0.4", "--steps", "2", "--tolerance", "20%")
     assert out.startswith("Formulas\n")
+
+
+def by_surrogate(monkeypatch):
+    """Let the rule have bounds of 2 % for the surrogate in presses to D/4 and in small shears."""
+    own = [
+        Statement(kind, region, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02)
+        for kind, region in (("press", "depth to D/4"), ("glued shear", "shear to 0.15 D"))
+    ]
+    rule = tuple(each for each in model_choice.statements() if each.model != "surrogate")
+    monkeypatch.setattr(model_choice, "statements", lambda: (*rule, *own))
+
+
+def test_the_surrogate_answers_in_the_columns_of_finite_elements(run, monkeypatch):
+    by_surrogate(monkeypatch)
+    status, out, err = run("solve", "paper", "--depth", "0.8", "--tolerance", "5%", "--json")
+    _, solved, _ = run("solve", "paper", "--depth", "0.8", "--json")
+    row, fem = json.loads(out), json.loads(solved)
+    assert (status, row["status"]) == (0, "ok")
+    assert row["model"] == row["chosen_model"] == "surrogate shipped"
+    assert "tolerance 5 %: the surrogate, because" in err
+    assert set(row) - set(fem) == {"chosen_model", "tolerance", "expected_error"}
+    assert set(fem) <= set(row)
+    assert row["force_N"][2] == pytest.approx(fem["force_N"][2], rel=0.05)
+    assert row["largest_strain_percent"] == pytest.approx(fem["largest_strain_percent"], rel=0.2)
+
+
+def test_the_error_estimates_of_the_surrogate_are_its_half_widths(run, monkeypatch):
+    by_surrogate(monkeypatch)
+    _, out, _ = run("solve", "paper", "--depth", "0.8", "--shear", "1", "--tolerance", "5%", "--json")
+    row = json.loads(out)
+    own = surrogate_response.respond(paper(), Load(depth=0.8, shear_x=1.0, friction="stick"))
+    names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
+    assert [row[name] for name in names] == pytest.approx([own.force_error, own.shift_error, own.tilt_error, None])
+    assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
+
+
+def test_a_table_of_the_surrogate_says_so(run, monkeypatch):
+    by_surrogate(monkeypatch)
+    _, out, _ = run("solve", "paper", "--depths", "0.6,0.8", "--tolerance", "5%")
+    assert out.startswith("Surrogate\n")
+
+
+def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, tmp_path):
+    by_surrogate(monkeypatch)
+    command = ("solve", "paper", "--depth", "0.8", "--tolerance", "5%", "--json", "--out", str(tmp_path / "body.vtu"))
+    assert json.loads(run(*command)[1])["chosen_model"] == "axisymmetric quick"
+    chosen = within_tolerance.choose_accuracy(paper(), [[Load(depth=0.8)]], "5%")
+    assert chosen.choice.model_kind == "fem"
 
 
 def test_a_picture_needs_finite_elements(run, tmp_path):
@@ -70,7 +123,7 @@ def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(mo
     monkeypatch.setattr("fem.equilibrium.estimate_response", estimates)
     method = Method(tolerance="2%")
     loads = [Load(depth=0.4)]
-    chosen = within_tolerance.choose(paper(), loads, method, files=False)
+    chosen = within_tolerance.choose(paper(), loads, method, files=True)
     rows = list(
         within_tolerance.solve(paper(), loads, method, chosen, out=None, picture=None, progress=lambda *_: None)
     )

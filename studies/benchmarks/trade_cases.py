@@ -26,6 +26,10 @@ SCENES: dict[Kind, str] = {"press": "press", "glued shear": "stick", "friction":
 """Scene of a trial of each kind, see `studies.validation.error_study_cases`."""
 
 FORMULAS = beam.LEVELS
+SURROGATE, SHIPPED = "surrogate", "shipped"
+"""Name of the surrogate among the models, and of its one level."""
+CALCULATED = ("formula", SURROGATE)
+"""Models without a mesh: they are evaluated in the study's own process, and count inside their ranges only."""
 MODELS: dict[Kind, tuple[Model, ...]] = {
     "press": ("axisymmetric", "harmonic", "half", "full"),
     "glued shear": ("harmonic", "half", "full"),

@@ -12,7 +12,7 @@ from typing import Any
 
 from analytic import beam
 from studies.benchmarks import trade_cases, trade_rule, trade_study
-from studies.benchmarks.trade_cases import KINDS, Kind
+from studies.benchmarks.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE, Kind
 from studies.benchmarks.trade_reference import QUANTITIES
 from studies.benchmarks.trade_rule import COUNTED, Confirmation, percentile
 from studies.benchmarks.trade_study import TradeState
@@ -22,9 +22,10 @@ from studies.simulation.model_choice import Statement
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")
 """Files that `write` writes into a folder."""
-LEVELS = (*beam.LEVELS, "quick", "standard", "fine")
+LEVELS = (*beam.LEVELS, SHIPPED, "quick", "standard", "fine")
 COLOURS = {
     "formula": "#D55E00",
+    "surrogate": "#882255",
     "axisymmetric": "#0072B2",
     "harmonic": "#009E73",
     "half": "#CC79A7",
@@ -35,6 +36,7 @@ LABELS = {
     "tip": ("right", "top"),
     "magnet": ("right", "bottom"),
     "column": ("right", "top"),
+    "surrogate": ("left", "bottom"),
     "axisymmetric": ("right", "top"),
     "harmonic": ("left", "top"),
     "harmonic quick": ("left", "bottom"),
@@ -42,7 +44,9 @@ LABELS = {
     "full": ("left", "bottom"),
 }
 """Sides of labels by name, level or model, so that they do not overlap: anchors of the text."""
-MARKERS = {"formula": "D", "axisymmetric": "o", "harmonic": "s", "half": "^", "full": "v"}
+MARKERS = {"formula": "D", "surrogate": "*", "axisymmetric": "o", "harmonic": "s", "half": "^", "full": "v"}
+SIZES = {"surrogate": 10}
+"""Sizes of markers that need another one than 6 points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +102,9 @@ class Cell:
 
 
 def cells(states: Sequence[TradeState]) -> list[Cell]:
-    """Return a cell for each kind, model and level that ran on the chosen designs; formulas inside their range only.
+    """Return a cell for each kind, model and level that ran on the chosen designs.
 
-    Level paper states no range.
+    Formulas and the surrogate count inside their ranges only; level paper states none.
     """
     table = []
     for kind in KINDS:
@@ -117,7 +121,9 @@ def _cell(own: Sequence[TradeState]) -> Cell:
     inside = [s for s in own if s.errors and (s.model != "formula" or not s.outside)]
     errors = {name: _spread([s.errors[name].percent for s in inside if name in s.errors]) for name in QUANTITIES}
     counted = [s.errors[name] for s in inside for name in COUNTED if name in s.errors]
-    costs = [s.cost for s in own if s.cost is not None]
+    # the surrogate refuses most paths outside its range as a whole, at no cost
+    answered = [s for s in own if first.model != SURROGATE or s.status != "refused"] or own
+    costs = [s.cost for s in answered if s.cost is not None]
     return Cell(
         first.kind,
         first.model,
@@ -127,7 +133,7 @@ def _cell(own: Sequence[TradeState]) -> Cell:
         len(inside),
         errors,
         _spread([largest(s) for s in inside]),
-        statistics.median(s.cpu_s for s in own),
+        statistics.median(s.cpu_s for s in answered),
         statistics.median(costs) if costs else math.nan,
         statistics.median(s.peak_MB for s in own),
         sum(not error.clear for error in counted) / len(counted) if counted else math.nan,
@@ -194,7 +200,7 @@ def _errors_table(rows: Sequence[Cell]) -> list[str]:
             *(cell.model, cell.level, str(cell.designs), f"{cell.solved} of {cell.states}"),
             *(parts.get(name, "") for name in ("force", "shift", "tilt", "readings", "sideways")),
             *(_number(cell.worst[2]), _number(100 * cell.unclear), _number(cell.cpu_s), _number(cell.cost)),
-            "" if cell.model == "formula" else f"{cell.peak_MB:.0f}",
+            "" if cell.model in CALCULATED else f"{cell.peak_MB:.0f}",
         ]
         lines.append(f"| {' | '.join(values)} |")
     return lines
@@ -203,7 +209,8 @@ def _errors_table(rows: Sequence[Cell]) -> list[str]:
 def _coverage(table: Sequence[Cell]) -> list[str]:
     """State on how many designs each finite-element model ran."""
     text = (
-        f"Formulas ran on all designs that have a reference, finite elements on as many of the {trade_cases.STUDIED} "
+        "Formulas and the surrogate ran on all designs that have a reference, the surrogate without friction; finite "
+        f"elements on as many of the {trade_cases.STUDIED} "
         "designs as an hour of computing on one core allowed. Tetrahedra cost five to a hundred times as much as the "
         "section model at level standard and are less accurate; a reference with friction costs a minute."
     )
@@ -306,7 +313,10 @@ def picture(path: Path, table: Sequence[Cell]) -> None:
             axis.set(title=kind, xlabel="CPU seconds of a path (s)")
         axes[0].set_ylabel("largest error of a state (%)")
         models = dict.fromkeys(cell.model for cell in table)
-        handles = [Line2D([], [], marker=MARKERS[m], color=COLOURS[m], linestyle="", label=m) for m in models]
+        handles = [
+            Line2D([], [], marker=MARKERS[m], color=COLOURS[m], markersize=SIZES.get(m, 6), linestyle="", label=m)
+            for m in models
+        ]
         handles.append(Line2D([], [], color="#777777", linewidth=1, linestyle="--", label="not dominated"))
         handles.append(Line2D([], [], color="#777777", linewidth=1.2, marker="_", label="median to 95th percentile"))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
@@ -323,11 +333,12 @@ def _panel(axis: Any, cells: Sequence[Cell]) -> None:
         )
         axis.plot([cell.cpu_s] * 2, [middle, high], "-", color=colour, linewidth=1.2, alpha=0.6)
         axis.plot(cell.cpu_s, high, "_", color=colour, markersize=7)
-        axis.plot(cell.cpu_s, middle, MARKERS[cell.model], color=colour, markersize=6)
+        axis.plot(cell.cpu_s, middle, MARKERS[cell.model], color=colour, markersize=SIZES.get(cell.model, 6))
         axis.annotate(
             cell.level,
             (cell.cpu_s, middle),
-            xytext=(4 if side == "left" else -4, 4 if height == "bottom" else -4),
+            # bars of neighbours stand close to the right of a marker
+            xytext=(9 if side == "left" else -4, 4 if height == "bottom" else -4),
             textcoords="offset points",
             fontsize=9,
             color=colour,

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 
 from geometry.design import BadInput
 from studies.benchmarks import trade_cases
-from studies.benchmarks.trade_cases import Kind
+from studies.benchmarks.trade_cases import CALCULATED, SURROGATE, Kind
 from studies.benchmarks.trade_study import SOLIDS, TradeState
 from studies.output import records
 from studies.output.atomic_files import json_line
@@ -23,8 +23,11 @@ from studies.simulation.model_choice import ANY_REGION, Choice, Statement
 
 ABOUT = """\
 A bound is the largest error of all states of a region, times 1 + 1/n for n designs. An error that is smaller than the
-error bar of its reference counts as large as the bar. Formulas have bounds only inside their range, and where at
-least four designs have states. Tetrahedra, which ran on few designs, have one bound for all regions of a kind.
+error bar of its reference counts as large as the bar. Formulas and the surrogate have bounds only inside their
+ranges, and where at least four designs have states. The surrogate is chosen only if the half widths of its own 90 %
+intervals for the loads in question meet the tolerance as well as its bound: the bound also covers readings and the
+tenth of the cases beyond the intervals, and the intervals are wide where training beams are sparse. Tetrahedra, which
+ran on few designs, have one bound for all regions of a kind.
 
 The rule was corrected twice after random designs had shown it to be wrong. Small and large magnets are told apart
 because a formula was 19 % off at a tolerance of 10 % (first draw, design 21). Bounds follow from the largest error,
@@ -40,7 +43,7 @@ SHARE, FACTOR = 0.95, 1.5
 LAST = "last draw"
 """Name of the results of the random designs that were drawn after the last change of the rule."""
 FEWEST = 4
-"""Least number of designs from which a bound of a formula follows."""
+"""Least number of designs from which a bound of a formula or of the surrogate follows."""
 
 
 def statements(states: Sequence[TradeState]) -> list[Statement]:
@@ -52,7 +55,7 @@ def statements(states: Sequence[TradeState]) -> list[Statement]:
     return [
         _statement(region, members)
         for (_, region, model, _), members in groups.items()
-        if model != "formula" or len({state.design for state in members}) >= FEWEST
+        if model not in CALCULATED or len({state.design for state in members}) >= FEWEST
     ]
 
 
@@ -184,6 +187,7 @@ class Confirmed:
     ----------
     refused : cases for which the rule knows no model that meets the tolerance.
     unjudged : cases without a reference, or whose chosen model was not run.
+    formulas, surrogate : cases for which the rule chooses formulas, and the surrogate.
     worst : largest error over the tolerance.
     """
 
@@ -193,6 +197,7 @@ class Confirmed:
     refused: int
     unjudged: int
     formulas: int
+    surrogate: int
     within: int
     share_percent: float
     worst: float
@@ -226,6 +231,7 @@ def summary(results: Sequence[Confirmation]) -> list[Confirmed]:
                     sum(each.status == "refused" for each in own),
                     len(own) - len(judged) - sum(each.status == "refused" for each in own),
                     sum(each.model.startswith("formula") for each in own),
+                    sum(each.model.startswith(SURROGATE) for each in own),
                     within,
                     100 * within / len(judged) if judged else math.nan,
                     max((each.error / tolerance for each in judged if each.error is not None), default=math.nan),

@@ -7,6 +7,7 @@ imports, the memory of one solve is not mistaken for that of another, and a solv
 from __future__ import annotations
 
 import contextlib
+import functools
 import multiprocessing
 import os
 import resource
@@ -24,15 +25,17 @@ from fem.scene import Scene
 from geometry.design import BadInput
 from studies.benchmarks import trade_cases
 from studies.benchmarks.peers import THREADS
-from studies.benchmarks.trade_cases import Kind
+from studies.benchmarks.trade_cases import SHIPPED, SURROGATE, Kind
+from studies.output import checkpoint
+from studies.surrogate import surrogate_file, surrogate_response
 from studies.validation import error_study
 from studies.validation.error_study_cases import Trial
 from studies.validation.error_study_records import SolvedState, restored
 
 LIMIT_S = 900.0
 """Longest time of a solve on the clock; a longer one is stopped, and its states are missing."""
-REPEATS = 50
-"""Number of times that formulas are evaluated: one evaluation is too short to be measured."""
+REPEATS, SURROGATE_REPEATS = 50, 10
+"""Number of times that formulas and the surrogate are evaluated: one evaluation is too short to be measured."""
 PRELOADED = "studies.benchmarks.trade_solves"
 """Module that the server process imports."""
 
@@ -43,7 +46,7 @@ class Run:
 
     Attributes
     ----------
-    method : accuracy of the finite elements, or level of the formulas.
+    method : accuracy of the finite elements, level of the formulas, or SHIPPED for the surrogate.
     """
 
     trial: Trial
@@ -56,17 +59,21 @@ class Run:
 
     @property
     def model(self) -> str:
-        """Finite-element model, or "formula"."""
+        """Finite-element model, "formula" or "surrogate"."""
+        if self.method == SHIPPED:
+            return SURROGATE
         return "formula" if isinstance(self.method, str) else self.trial.model
 
     @property
     def level(self) -> str:
-        """Name of the accuracy, or level of the formulas."""
+        """Name of the accuracy, or level of the formulas or the surrogate."""
         return self.method if isinstance(self.method, str) else self.method.name
 
     @property
     def key(self) -> str:
         """All that the answer depends on beside the code, as text."""
+        if self.method == SHIPPED:
+            return f"{SURROGATE} {_surrogate_digest()}, {error_study.key(self.trial, QUICK)}"
         if isinstance(self.method, str):
             return f"formula {self.method}, {error_study.key(self.trial, QUICK)}"
         model = Scene(self.trial.design, self.trial.loads, self.method, self.trial.magnet, self.trial.model).model
@@ -96,7 +103,7 @@ class Solved:
 def measure(run: Run) -> dict[str, Any]:
     """Return the answer of one run, as JSON; finite elements are solved in a process of their own."""
     if isinstance(run.method, str):
-        return _measure_formula(run.trial, run.method)
+        return _measure_calculated(run.trial, run.method)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([PRELOADED])
     here, there = context.Pipe(duplex=False)
@@ -159,12 +166,23 @@ def _solve(connection: Connection, run: Run) -> None:
     connection.send({"states": [state.kept() for state in states], "cpu_s": spent, "peak_MB": _peak() - base})
 
 
-def _measure_formula(trial: Trial, level: str) -> dict[str, Any]:
-    """Return the answer of a level of the formulas; its memory is too little to be measured."""
-    states, begin = follow_formula(trial, level), time.process_time()
-    for _ in range(REPEATS):
-        follow_formula(trial, level)
-    spent = (time.process_time() - begin) / REPEATS
+@functools.cache
+def _surrogate_digest() -> str:
+    """Return a digest of the shipped surrogate and of its code: another surrogate has other answers."""
+    return checkpoint.digest([surrogate_file.FILE, *checkpoint.modules("studies/surrogate")])
+
+
+def _measure_calculated(trial: Trial, level: str) -> dict[str, Any]:
+    """Return the answer of formulas or of the surrogate; their memory is too little to be measured.
+
+    The first evaluation, in which the surrogate is read and factorized, does not count, as imports do not.
+    """
+    follow = follow_surrogate if level == SHIPPED else functools.partial(follow_formula, level=level)
+    repeats = SURROGATE_REPEATS if level == SHIPPED else REPEATS
+    states, begin = follow(trial), time.process_time()
+    for _ in range(repeats):
+        follow(trial)
+    spent = (time.process_time() - begin) / repeats
     return {"states": [state.kept() for state in states], "cpu_s": spent, "peak_MB": 0.0}
 
 
@@ -180,6 +198,21 @@ def follow_formula(trial: Trial, level: str) -> list[SolvedState]:
         else:
             outside, spent = beam.outside(trial.design, load, level), time.process_time() - begin
             states.append(SolvedState("ok", outside, level, cpu_s=spent, response=response))
+    return states
+
+
+def follow_surrogate(trial: Trial) -> list[SolvedState]:
+    """Return the states of a trial by the surrogate; a load outside its range has the status refused."""
+    states = []
+    for load in trial.loads:
+        begin = time.process_time()
+        try:
+            response = surrogate_response.respond(trial.design, load, trial.magnet).response
+        except BadInput as error:
+            states.append(SolvedState("refused", str(error), SURROGATE))
+        else:
+            spent = time.process_time() - begin
+            states.append(SolvedState("ok", "", SURROGATE, cpu_s=spent, response=response))
     return states
 
 

@@ -13,7 +13,7 @@ from fem.accuracy import LEVELS
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.benchmarks import trade_cases, trade_reference, trade_solves
-from studies.benchmarks.trade_cases import KINDS, MODELS, SECTION, Fineness, Kind
+from studies.benchmarks.trade_cases import CALCULATED, KINDS, MODELS, SECTION, SHIPPED, Fineness, Kind
 from studies.benchmarks.trade_reference import QUANTITIES, Components, Reference, TrueError
 from studies.benchmarks.trade_solves import Run, Solved
 from studies.output import checkpoint, records
@@ -32,12 +32,14 @@ the same design by the section model at level standard, in the same run.
 The true error of force, shift and tilt is the norm of the difference between the vector and that of the reference,
 over the norm of the reference; `sideways` is the force along the shear alone. The error of the readings is the
 largest of S1, S2 and S3, in percent of full scale: the largest change from rest of the element on the path, for S2
-and S3 together. The reference is extrapolated from three meshes of the section, each finer by sqrt(2), with
-harmonics in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed; its error bar
-is the last step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the spread of the
-three meshes. Formulas count inside the range of their level only (`analytic.beam.outside`; level paper states
-none). `unclear` is the share of errors that are less than three bars of their reference: these errors may be those
-of the reference.
+and S3 together. The reference is extrapolated from three meshes of the section, each finer by sqrt(2), with harmonics
+in step. Each component is extrapolated by itself, if an order of at least 0.8 is observed; its error bar is the last
+step of the extrapolation. Otherwise the reference is the finest mesh, and the bar is the spread of the three meshes.
+Formulas count inside the range of their level only (`analytic.beam.outside`; level paper states none), and so does
+the surrogate, which refuses what lies outside (`studies.surrogate.surrogate_response`). Its cost is that of calls for
+one load after the other, without the 50 ms in which a process reads it; for many designs at once a call costs far
+less each (results/surrogate/SURROGATE.md). `unclear` is the share of errors that are less than three bars of their
+reference: these errors may be those of the reference.
 """
 
 SOLIDS = ("half", "full")
@@ -53,7 +55,7 @@ class TradeState:
     Attributes
     ----------
     confirming : whether the design is one of those that confirm the rule.
-    model, level : finite-element model and accuracy, or "formula" and its level.
+    model, level : finite-element model and accuracy, "formula" and its level, or "surrogate" and "shipped".
     outside : reason why a formula is outside its range, or why a model has no answer; else empty.
     errors : true errors by quantity; none where the model or the reference has no answer.
     cpu_s, peak_MB : of the whole path.
@@ -126,7 +128,7 @@ def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool 
         for number in trade_cases.runs_on(kind, SECTION[kind], "quick", count):
             fineness: Fineness = "rough" if quick else "finer" if number in fine else _fineness(number)
             references[number, kind] = _references(number, kind, fineness)
-            runs += _formulas(number, kind)
+            runs += _calculated(number, kind)
         models = (SECTION[kind],) if quick else MODELS[kind]
         for model in models if solids else [m for m in models if m not in SOLIDS]:
             for level in levels:
@@ -143,7 +145,7 @@ def confirming_plan(*, quick: bool = False) -> Plan:
         for number in trade_cases.CONFIRMING[kind][: 2 if quick else None]:
             fineness: Fineness = "rough" if quick else "coarser"
             references[number, kind] = _references(number, kind, fineness, confirm=True)
-            runs += _formulas(number, kind, confirm=True)
+            runs += _calculated(number, kind, confirm=True)
             trial = trade_cases.trial(number, kind, SECTION[kind], confirm=True)
             runs += [Run(trial, LEVELS[level]) for level in levels]
     return Plan(True, references, tuple(runs))
@@ -162,9 +164,11 @@ def _references(number: int, kind: Kind, fineness: Fineness, *, confirm: bool = 
     return Run(trial, first), Run(trial, second), Run(trial, third)
 
 
-def _formulas(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
+def _calculated(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
+    """Return the runs of all formulas and, without Coulomb friction, of the surrogate."""
     trial = trade_cases.trial(number, kind, "auto", confirm=confirm)
-    return [Run(trial, level) for level in trade_cases.FORMULAS]
+    levels = trade_cases.FORMULAS if kind == "friction" else (*trade_cases.FORMULAS, SHIPPED)
+    return [Run(trial, level) for level in levels]
 
 
 def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[TradeState]:
@@ -224,7 +228,7 @@ def _with_errors(
         return replace(state, status="no_reference", outside="a mesh of the reference has no stable answer")
     values = trade_reference.components(trial.design, state.load, answer.response)
     errors = trade_reference.true_errors(values, truth, scales)
-    if state.model != "formula" and max(errors["force"].percent, errors["shift"].percent) > 100 * JUMP:
+    if state.model not in CALCULATED and max(errors["force"].percent, errors["shift"].percent) > 100 * JUMP:
         return replace(state, status="jump", outside=f"an error exceeds {JUMP:g}: another equilibrium")
     return replace(state, outside=answer.message, errors=errors)
 

@@ -53,8 +53,8 @@ def solve(
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
     If a solve stops early, the last converged state is printed and the exit status is 3. With --tolerance, formulas
-    may replace the finite elements, and all states are printed at the end. With --force the model for a tolerance is
-    chosen for the depth that accuracy quick finds, and formulas are not chosen.
+    or the surrogate may replace the finite elements, and all states are printed at the end. With --force the model
+    for a tolerance is chosen for the depth that accuracy quick finds, and only among finite elements.
 
     Parameters
     ----------

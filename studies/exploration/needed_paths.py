@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from analytic import beam
 from fem.accuracy import LEVELS
 from fem.scene import Scene
-from geometry.design import BadInput
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.exploration import store as store_module
 from studies.exploration.path_keys import Kind, Place, place
@@ -23,7 +24,8 @@ from studies.exploration.study_cases import Cases, FemModel, Plan, Problem, Rece
 from studies.exploration.worker_process import cores
 from studies.exploration.workers import finished
 from studies.output import console
-from studies.simulation.model_choice import choose
+from studies.simulation.model_choice import Choice, choose
+from studies.simulation.state_rows import surrogate_message
 
 KINDS: dict[str, Kind] = {"critical_depth": "critical depth", "modes": "modes"}
 """Quantities that are paths of their own in the store."""
@@ -73,9 +75,9 @@ class Target:
     Attributes
     ----------
     key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
-        of one that a formula answers, is empty.
+        of one that a formula or the surrogate answers, is empty.
     message : why the problem is impossible.
-    formula : the answer of a level of the formulas.
+    formula : the answer of a level of the formulas, or of the surrogate.
     chosen, expected_error : name of the model that a tolerance has chosen, and the bound of its error.
     """
 
@@ -128,9 +130,8 @@ class Paths:
             if model.tolerance is not None and kind == "states":
                 choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
                 chosen, expected = choice.name, choice.bound
-                if choice.model_kind == "formula":
-                    response = beam.solve(problem.design, problem.load, choice.level_or_accuracy)
-                    answer = Answer(problem.design.D, problem.design.E, response, "ok", "", expected, 0.0)
+                if choice.model_kind != "fem":
+                    answer = _unsolved_answer(problem.design, problem.load, problem.magnet, choice)
                     return Target("", formula=answer, chosen=chosen, expected_error=expected), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
@@ -139,6 +140,27 @@ class Paths:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)
         return Target(key, stored.at, stored.direction, chosen=chosen, expected_error=expected), stored
+
+
+def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
+    """Return the answer of a model that needs no solve: a level of the formulas, or the surrogate."""
+    if choice.model_kind == "formula":
+        response = beam.solve(design, load, choice.level_or_accuracy)
+        return Answer(design.D, design.E, response, "ok", "", choice.bound, 0.0)
+    from studies.surrogate import surrogate_response
+
+    estimate = surrogate_response.respond(design, load, magnet)
+    return Answer(
+        design.D,
+        design.E,
+        estimate.response,
+        "ok",
+        surrogate_message(estimate),
+        estimate.force_error,
+        0.0,
+        {"shift": estimate.shift_error, "tilt": estimate.tilt_error},
+        {"strain": estimate.strain},
+    )
 
 
 class Solves:

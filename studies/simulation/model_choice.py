@@ -4,6 +4,11 @@ The errors come from `magtip trade`: every model on twenty-four designs against 
 scene and by region of the loads. They are frozen in model_choice.json beside this module. Force, shift and tilt
 count as vectors, relative to the reference; readings in percent of full scale. A choice meets the tolerance in all
 of them.
+
+Formulas and the surrogate are chosen only inside their ranges and those of the study. The surrogate must meet the
+tolerance twice: its measured bound, as that of every model, because few of the study's designs lie near any other
+one; and the half widths of its 90 % intervals for the loads in question, because these are wide where its training
+beams are sparse. Half widths alone would not do: one case in ten lies beyond them, and they do not contain readings.
 """
 
 from __future__ import annotations
@@ -11,7 +16,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -39,6 +44,8 @@ SMALL = 0.13
 """Largest section of a small magnet, diameter times height over D^2: the error of formulas grows with the section."""
 ANY_REGION = "any"
 """Region of the statements about tetrahedra, which ran on too few designs to tell regions apart."""
+SURROGATE = "surrogate"
+"""Name of the surrogate among the models."""
 BEYOND = 2.0
 """Factor on a bound for designs, loads or scenes that the study does not contain."""
 CONTACT_POWER = 0.75
@@ -52,7 +59,7 @@ class Statement:
 
     Attributes
     ----------
-    model, level : finite-element model and its accuracy, or "formula" and its level.
+    model, level : finite-element model and its accuracy, "formula" and its level, or "surrogate" and "shipped".
     cost : CPU seconds over those of the section model at level standard, median.
     force, shift, tilt, readings : bounds of the errors; None where the scene has no such quantity.
     """
@@ -81,14 +88,14 @@ class Choice:
 
     Attributes
     ----------
-    model_kind : formulas or finite elements.
-    level_or_accuracy : level of the formulas, or accuracy of the finite elements.
-    model : model of the finite elements, "formula" for formulas.
+    model_kind : formulas, surrogate or finite elements.
+    level_or_accuracy : level of the formulas, accuracy of the finite elements, or "shipped" for the surrogate.
+    model : model of the finite elements, "formula" for formulas, "surrogate" for the surrogate.
     bound : largest expected error of force, shift, tilt and readings, a fraction.
     reason : one sentence.
     """
 
-    model_kind: Literal["formula", "fem"]
+    model_kind: Literal["formula", "surrogate", "fem"]
     level_or_accuracy: str
     model: str
     bound: float
@@ -136,7 +143,7 @@ def choose(
     Parameters
     ----------
     tolerance : largest relative error of force, shift, tilt and readings, between 0 and 1.
-    formulas : whether formulas may be chosen.
+    formulas : whether formulas and the surrogate may be chosen, which compute no deformed body.
     rule : default: the shipped one.
 
     Raises
@@ -146,10 +153,11 @@ def choose(
     """
     if not 0 < tolerance < 1:
         raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")
-    choices = _choices(rule or statements(), design, loads, magnet, formulas=formulas)
-    for choice in choices:
+    choices = []
+    for choice in _choices(rule or statements(), design, loads, magnet, formulas=formulas):
         if choice.bound <= tolerance:
             return choice
+        choices.append(choice)
     if not choices:
         raise BadInput(
             f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}: choose "
@@ -170,8 +178,8 @@ def at_accuracy(design: Design, loads: Sequence[Load], accuracy: str, magnet: Ma
 
 def _choices(
     rule: Sequence[Statement], design: Design, loads: Sequence[Load], magnet: Magnet, *, formulas: bool
-) -> list[Choice]:
-    """Return every model that can carry the loads with its largest bound, the cheapest first."""
+) -> Iterator[Choice]:
+    """Yield every model that can carry the loads with its largest bound, the cheapest first."""
     fem = choose_model(loads, "auto")
     kind = kind_of(loads)
     places = [(load, region(design, load, magnet, kind)) for load in loads]
@@ -179,21 +187,32 @@ def _choices(
     for each in rule:
         if each.kind == kind:
             costs[each.model, each.level] = max(costs.get((each.model, each.level), 0.0), each.cost)
-    cheap: list[Choice] = []
-    costly: list[Choice] = []
-    for model, level in sorted(costs, key=lambda name: costs[name]):
-        if model == "formula" and formulas:
-            bounds = [_formula_bound(rule, design, load, place, magnet, level) for load, place in places]
-        elif model == fem:
-            bounds = [_fem_bound(rule, place, model, level, design, magnet) for _, place in places]
-        else:
-            continue
+    names = sorted(costs, key=lambda name: costs[name])
+
+    def choice(model: str, level: str, bounds: Sequence[float | None]) -> list[Choice]:
         known = [bound for bound in bounds if bound is not None]
-        if len(known) == len(bounds):
-            choice = _choice(model, level, max(known), [place for _, place in places])
-            (cheap if model == "formula" else costly).append(choice)
-    # all formulas take milliseconds: of these the most accurate one counts
-    return sorted(cheap, key=lambda choice: choice.bound)[:1] + costly
+        own = [place for _, place in places]
+        return [_choice(model, level, max(known), own)] if len(known) == len(bounds) else []
+
+    if formulas:
+        cheap = []
+        for _, level in (name for name in names if name[0] == "formula"):
+            cheap += choice(
+                "formula",
+                level,
+                [_formula_bound(rule, design, load, place, magnet, level) for load, place in places],
+            )
+        # all formulas take milliseconds: of these the most accurate one counts
+        yield from sorted(cheap, key=lambda each: each.bound)[:1]
+    for model, level in names:
+        if model == SURROGATE and formulas:
+            yield from choice(
+                model, level, [_surrogate_bound(rule, design, load, place, magnet, level) for load, place in places]
+            )
+        elif model == fem:
+            yield from choice(
+                model, level, [_fem_bound(rule, place, model, level, design, magnet) for _, place in places]
+            )
 
 
 def _choice(model: str, level: str, bound: float, places: Sequence[Region]) -> Choice:
@@ -203,8 +222,10 @@ def _choice(model: str, level: str, bound: float, places: Sequence[Region]) -> C
     reason = f"this is the cheapest model whose measured error for {where} is within {percent(rounded_up(bound, 2))}"
     if beyond:
         reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
-    if model == "formula":
-        return Choice("formula", level, model, bound, reason)
+    if model == SURROGATE:
+        reason += ", and so are the half widths of its 90 % intervals for these loads"
+    if model in ("formula", SURROGATE):
+        return Choice("formula" if model == "formula" else "surrogate", level, model, bound, reason)
     return Choice("fem", level, model, bound, reason)
 
 
@@ -300,6 +321,28 @@ def _formula_bound(
         if (each.kind, each.region, each.model, each.level) == wanted:
             return each.bound(readings=readings)
     return None
+
+
+def _surrogate_bound(
+    rule: Sequence[Statement], design: Design, load: Load, place: Region, magnet: Magnet, level: str
+) -> float | None:
+    """Return the larger one of the surrogate's measured bound and its half widths; None outside its range.
+
+    A press beyond the depth at which it may buckle is left to finite elements, which say that it is unstable.
+    """
+    from studies.surrogate import surrogate_response
+
+    wanted = place.kind, place.name, SURROGATE, level
+    own = [each for each in rule if (each.kind, each.region, each.model, each.level) == wanted]
+    if not own or place.beyond or surrogate_response.refusal(design, load, magnet):
+        return None
+    critical = surrogate_response.beams_of([design]).critical_depth()
+    # an infinite depth has an infinite half width
+    if critical.value[0] < math.inf and load.depth / design.D > critical.value[0] - critical.half_width[0]:
+        return None
+    estimate = surrogate_response.respond(design, load, magnet)
+    widths = (estimate.force_error, estimate.shift_error, estimate.tilt_error or 0.0)
+    return max(own[0].bound(readings=True), *widths)
 
 
 def formula_region(design: Design, name: str) -> str:

@@ -15,6 +15,7 @@ from studies.output.records import FlatRow
 if TYPE_CHECKING:
     from analytic.hall import Readings
     from fem.solution import Facts, Solution
+    from studies.surrogate.surrogate_response import Estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +178,25 @@ def formula_state_row(load: Load, response: Response, model: str, seconds: float
         digest=design_digest.digest(made_for),
         made_for=made_for,
     )
+
+
+def surrogate_state_row(load: Load, estimate: Estimate, model: str, seconds: float, made_for: Fields) -> StateRow:
+    """Return the row of a state by the surrogate: its error estimates are the half widths of its 90 % intervals."""
+    return dataclasses.replace(
+        formula_state_row(load, estimate.response, model, seconds, made_for),
+        message=surrogate_message(estimate),
+        error_estimate=estimate.force_error,
+        shift_error_estimate=estimate.shift_error,
+        tilt_error_estimate=estimate.tilt_error,
+        facts=FactColumns(largest_strain_percent=100 * estimate.strain),
+    )
+
+
+def surrogate_message(estimate: Estimate) -> str:
+    """Return which model a state is from, and its 90 % intervals, in a sentence."""
+    widths = {"force": estimate.force_error, "shift": estimate.shift_error, "tilt": estimate.tilt_error}
+    shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in widths.items() if width is not None)
+    return f"by the surrogate; 90 % intervals: {shown}"
 
 
 def unsolved_row(load: Load, model: str, message: str, made_for: Fields) -> StateRow:

@@ -26,6 +26,8 @@ from studies.simulation.state_rows import StateRow
 if TYPE_CHECKING:
     from fem.force_targets import ForceTarget
 
+TITLES = {"formula": "Formulas", "surrogate": "Surrogate", "fem": "Finite elements"}
+"""Titles of tables by the kind of the chosen model."""
 FINER: dict[str, AccuracyName] = {"quick": "standard", "standard": "fine"}
 """Next finer accuracy of the finite elements."""
 
@@ -48,7 +50,8 @@ class Chosen:
     def say(self) -> None:
         """Print on standard error which model is chosen, and why."""
         choice = self.choice
-        name = f"formulas of level {choice.level_or_accuracy}" if choice.model_kind == "formula" else choice.name
+        names = {"formula": f"formulas of level {choice.level_or_accuracy}", "surrogate": "the surrogate"}
+        name = names.get(choice.model_kind, choice.name)
         console.say(f"magtip: tolerance {percent(self.tolerance)}: {name}, because {choice.reason}")
 
 
@@ -79,7 +82,7 @@ def run(
             loads = force_cases.loads_at_quick(design, targets, method, progress)
         chosen = choose(design, loads, method, files=bool(targets) or any(files.values()))
         chosen.say()
-        title = "Formulas" if chosen.choice.model_kind == "formula" else "Finite elements"
+        title = TITLES[chosen.choice.model_kind]
         rows = solve(design, loads, method, chosen, **files, progress=progress, targets=targets)
     return title, force_cases.with_targets(rows, targets) if targets else rows
 
@@ -98,7 +101,8 @@ def choose(design: Design, loads: Sequence[Load], method: Method, *, files: bool
 
     Parameters
     ----------
-    files : whether the deformed body is to be written, which formulas do not compute; or a force is searched for.
+    files : whether the deformed body is to be written, which neither formulas nor the surrogate compute; or a force
+        is searched for.
     """
     tolerance = check(method)
     return Chosen(tolerance, model_choice.choose(design, loads, tolerance, method.magnet, formulas=not files))
@@ -142,6 +146,10 @@ def solve(
         for load in loads:
             yield _formula_row(design, load, method, chosen.choice).row() | chosen.row()
         return
+    if chosen.choice.model_kind == "surrogate":
+        for load in loads:
+            yield _surrogate_row(design, load, method, chosen.choice).row() | chosen.row()
+        return
     accuracy = cast(AccuracyName, chosen.choice.level_or_accuracy)
     while True:
         at_level = replace(method, accuracy=accuracy, tolerance=None)
@@ -183,6 +191,15 @@ def _formula_row(design: Design, load: Load, method: Method, choice: Choice) -> 
     response = beam.solve(design, load, choice.level_or_accuracy)
     made_for = design_digest.of_mechanics(design, method.magnet)
     return state_rows.formula_state_row(load, response, choice.name, time.perf_counter() - begin, made_for)
+
+
+def _surrogate_row(design: Design, load: Load, method: Method, choice: Choice) -> StateRow:
+    from studies.surrogate import surrogate_response
+
+    begin = time.perf_counter()
+    estimate = surrogate_response.respond(design, load, method.magnet)
+    made_for = design_digest.of_mechanics(design, method.magnet)
+    return state_rows.surrogate_state_row(load, estimate, choice.name, time.perf_counter() - begin, made_for)
 
 
 def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Chosen:
