@@ -79,7 +79,7 @@ class Bound:
     def relaxed(self, give: float) -> str:
         """Return what the requirement becomes if it gives; a give is rounded up, so that the text is enough."""
         if not math.isfinite(give):
-            return f"{self.name} changes by an amount that is unknown"
+            return f"{self.name} gives more than the search covers"
         if self.sense == "switch":
             return f"{self.name} is left out"
         step = rounded_up(give)
@@ -110,8 +110,8 @@ class Conflict:
         """State the conflict, and what each member would have to give."""
         wanted = " together with ".join(member.wanted() for member in self.members)
         ways = [member.relaxed(give) for member, give in zip(self.members, self.gives, strict=True)]
-        choices = f"either {', or '.join(ways)}" if len(ways) > 1 else f"unless {ways[0]}"
-        text = f"no variant meets {wanted}: {choices}"
+        choices = f": either {', or '.join(ways)}" if len(ways) > 1 else f", unless {ways[0]}"
+        text = f"no variant meets {wanted}{choices}"
         return text if any(map(math.isfinite, self.gives_of_all)) else f"{text}; further requirements conflict too"
 
     def rows(self) -> list[dict[str, object]]:

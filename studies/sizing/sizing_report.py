@@ -114,9 +114,12 @@ def _requirements(sizing: Sizing) -> str:
             }
         )
     note = (
-        "Bounds are held over the whole range of E of each silicone and of the remanence of each grade. A margin is "
-        "relative to its bound; margins above 100 % are shown as 100. The range is not followed beyond three times "
-        "the required one."
+        "Bounds are held over the whole range of E of each silicone and of the remanence of each grade, at presses "
+        "of a quarter of the range and of the whole range, each with sideways forces to their whole range in all "
+        "directions. The largest strain is often that of the sideways force under the lighter press, whose contact "
+        "is smaller. A margin is relative to its bound; margins above 100 % are shown as 100. The range in z is not "
+        "followed beyond three times the required one, the range in x not beyond the required one: a margin of 0 % "
+        "there means at least the required range."
     )
     return f"## Requirements\n\n{table(rows)}\n\n{note}"
 

@@ -84,8 +84,8 @@ class Sizing:
         if self.conflict is not None:
             return self.conflict.sentence()
         return (
-            "the search found no variant that meets all requirements, although they do not conflict: search longer "
-            "with --generations, or loosen one"
+            "the search found no variant that meets all requirements, and no set of them that conflicts: search "
+            "longer with --generations, or loosen one"
         )
 
 
