@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design, nearest
-from geometry.fabrication import element_seats
+from geometry.fabrication import element_seats, engraved_marks
 from geometry.fabrication.element_seats import WEB, Block, Seats
 from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, Range, at_least, at_most
@@ -55,6 +55,7 @@ RANGES = {
     "recess": Range(0.0, 10.0),
     "recess_gap": Range(0.0, 1.0),
     "screw": Range(0.0, 10.0),
+    "marks": Range(0, 1, "", whole=True),
 }
 
 
@@ -74,6 +75,7 @@ class Base:
     recess_gap : radial gap between beam and pocket; default: the fit of the process.
     screw : diameter of the four holes on the diagonals (2.2 for M2 screws), 0 for none; default: 2.2 on a square
         base, 0 on a round one.
+    marks : 1 for grooves in the edge of the upper face, one at +x and two at +y.
 
     Raises
     ------
@@ -89,13 +91,14 @@ class Base:
     recess: float | None = None
     recess_gap: float | None = None
     screw: float | None = None
+    marks: int = 0
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
         for name, bounds in RANGES.items():
             value: object = getattr(self, name)
-            if value is not None or name == "seat_wall":
+            if value is not None or name in ("seat_wall", "marks"):
                 bounds.check(name, value)
 
     @property
@@ -119,6 +122,7 @@ class Plan:
     passages : hollows for their leads.
     posts : parts of the base above z = 0.
     openings : hollows that remove walls too thin to print: those between two seats, or between a seat and the recess.
+    marks : grooves in the edge of the upper face: at +x, and two at +y; empty if not wanted, or without room.
     """
 
     is_round: bool
@@ -132,6 +136,7 @@ class Plan:
     passages: dict[str, Block]
     posts: dict[str, Block]
     openings: tuple[Block, ...]
+    marks: tuple[Block, ...] = ()
 
 
 def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
@@ -168,6 +173,12 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
             corner=(-half, *channel.corner[1:]),
             sides=(half + seats.bodies["S1"].corner[0], *channel.sides[1:]),
         )
+    marks: tuple[Block, ...] = ()
+    if base.marks:
+        corner, foot = (screw_at - screw / 2, screw_at - screw / 2, 0.0), recess_radius if recess else design.R
+        screws = [Block(corner, (screw, screw, 0.0))] if screw else []
+        hollows = [block for group in (seats.bodies, seats.passages, seats.posts) for block in group.values()]
+        marks = engraved_marks.base_marks(half, base.is_round, recess, foot, [*hollows, *screws], process)
     return Plan(
         is_round=base.is_round,
         half=half,
@@ -180,6 +191,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         passages=seats.passages,
         posts=seats.posts,
         openings=_openings(seats, recess, recess_radius),
+        marks=marks,
     )
 
 
@@ -281,7 +293,7 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
         plate = Block((-p.half, -p.half, -p.thickness), (2 * p.half, 2 * p.half, height)).solid()
     if p.posts:
         plate = plate.fuse(*(post.solid() for post in p.posts.values())).solids()[0]
-    tools = [block.solid() for block in (*p.seats.values(), *p.passages.values(), *p.openings)]
+    tools = [block.solid() for block in (*p.seats.values(), *p.passages.values(), *p.openings, *p.marks)]
     if p.recess > 0:
         tools.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
     if p.screw > 0:

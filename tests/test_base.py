@@ -9,6 +9,7 @@ from geometry import cad
 from geometry.base import Base, base, checks, least_outer_size, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
+from geometry.fabrication.engraved_marks import DEPTH, STROKES
 from geometry.fabrication.hall_bodies import SS495A, bodies, places
 from geometry.fabrication.mold_checks import printable
 from geometry.fabrication.printability import PROCESSES, standing
@@ -236,3 +237,47 @@ def test_the_recess_opens_into_slots_that_are_too_close():
     assert gate.sides == (mirrored.sides[1], mirrored.sides[0], ROUND_RECESS)
     assert plan(Design(f=6), ROUND).openings == ()
     assert plan(Design(), SQUARE).openings == ()
+
+
+CHIP_4 = Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1)
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+@pytest.mark.parametrize("shape", ["square", "round"])
+@pytest.mark.parametrize("design", [Design(), Design(c=4.0, f=7.0), CHIP_4], ids=name_of)
+def test_grooves_mark_x_and_y(design, shape, process):
+    import build123d as bd
+
+    p = plan(design, Base(shape=shape, marks=1), process)
+    plain, marked = (base(design, Base(shape=shape, marks=marks), process) for marks in (0, 1))
+    removed, width = plain.cut(marked).solids(), STROKES[process]
+    assert marked.is_valid
+    assert len(removed) == 3
+    lengths = [solid.volume / (width * DEPTH) for solid in removed]
+    assert all(0.4 <= length <= 2.0 + 1e-9 for length in lengths)
+    boxes = sorted((solid.bounding_box() for solid in removed), key=lambda box: box.min.Y)
+    middles = [(box.center().X, box.center().Y) for box in boxes]
+    assert middles[0][1] == pytest.approx(0, abs=1e-6)
+    assert middles[0][0] > design.R
+    assert sorted(x for x, _ in middles[1:]) == pytest.approx([-width, width], abs=1e-6)
+    assert min(y for _, y in middles[1:]) > design.R
+    assert marked.volume == pytest.approx(plain.volume - sum(solid.volume for solid in removed), rel=1e-9)
+    hollows = [block.solid() for block in (*p.seats.values(), *p.passages.values())]
+    disc = bd.Solid.make_cylinder(p.recess_radius, 2.0, bd.Plane((0, 0, -1.0)))
+    assert min(solid.distance_to(other) for solid in removed for other in (disc, *hollows)) >= 0.4
+    mesh = solid_files.triangulated(standing(marked))
+    assert mesh.is_watertight
+    assert [check.name for check in checks(design, marked, bodies(design)) if not check.passed] == []
+    assert [check.name for check in printable("base", mesh, PROCESSES[process]) if not check.passed] == []
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+def test_the_smallest_round_base_has_room_for_grooves(process):
+    p = plan(CHIP_4, Base(shape="round", marks=1), process)
+    assert 2 * p.half == pytest.approx({"fdm": 6.8, "sla": 6.6}[process])
+    assert len(p.marks) == 3
+
+
+def test_a_rim_without_room_gets_no_groove():
+    choices = Base(shape="round", seat_wall=0.6, marks=1)
+    assert plan(CHIP_4, choices).marks == ()

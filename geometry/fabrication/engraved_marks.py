@@ -1,14 +1,18 @@
-"""Letters engraved into level faces: solids to cut from a part, made of straight strokes, without fonts. All in mm.
+"""Marks engraved into level faces: solids to cut from a part, made of straight strokes, without fonts. All in mm.
 
 The mould gets A on the lid, B on the foot, and on the foot's opposite corner N or S: the pole of the magnet that
 faces up, out of the mould, when the magnet is put into its pocket. No mark touches the cavity, a fit or the rim.
+The base gets grooves in the edge of its upper face: one at +x, two at +y.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from geometry.fabrication.element_seats import WEB, Block, swapped
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -57,6 +61,12 @@ DEPTH = 0.4
 MARGIN = 0.4
 """Least distance of a letter from the edges of its face, mm."""
 
+GROOVE = 2.0
+"""Length of a groove of the base where the rim has room, mm."""
+
+SHORTEST = 0.4
+"""Least length of a groove that is found by eye and nail, mm."""
+
 
 def strokes(letter: str, centre: Point, height: float, width: float, top: float) -> list[Solid]:
     """Return the strokes of a letter that is to be cut into a level face at z = `top`, seen from above.
@@ -103,3 +113,43 @@ def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[
         pole = "N" if design.magnet_north == "down" else "S"
         b += strokes(pole, (-corner[0], -corner[1]), foot, width, s.bottom + s.floor)
     return a, b, ""
+
+
+def base_marks(
+    half: float, is_round: bool, top: float, foot: float, hollows: Sequence[Block], process: str
+) -> tuple[Block, ...]:
+    """Return the grooves to cut from the base, one at +x and two at +y; none if one of them has no room.
+
+    Parameters
+    ----------
+    half, is_round : half the side or half the diameter of the plate, mm, and whether it is round.
+    top : height of the upper face of the plate, mm.
+    foot : radius of the recess, or of the beam without one, mm.
+    hollows : all that a groove must not meet: seats, passages, posts, and boxes around the screw holes.
+    """
+    width = STROKES[process]
+    one = _groove(0.0, half, is_round, top, foot, hollows, width)
+    # along y the base is its image about the plane x = y
+    mirrored = [swapped(hollow) for hollow in hollows]
+    two = [_groove(side * width, half, is_round, top, foot, mirrored, width) for side in (-1, 1)]
+    grooves = [one, *(groove and swapped(groove) for groove in two)]
+    return tuple(groove for groove in grooves if groove) if all(grooves) else ()
+
+
+def _groove(
+    middle: float, half: float, is_round: bool, top: float, foot: float, hollows: Sequence[Block], width: float
+) -> Block | None:
+    """Return a groove along x, centred at y = `middle`, that opens at the edge of the base; None without room."""
+    side = abs(middle) + width / 2
+    edge = math.sqrt(half**2 - side**2) if is_round else half
+    reaches = [
+        hollow.corner[0] + hollow.sides[0]
+        for hollow in hollows
+        if hollow.corner[1] < middle + width / 2 + WEB
+        and hollow.corner[1] + hollow.sides[1] > middle - width / 2 - WEB
+    ]
+    start = max(half - GROOVE, max(foot, *reaches) + WEB)
+    if not edge - start >= SHORTEST:
+        return None
+    # the groove ends beyond the edge, so that the cut leaves no film there
+    return Block((start, middle - width / 2, top - DEPTH), (half - start + width, width, DEPTH))

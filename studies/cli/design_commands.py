@@ -47,9 +47,11 @@ def cad(
     process
         Printing with filament (fdm) or resin (sla); it sets the defaults of fits and walls.
     mold
-        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3 or split=1; repeatable.
+        Setting of the mould, KEY=VALUE, such as shrink=0.01, columns=3, split=1 or marks=1 (letters);
+        repeatable.
     base
-        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4 or screw=0; repeatable.
+        Setting of the base: square or round, or KEY=VALUE, such as outer=16, recess=0.4, screw=0 or marks=1 (grooves
+        at +x and +y); repeatable.
     axis
         Values NAME=a,b,c of D, L, f (mm) or E (MPa): one folder for each combination, without picture; repeatable.
     tolerance

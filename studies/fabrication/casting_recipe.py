@@ -282,6 +282,8 @@ def _assembly(design: Design, plan: Plan | None) -> list[str]:
     if plan is None:
         return []
     lines = ["## Assemble", ""]
+    if plan.marks:
+        lines += ["Grooves in the edge of the base's upper face mark the axes: one at +x, two at +y.", ""]
     if design.hall_layout == "three":
         lines.append("1. S1 goes into the pocket under the base, marked face up, its leads in the channel.")
         lines.append("2. S2 (on x) and S3 (on y) go into their slots, marked face to the beam, down to the ledge.")

@@ -124,6 +124,8 @@ def _base_sheet(plan: Plan, base: Solid, side: View, above: View) -> str:
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
     above.dims += _outline(plan, 1)
     notes = ["printed as it stands, underside down, without supports"]
+    if p.marks:
+        notes.append("grooves in the edge of the upper face: one at +x, two at +y")
     if p.screw > 0:
         at = p.screw_at
         above.dims.append(((-at, at), (at, at), "above", 0, number(2 * at)))

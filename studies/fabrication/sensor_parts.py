@@ -195,6 +195,8 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     ]
     if choices.mold.marks and (no_room := engraved_marks.mold_marks(design, choices.mold, s)[2]):
         too_fine.append(no_room)
+    if choices.base.marks and solids.plan and not solids.plan.marks:
+        too_fine.append("the rim of the base has no room for its marks: set a larger outer or seat_wall")
     return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
 
 
