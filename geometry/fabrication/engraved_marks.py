@@ -148,7 +148,7 @@ def _groove(
         if hollow.corner[1] < middle + width / 2 + WEB
         and hollow.corner[1] + hollow.sides[1] > middle - width / 2 - WEB
     ]
-    start = max(half - GROOVE, max(foot, *reaches) + WEB)
+    start = max(half - GROOVE, max([foot, *reaches]) + WEB)
     if not edge - start >= SHORTEST:
         return None
     # the groove ends beyond the edge, so that the cut leaves no film there
