@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from studies.output.atomic_files import write_json, write_text
+from studies.output.markdown_tables import markdown
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.sizing.front_solves import FrontPoint, largest_differences
@@ -121,7 +122,7 @@ def _requirements(sizing: Sizing) -> str:
         "followed beyond three times the required one, the range in x not beyond the required one: a margin of 0 % "
         "there means at least the required range."
     )
-    return f"## Requirements\n\n{table(rows)}\n\n{note}"
+    return f"## Requirements\n\n{markdown(rows)}\n\n{note}"
 
 
 def _winner(point: FrontPoint) -> str:
@@ -168,7 +169,7 @@ def _yield(sizing: Sizing) -> str:
         f"## Yield\n\nOf {made_sensors.count} made sensors {100 * made_sensors.share:.3g} % are within all "
         f"requirements (95 % interval {100 * made_sensors.low:.3g} to {100 * made_sensors.high:.3g} %){worst}. E, "
         "remanence, magnet and gain are drawn within the ranges of the catalogue, places within usual tolerances; "
-        f"each sensor is calibrated by itself.\n\n{table(rows)}"
+        f"each sensor is calibrated by itself.\n\n{markdown(rows)}"
     )
 
 
@@ -182,9 +183,9 @@ def _front(sizing: Sizing) -> str:
         f"failed and not ranked: {len(failed)}.\n\n![Front](front.png)"
     )
     if ranked:
-        text += "\n\n" + table([{name: _short(row.get(name)) for name in FRONT} for row in ranked])
+        text += "\n\n" + markdown([{name: _short(row.get(name)) for name in FRONT} for row in ranked])
     if failed:
-        text += "\n\n### Failed by finite elements\n\n" + table(
+        text += "\n\n### Failed by finite elements\n\n" + markdown(
             [{"point": point.number, **point.variant.row(), "reason": point.reason} for point in failed]
         )
     return text
@@ -200,22 +201,8 @@ def _differences(front: Sequence[FrontPoint]) -> str:
         "Differences in percent of the finite elements. The surrogate's range is cautious: its bounds hold at the "
         "worse ends of its intervals."
     )
-    return f"## Surrogate beside finite elements\n\n{note}\n\n{table(rows)}"
+    return f"## Surrogate beside finite elements\n\n{note}\n\n{markdown(rows)}"
 
 
 def _short(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else "" if value is None else str(value)
-
-
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows as a Markdown table.
-
-    >>> print(table([{"D_mm": 8.0, "magnet": "4x2 N35"}]))
-    | D_mm | magnet |
-    |---|---|
-    | 8 | 4x2 N35 |
-    """
-    names = list(rows[0])
-    lines = [f"| {' | '.join(names)} |", f"|{'---|' * len(names)}"]
-    lines += [f"| {' | '.join(_short(row[name]) for name in names)} |" for row in rows]
-    return "\n".join(lines)
