@@ -54,10 +54,12 @@ def test_table_without_its_columns_is_named(tmp_path, name):
     assert remark.startswith(f"{name} has no figure: its columns")
 
 
-@pytest.mark.parametrize("known", report_sections.KNOWN, ids=lambda known: known.file)
+@pytest.mark.parametrize(
+    "known",
+    [known for known in report_sections.KNOWN if known.file.endswith(".csv")],
+    ids=lambda known: known.file,
+)
 def test_table_of_failures_only_spoils_nothing(tmp_path, known):
-    if not known.file.endswith(".csv"):
-        pytest.skip("a table of JSON lines")
     row = ",".join("failed" if name == "status" else "" for name in known.columns)
     (tmp_path / known.file).write_text(",".join(known.columns) + f"\n{row}\n")
     (tmp_path / "good.md").write_text("# good\n")

@@ -23,8 +23,8 @@ def surrogate(
 ) -> int:
     """Build the surrogate from finite elements, and test it on beams that it has not seen.
 
-    It takes about two hours on two cores from an empty store; what is solved is kept, so that an interrupted study
-    goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate.
+    From an empty store it took an hour and a half on two busy cores; what is solved is kept, so that an interrupted
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate.
 
     Parameters
     ----------

@@ -76,22 +76,15 @@ class GaussianProcess:
         across = half @ root
         return np.asarray(root.T @ root - across.T @ across)
 
-    def mean(self, x: Array) -> Array:
-        """Return the prediction at points (n, p), shape (n, q)."""
-        return self._predict(x)[0]
-
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Return prediction (n, q) and relative spread g (n,) at points (n, p)."""
-        mean, k = self._predict(x)
-        whitened, gram, _ = self._trend
+        k = correlation(x / self.lengths, self.x / self.lengths)
+        whitened, gram, trend = self._trend
+        mean = with_constant(x) @ trend + k @ self.weights
         v = linalg.solve_triangular(self.factor, k.T, lower=True, overwrite_b=True, check_finite=False)
         u = linalg.solve_triangular(gram, with_constant(x).T - whitened.T @ v, lower=True)
         square = 1 + self.nugget - np.einsum("in,in->n", v, v) + np.einsum("in,in->n", u, u)
         return mean, np.sqrt(np.maximum(square, self.nugget))
-
-    def _predict(self, x: Array) -> tuple[Array, Array]:
-        k = correlation(x / self.lengths, self.x / self.lengths)
-        return with_constant(x) @ self._trend[2] + k @ self.weights, k
 
     def left_out(self) -> tuple[Array, Array]:
         """Return for each training point its prediction from all others (N, q), and the spread g (N,) there.
