@@ -173,8 +173,9 @@ def trade(table: Table) -> list[Figure]:
     if not panels:
         return []
     caption = (
-        "Markers are medians over all designs and loads, bars reach to the 95th percentile; formulas and the surrogate count inside "
-        "the range of their level. Left is cheap and low is exact; cost 1 is the section model at level standard."
+        "Markers are medians over all designs and loads, bars reach to the 95th percentile; formulas and the "
+        "surrogate count inside their range. Left is cheap and low is exact; cost 1 is the section model at level "
+        "standard."
     )
     return [
         Figure(
