@@ -60,6 +60,7 @@ STUDIES = [
     {"demo", "validation", "claims"},
     {"benchmarks"},
     {"report"},
+    {"explorer"},
     {"cli"},
     {"examples"},
 ]
