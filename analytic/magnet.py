@@ -16,11 +16,8 @@ IEEE Sensors Journal 2016, equations (1) to (3).
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import math
-from collections.abc import Callable, Iterator
-from contextvars import ContextVar
+from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
@@ -28,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analytic.field import cylinder_pointwise
 from analytic.field.cylinder_numpy import cylinder_moments, distance_to_hull, face_moments, unit_field
+from geometry import compiled as compilation
 from geometry.arrays import Array
 from geometry.design import BadInput
 
@@ -36,8 +34,6 @@ Pair = tuple[Array, Array]
 MIN_COMPILED_POINTS = 2000
 """Smallest number of points in a call for which the compiled kernel is used, in a third of NumPy's time. Loading it
 takes about a second, once in a process: a single decoding, with fewer points in a call, does not wait for that."""
-_uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
-"""Whether `uncompiled` is in effect."""
 
 
 def cylinder_field(points: ArrayLike, radius: float, height: float, J: float) -> Array:
@@ -89,28 +85,7 @@ def compiled() -> ModuleType | None:
     The first call after an installation compiles the kernel in several seconds and stores it in a file; later
     processes load it in about a second. Call this function to choose when that happens; no result depends on it.
     """
-    return None if _uncompiled.get() else _loaded()
-
-
-@functools.cache
-def _loaded() -> ModuleType | None:
-    """Import the compiled kernel once in a process."""
-    try:
-        from analytic.field import cylinder_compiled
-    except (ImportError, RuntimeError):
-        # numba is not installed, does not support this NumPy, or finds no writable folder for the compiled code
-        return None
-    return cylinder_compiled
-
-
-@contextlib.contextmanager
-def uncompiled() -> Iterator[None]:
-    """Use NumPy and plain Python within this context, as without numba."""
-    token = _uncompiled.set(True)
-    try:
-        yield
-    finally:
-        _uncompiled.reset(token)
+    return compilation.load("analytic.field.cylinder_compiled") if compilation.available() else None
 
 
 def meridian_field(radius: float, height: float, J: float) -> Callable[[float, float], tuple[float, ...]]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analytic import magnet
+from geometry import compiled
 from geometry.design import BadInput
 
 pytest.importorskip("numba", reason="the kernel needs the extra `fast`")
@@ -48,7 +49,7 @@ def test_kernel_and_numpy_agree(flatness):
 
 
 @pytest.mark.parametrize("flatness", [1e-3, 0.3, 1.0, 2.0, 30.0])
-@pytest.mark.parametrize("how", [magnet.uncompiled, contextlib.nullcontext])
+@pytest.mark.parametrize("how", [compiled.uncompiled, contextlib.nullcontext])
 def test_one_point_in_a_loop_is_the_same(flatness, how):
     a, h, J = 1.7, 1.7 * flatness, -1.2
     rho, z = np.abs(RNG.normal(size=(2, 40))) * a * 10.0 ** RNG.uniform(-1, 2, 40)
@@ -104,13 +105,12 @@ print(*[a == b for a, b in zip(first, call())])
 
 def test_without_numba_the_field_is_numpys(monkeypatch):
     monkeypatch.setitem(sys.modules, "analytic.field.cylinder_compiled", None)
-    monkeypatch.delattr("analytic.field.cylinder_compiled", raising=False)
-    magnet._loaded.cache_clear()
+    compiled.load.cache_clear()
     assert magnet.compiled() is None
     assert magnet.cylinder_field(np.ones((magnet.MIN_COMPILED_POINTS, 3)), 2, 2, 1.2).shape == (
         magnet.MIN_COMPILED_POINTS,
         3,
     )
     monkeypatch.undo()
-    magnet._loaded.cache_clear()
+    compiled.load.cache_clear()
     assert magnet.compiled() is not None

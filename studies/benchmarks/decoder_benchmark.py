@@ -24,6 +24,7 @@ import numpy as np
 from analytic import beam, decode, magnet, stream
 from analytic.decode import Decoder
 from analytic.inverse import damped_newton, forward_model, response_surface
+from geometry import compiled
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from studies.benchmarks import benchmark_tables, decoder_report, lookup_benchmark
@@ -156,7 +157,7 @@ SAMPLES = 1000
 def speed(count: int = 8192, runs: int = 3) -> list[DecoderSpeed]:
     """Decodings a second of many at once and of a stream, in NumPy alone and with the compiled field."""
     speeds = []
-    for program, how in (("NumPy", magnet.uncompiled), ("compiled field", contextlib.nullcontext)):
+    for program, how in (("NumPy", compiled.uncompiled), ("compiled field", contextlib.nullcontext)):
         for name in ("paper (h 2, l0 7.2, c 2)", "h 4, l0 6, c 4", "3-axis chip"):
             with how():
                 many, took, some = _timed(name, count, runs)

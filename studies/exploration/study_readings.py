@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import magnet
 from analytic.batch_readings import batch_readings
+from geometry import compiled
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.exploration.model_results import NAN, Results, error_prefix, percents, prefixes, ratio
@@ -91,7 +91,7 @@ class StudyReadings:
         possible = np.array([design is not None for design in batch.sensors])
         designs = [design or self.plan.design for design in batch.sensors]
         shift = np.where(possible[batch.sensor][:, None], shift, NAN)
-        with magnet.uncompiled() if self.plan.count < COMPILED else contextlib.nullcontext():
+        with compiled.uncompiled() if self.plan.count < COMPILED else contextlib.nullcontext():
             readings = batch_readings(designs, batch.sensor, shift, rotation)
         return readings.field_T, readings.output
 
