@@ -84,3 +84,24 @@ def test_the_library_is_found_as_the_package_lists_it():
     found = direct_solver._library()
     assert found is not None
     assert found.resolve() in [Path(str(file.locate())).resolve() for file in files]
+
+
+def test_unknowns_that_are_kept_get_the_schur_complement(solver):
+    kept, inner = np.array([1, 4, 6]), np.array([0, 2, 3, 5])
+    b = RNG.normal(size=7)
+    # twice, because the second condensation reuses the analysis of the first
+    for matrix in (saddle(), saddle()):
+        schur = solver.condense(upper(matrix), kept)
+        inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
+        dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
+        np.testing.assert_allclose(schur, dense, rtol=1e-9, atol=1e-12)
+        half = solver.forward(b)
+        x = solver.backward(half, np.linalg.solve(schur, half[kept]))
+        np.testing.assert_allclose(x, np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
+
+
+def test_eigenvalues_inside_are_those_of_the_matrix_without_the_kept_unknowns(solver):
+    matrix = saddle()
+    schur = solver.condense(upper(matrix), np.array([1, 6]))
+    inner = np.array([0, 2, 3, 4, 5])
+    assert solver.negative_inside(schur) == np.count_nonzero(np.linalg.eigvalsh(matrix[np.ix_(inner, inner)]) < 0)

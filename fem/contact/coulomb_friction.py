@@ -77,6 +77,8 @@ class FrictionTraction:
     by_pressure : (k, q, 2) its derivative by the pressure.
     slipping : (k, q) mask of the points that slip.
     slip : (k, q) length of the slip since the last converged state.
+    direction : (k, q, 2) unit vector of the traction where a point slips, else 0.
+    held : whether any point sticks here only because it slipped in the opposite direction at the last iterate.
     """
 
     traction: Array
@@ -84,6 +86,8 @@ class FrictionTraction:
     by_pressure: Array
     slipping: Mask
     slip: Array
+    direction: Array
+    held: bool
 
 
 def at_rest(mu: float, points: tuple[int, int]) -> Friction:
@@ -107,21 +111,26 @@ def apply_return_map(
     """
     # elastic predictor: the trial traction of a point that sticks over the whole step
     trial = f.traction + et * (displacement - (f.displacement if f.anchor is None else f.anchor))
-    size = np.linalg.norm(trial, axis=-1)
+    size = np.hypot(trial[..., 0], trial[..., 1])
     limit = f.mu * np.maximum(pressure, 0.0)
-    slipping = active & (size > 0) & (f.slipping if frozen else size > limit)
+    beyond = active & (size > 0) & (f.slipping if frozen else size > limit)
+    slipping = beyond
     if f.slip_direction is not None:
-        slipping &= np.sum(trial * f.slip_direction, axis=-1) >= 0
-    stretch = np.where(slipping, limit / np.where(size > 0, size, 1.0), active)
-    n = trial / np.where(size > 0, size, 1.0)[..., None]
+        slipping = beyond & ((trial * f.slip_direction).sum(axis=-1) >= 0)
+    length = np.where(size > 0, size, 1.0)
+    stretch = np.where(slipping, limit / length, active)
+    n = np.where(slipping[..., None], trial / length[..., None], 0.0)
     # a slipping point resists only across its slip, see the tangent in the module docstring
-    across = np.eye(2) - np.where(slipping[..., None, None], n[..., :, None] * n[..., None, :], 0.0)
+    across = np.eye(2) - n[..., :, None] * n[..., None, :]
+    loaded = (limit > 0)[..., None]
     return FrictionTraction(
         traction=stretch[..., None] * trial,
         by_displacement=(et * stretch)[..., None, None] * across,
-        by_pressure=np.where((slipping & (pressure > 0))[..., None], f.mu * n, 0.0),
+        by_pressure=np.where((pressure > 0)[..., None], f.mu * n, 0.0),
         slipping=slipping,
         slip=np.where(slipping, np.maximum(size - limit, 0.0), 0.0) / et,
+        direction=np.where(loaded, n, 0.0),
+        held=not np.array_equal(slipping, beyond),
     )
 
 
@@ -157,22 +166,14 @@ def expect_motion(f: Friction, displacement: Array) -> Friction:
     )
 
 
-def hold_reversing_points(f: Friction, displacement: Array, pressure: Array, et: float) -> tuple[Friction, bool]:
-    """Return the history for Newton's next iterate, and whether it held any point at this iterate.
+def hold_reversing_points(f: Friction, now: FrictionTraction) -> Friction:
+    """Return the history for Newton's next iterate, from the tractions at this one.
 
     A point that slips in one direction at an iterate and in the opposite direction at the next is held sticking for
-    one iterate. The traction of a slipping point has no stiffness along the slip, so Newton's method would otherwise
-    jump back and forth across the narrow range in which the point sticks.
+    one iterate (`FrictionTraction.held`). The traction of a slipping point has no stiffness along the slip, so
+    Newton's method would otherwise jump back and forth across the narrow range in which the point sticks.
     """
-    active = pressure > 0
-    now, free = (
-        apply_return_map(g, displacement, pressure, active, et) for g in (f, replace(f, slip_direction=None))
-    )
-    size = np.linalg.norm(now.traction, axis=-1)
-    direction = np.where(
-        (now.slipping & (size > 0))[..., None], now.traction / np.where(size > 0, size, 1.0)[..., None], 0.0
-    )
-    return replace(f, slip_direction=direction), not np.array_equal(now.slipping, free.slipping)
+    return replace(f, slip_direction=now.direction)
 
 
 def expect_sticking(f: Friction) -> Friction:

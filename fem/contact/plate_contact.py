@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction
-from fem.contact.coulomb_friction import Friction
+from fem.contact.coulomb_friction import Friction, FrictionTraction
 from fem.discretisation.elements import Surface
 from geometry.arrays import Array
 
@@ -113,16 +113,27 @@ Stiffness = dict[tuple[int, int], NDArray[np.floating]]
 zero."""
 
 
-def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness, float]:
-    """Return the traction of the plate's springs, its stiffness, and the energy of the springs.
+@dataclass(frozen=True, slots=True)
+class Springs:
+    """Tractions of the plate's springs at a trial state.
 
-    Returns
-    -------
-    residual : (k, q, 3) derivative of the springs' energy by the displacement, that is, minus the force on the skin
+    Attributes
+    ----------
+    traction : (k, q, 3) derivative of the springs' energy by the displacement, that is, minus the force on the skin
         per reference area.
     stiffness : its derivative in the plate's frame; unsymmetric where points slip.
     energy : stored in the springs, integrated over the skin.
+    friction : tractions of Coulomb friction, or None.
     """
+
+    traction: Array
+    stiffness: Stiffness
+    energy: float
+    friction: FrictionTraction | None = None
+
+
+def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
+    """Return the tractions of the plate's springs for nodal fields u."""
     residual, stiffness = np.zeros(surface.points.shape), Stiffness()
     en, energy = plate.stiffness, 0.0
     if plate.height is not None:
@@ -140,6 +151,7 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness
         residual[..., :2] = np.where(plate.tied[..., None], pull, 0.0)
         stiffness[0, 0] = stiffness[1, 1] = en * plate.tied
         energy += float(np.sum(surface.weights[..., None] * residual[..., :2] ** 2) / (2 * en))
+    friction = None
     if plate.friction is not None:
         et, frozen = coulomb_friction.STICK * en, plate.pressed is not None
         friction = coulomb_friction.apply_return_map(
@@ -151,7 +163,7 @@ def traction(surface: Surface, u: Array, plate: Plate) -> tuple[Array, Stiffness
         for i in range(2):
             stiffness[i, 2] = en * friction.by_pressure[..., i]
         energy += float(np.sum(surface.weights[..., None] * friction.traction**2) / (2 * et))
-    return residual @ plate.frame, stiffness, energy
+    return Springs(residual @ plate.frame, stiffness, energy, friction)
 
 
 def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
@@ -183,12 +195,9 @@ def hold_reversing_points(surface: Surface | None, u: Array, plate: Plate | None
     """
     if surface is None or plate is None or plate.friction is None:
         return plate, False
-    pressure = plate.stiffness * overlap(surface, u, plate)
-    displacement = displacements_along_plate(surface, u, plate)
-    after, held = coulomb_friction.hold_reversing_points(
-        plate.friction, displacement, pressure, coulomb_friction.STICK * plate.stiffness
-    )
-    return replace(plate, friction=after), held
+    now = springs(surface, u, replace(plate, pressed=None)).friction
+    assert now is not None
+    return replace(plate, friction=coulomb_friction.hold_reversing_points(plate.friction, now)), now.held
 
 
 def assemble_springs(
@@ -203,7 +212,8 @@ def assemble_springs(
     energy : stored in the springs.
     symmetric : whether the stiffness is symmetric.
     """
-    residual, stiffness, energy = traction(surface, u, plate)
+    plate_springs = springs(surface, u, plate)
+    residual, stiffness, energy = plate_springs.traction, plate_springs.stiffness, plate_springs.energy
     base = base_traction(surface, u, plate.stiffness)
     if base is not None:
         residual[..., 2] += base[0]

@@ -210,6 +210,11 @@ class System:
             Side.pieces(self._pressures, corners, numbers, len(self.elements.nodes) + 1),
         )
 
+    @property
+    def unknown_numbers(self) -> Ints:
+        """(nodes, fields) numbers of the displacements' unknowns; -1 for a displacement that is none."""
+        return self._reduced
+
     def state(self, q: Array) -> State:
         """Return displacements and pressures of unknowns q."""
         u = np.where(self.fixed, self.prescribed, 0.0)

@@ -120,7 +120,7 @@ def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
 
 def integrate_normal_force(state: PathState) -> float:
     """Return the normal force of the plate, over E D^2."""
-    residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
+    residual = plate_contact.springs(state.skin, state.u, state.plate).traction
     return float(np.sum(state.skin.weights * residual[..., 2]))
 
 

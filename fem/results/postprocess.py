@@ -103,7 +103,7 @@ def _read_response(state: PathState, nodal: State, turn: Array, design: Design) 
 def tip_force(state: PathState) -> Array:
     """Return the force (3,) on the tip in the model's frame, over E D^2; z is positive in compression."""
     d = state.d
-    residual, _, _ = plate_contact.traction(state.skin, state.u, state.plate)
+    residual = plate_contact.springs(state.skin, state.u, state.plate).traction
     x, y, z = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual)
     # components that symmetry forbids contain only sums of radial tractions and rounding errors
     return np.array([0.0 if d.model == "axisymmetric" else -x, -y if d.model == "full" else 0.0, z])

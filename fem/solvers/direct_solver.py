@@ -69,6 +69,10 @@ class Solver:
     """Factorises matrices that share one pattern, and solves with the last one.
 
     A matrix is the upper triangle of a symmetric one, or a whole unsymmetric one (slipping contact).
+
+    Attributes
+    ----------
+    kept : numbers of the unknowns that `condense` kept the last time; empty before the first.
     """
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
@@ -76,6 +80,9 @@ class Solver:
         self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
+        self._inner_order: Ints | None = None
+        self.kept: Ints = np.zeros(0, dtype=np.int64)
+        self._condensing: _Pardiso | None = None
 
     def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True) -> None:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError."""
@@ -96,15 +103,72 @@ class Solver:
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
             self._order = _nested_dissection(full)
-        permuted = full[self._order][:, self._order].tocsc()
-        # pivots stay on the diagonal unless they are small: otherwise the factors fill up, and the pivots do not have
-        # the signs of the eigenvalues
-        try:
-            self._lu = spla.splu(
-                permuted, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
-            )
-        except RuntimeError as error:
-            raise SingularMatrixError(str(error)) from error
+        self._lu = _superlu(full[self._order][:, self._order])
+
+    def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
+        """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
+
+        With the unknowns kept, c, and the others, i, it is S = K_cc - K_ci K_ii^-1 K_ic. None where the pivots of
+        K_ii would have to be exchanged with others.
+
+        Parameters
+        ----------
+        kept : (c,) numbers of the unknowns, increasing.
+
+        Raises
+        ------
+        SingularMatrixError : entries are not finite, or K_ii is singular.
+        """
+        if not np.isfinite(matrix.data).all():
+            raise SingularMatrixError("the stiffness has entries that are not finite")
+        same, self.kept = np.array_equal(kept, self.kept), kept
+        if self._use_pardiso:
+            if self._condensing is None or not same:
+                if self._condensing is not None:
+                    self._condensing.close()
+                self._condensing = _Pardiso(matrix, symmetric=True, match=False, kept=kept)
+            schur = np.zeros((len(kept), len(kept)))
+            self._condensing.factorise(matrix, schur)
+            if self._condensing.iparm[13] > 0:  # pivots were perturbed
+                return None
+            upper = np.triu(schur)
+            return upper + np.triu(upper, 1).T
+        full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr()
+        inner = np.setdiff1d(np.arange(full.shape[0]), kept)
+        if self._inner_order is None or not same:
+            self._inner_order = inner[_nested_dissection(full[inner][:, inner])]
+        order = self._inner_order
+        self._lu = _superlu(full[order][:, order])
+        self._coupling = full[order][:, kept]
+        return np.asarray(full[kept][:, kept].toarray() - self._coupling.T @ self._lu.solve(self._coupling.toarray()))
+
+    def forward(self, b: Array) -> Array:
+        """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""
+        if self._condensing is not None:
+            return self._condensing.solve(b, phase=331)
+        assert self._inner_order is not None
+        y = b.copy()
+        y[self.kept] -= self._coupling.T @ self._lu.solve(b[self._inner_order])
+        return y
+
+    def backward(self, y: Array, x_kept: Array) -> Array:
+        """Return the solution x (n,) whose kept unknowns are `x_kept`, after `y` = `forward(b)`."""
+        x = y.copy()
+        x[self.kept] = x_kept
+        if self._condensing is not None:
+            return self._condensing.solve(x, phase=333)
+        assert self._inner_order is not None
+        x[self._inner_order] = self._lu.solve(y[self._inner_order] - self._coupling @ x_kept)
+        return x
+
+    def negative_inside(self, schur: Array) -> int | None:
+        """Return the number of negative eigenvalues of K_ii, from the Schur complement of `condense`.
+
+        Haynsworth: those of the whole matrix are those of K_ii and those of its Schur complement.
+        """
+        if self._condensing is not None:
+            return int(self._condensing.iparm[22]) - count_negative(schur)
+        return _negative_pivots(self._lu)
 
     def negative(self) -> int | None:
         """Return the number of negative eigenvalues of the factorised matrix (Sylvester's law of inertia).
@@ -115,10 +179,7 @@ class Solver:
             return None
         if self._use_pardiso:
             return int(self._handles[True].iparm[22])
-        # once rows and columns are exchanged differently, the pivots' signs are no longer those of eigenvalues
-        if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            return None
-        return int(np.count_nonzero(self._lu.U.diagonal() < 0))
+        return _negative_pivots(self._lu)
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
@@ -132,6 +193,34 @@ class Solver:
         """Free the memory of the factorisations."""
         while self._handles:
             self._handles.popitem()[1].close()
+        if self._condensing is not None:
+            self._condensing.close()
+            self._condensing = None
+
+
+def count_negative(symmetric: Array) -> int:
+    """Return the number of negative eigenvalues of a dense symmetric matrix (n, n)."""
+    return int(np.count_nonzero(np.linalg.eigvalsh(symmetric) < 0))
+
+
+def _superlu(ordered: sp.csr_matrix) -> Any:
+    """Factorise a matrix whose unknowns are ordered; raises SingularMatrixError."""
+    # pivots stay on the diagonal unless they are small: otherwise the factors fill up, and the pivots do not have
+    # the signs of the eigenvalues
+    try:
+        return spla.splu(
+            ordered.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}
+        )
+    except RuntimeError as error:
+        raise SingularMatrixError(str(error)) from error
+
+
+def _negative_pivots(lu: Any) -> int | None:
+    """Return the number of negative pivots; None where they are not those of eigenvalues."""
+    # once rows and columns are exchanged differently, the pivots' signs are no longer those of eigenvalues
+    if not np.array_equal(lu.perm_r, lu.perm_c):
+        return None
+    return int(np.count_nonzero(lu.U.diagonal() < 0))
 
 
 class _Pardiso:
@@ -146,13 +235,14 @@ class _Pardiso:
     match : scale rows and permute large entries to the diagonal first. This takes most of the symbolic phase; mixed
         displacement-pressure systems need it only where elements, and with them pivots, differ by orders of
         magnitude.
+    kept : unknowns that are not eliminated, but left in a Schur complement.
 
     Attributes
     ----------
     iparm : (64,) MKL's parameters, numbered from 0.
     """
 
-    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool) -> None:
+    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool, kept: Ints | None = None) -> None:
         self._mkl = _mkl()
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
@@ -165,6 +255,8 @@ class _Pardiso:
         # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
         self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
         memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
+        if kept is not None:
+            permutation[kept], self.iparm[35] = 1, 2
         self._kept = memory, permutation, matrix.indptr, matrix.indices
         first = _address(self._numbers)
         most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
@@ -174,17 +266,20 @@ class _Pardiso:
         self._error = error
         self._values, self._known = matrix.data, False
 
-    def factorise(self, matrix: sp.csr_matrix) -> None:
-        """Factorise a matrix of the pattern; raises SingularMatrixError."""
+    def factorise(self, matrix: sp.csr_matrix, schur: Array | None = None) -> None:
+        """Factorise a matrix of the pattern; raises SingularMatrixError.
+
+        schur : (c, c) array for the upper triangle of the Schur complement, where unknowns are kept.
+        """
         self._values, nothing = matrix.data, np.zeros(0)
-        self._call(22 if self._known else 12, nothing, nothing)
+        self._call(22 if self._known else 12, nothing, nothing if schur is None else schur)
         self._known = True
 
-    def solve(self, b: Array) -> Array:
-        """Solve for b of shape (n,) or (n, m)."""
+    def solve(self, b: Array, phase: int = 33) -> Array:
+        """Solve for b (n,) or (n, m); phases 331 and 333 are the steps before and after a Schur complement."""
         b = np.asfortranarray(b, dtype=np.float64)
-        x = np.empty_like(b)
-        self._call(33, b, x)
+        x = np.zeros_like(b)
+        self._call(phase, b, x)
         return np.ascontiguousarray(x)
 
     def close(self) -> None:

@@ -11,11 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate
 from fem.solvers import extrapolation
 from fem.solvers.direct_solver import Solver
+from fem.solvers.friction_newton import newton_with_friction
 from fem.solvers.newton import TOLERANCE, Equilibrium, Stop, newton
 from fem.solvers.path_state import PastState, PathState
 from geometry.arrays import Array
@@ -137,7 +139,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
         )
         plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
     expected = extrapolation.extrapolate_contact(state, position)
-    answer = newton(state.d.system, solver, guess, plate, expected, tolerance=tolerance)
+    answer = _find_equilibrium(solver, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
     doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
@@ -148,6 +150,23 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
+
+
+def _find_equilibrium(
+    solver: Solver,
+    state: PathState,
+    guess: Array,
+    plate: Plate,
+    pressed: NDArray[np.bool_] | None = None,
+    tolerance: float = TOLERANCE,
+) -> Equilibrium:
+    """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step."""
+    system = state.d.system
+    if plate.friction is not None and state.d.revolved:
+        answer = newton_with_friction(system, solver, guess, plate, pressed, tolerance=tolerance)
+        if answer is not None:
+            return answer
+    return newton(system, solver, guess, plate, pressed, tolerance=tolerance)
 
 
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
@@ -203,7 +222,7 @@ def _tolerance(state: PathState, *, passed: bool) -> float:
 
 def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
     """Solve an intermediate state to the full tolerance; return it and Newton's iterations."""
-    answer = newton(state.d.system, solver, state.q, state.plate)
+    answer = _find_equilibrium(solver, state, state.q, state.plate)
     if answer.converged:
         state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=least_J(answer))
     return state, answer.iterations
@@ -216,7 +235,7 @@ def _bracket_onset(
     stable, unstable, q, iterations = state.position, position, state.q, 0
     for _ in range(ONSET_HALVINGS):
         middle = (stable + unstable) / 2
-        between = newton(state.d.system, solver, (q + answer.state.q) / 2, state.plate_at(middle))
+        between = _find_equilibrium(solver, state, (q + answer.state.q) / 2, state.plate_at(middle))
         iterations += between.iterations
         if not between.converged or between.unstable is None:
             break

@@ -102,12 +102,12 @@ def newton(
     state = system.admissible(q)
     if state is None:
         state = system.state(q)
-        return Equilibrium(state, _assemble_at_rest(system), 0, "guess_inverted")
+        return Equilibrium(state, assemble_at_rest(system), 0, "guess_inverted")
     first = plate if plate is None or pressed is None else replace(plate, pressed=pressed)
     assembly = system.assemble(state, first)
     rate = 1.0
     for iteration in range(most):
-        size = _reference_size(system, state, assembly)
+        size = reference_size(system, state, assembly)
         left = size.share(assembly)
         # an iterate whose contact points were only a guess (`pressed`) cannot be the solution yet
         balanced = left <= tolerance and (iteration > 0 or first is plate)
@@ -126,7 +126,7 @@ def newton(
                 step = settle_contact(system, solver, state, step, plate, pressed if iteration == 0 else None)
         except SingularMatrixError:
             return Equilibrium(state, assembly, iteration, "singular")
-        trial = _backtrack(system, state, step)
+        trial = backtrack(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
         full, before = state.q - trial.q, size.merit(assembly)
@@ -137,7 +137,7 @@ def newton(
 
 
 @dataclass(frozen=True, slots=True)
-class _ReferenceSize:
+class ReferenceSize:
     """Reference sizes that residuals at an iterate are compared with.
 
     Attributes
@@ -161,16 +161,17 @@ class _ReferenceSize:
         return force / (self.reaction or 1.0) + volume / (self.reach or 1.0)
 
 
-def _reference_size(system: System, state: State, assembly: Assembly) -> _ReferenceSize:
+def reference_size(system: System, state: State, assembly: Assembly) -> ReferenceSize:
+    """Return the reference sizes at a state, from the forces of its assembly."""
     reaction, reach = _norm(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
-    return _ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
+    return ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
 
 
 def _evaluate_step(
     system: System,
     plate: Plate | None,
     trial: State,
-    size: _ReferenceSize,
+    size: ReferenceSize,
     before: float,
     rate: float,
     left: float,
@@ -182,7 +183,7 @@ def _evaluate_step(
     ----------
     before : merit of the residual before the step.
     rate : share of the merit that the last step left.
-    left : residual before the step, see `_ReferenceSize.share`.
+    left : residual before the step, see `ReferenceSize.share`.
     """
 
     def share(after: Assembly) -> float:
@@ -190,18 +191,18 @@ def _evaluate_step(
 
     # Newton's method squares the rate: where that is enough, the tangent is assembled only if this proves wrong
     likely = rate**2
-    fresh = not _keeps_factorisation(likely, likely * left, tolerance)
+    fresh = not keeps_factorisation(likely, likely * left, tolerance)
     state, assembly = trial, system.assemble(trial, plate, tangent=fresh)
     rate = share(assembly)
     relaxed = (
         None
-        if _keeps_factorisation(rate, rate * left, tolerance)
+        if keeps_factorisation(rate, rate * left, tolerance)
         else _relax_patch(system, state, assembly, plate, size.n)
     )
     if relaxed is not None:
         (state, assembly), fresh = relaxed, False
         rate = share(assembly)
-    if not fresh and not _keeps_factorisation(rate, rate * left, tolerance):
+    if not fresh and not keeps_factorisation(rate, rate * left, tolerance):
         assembly = system.assemble(state, plate)
     return state, assembly, rate
 
@@ -213,7 +214,7 @@ def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int |
     return None if negative is None else negative - system.n_pressure
 
 
-def _keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:
+def keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:
     """Return whether to reuse the factorisation for steps that leave a share `rate` of the residual `left`."""
     return rate <= CHORD or rate**CHORDS * left <= tolerance
 
@@ -251,7 +252,7 @@ def _relax_patch(
 
 
 def _damp_step(
-    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: _ReferenceSize
+    system: System, plate: Plate | None, state: State, assembly: Assembly, step: Array, size: ReferenceSize
 ) -> tuple[State, Assembly]:
     """Return the best of a full step, its half and its quarter, by the merit of the residual."""
     tried = [(size.merit(assembly), state)]
@@ -263,7 +264,7 @@ def _damp_step(
     return best, assembly if best is state else system.assemble(best, plate)
 
 
-def _backtrack(system: System, state: State, step: Array) -> State | None:
+def backtrack(system: System, state: State, step: Array) -> State | None:
     """Return the state after the longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
     scale = 1.0
     for _ in range(7):
@@ -274,6 +275,7 @@ def _backtrack(system: System, state: State, step: Array) -> State | None:
     return None
 
 
-def _assemble_at_rest(system: System) -> Assembly:
+def assemble_at_rest(system: System) -> Assembly:
+    """Return the assembly of the undeformed body without a plate, in place of one that an inverted state has not."""
     zero = system.state(np.zeros(system.size))
     return system.assemble(zero, None)

@@ -60,7 +60,7 @@ def penalty(level: str, depth: float, magnet: Magnet) -> float:
             answer = newton(system, solver, q, harder, pressed)
             reason = reason or answer.reason
             q = answer.state.q
-            pushed = plate_contact.traction(skin, answer.state.u, harder)[0][..., 2]
+            pushed = plate_contact.springs(skin, answer.state.u, harder).traction[..., 2]
             forces.append(float(np.sum(skin.weights * pushed)))
     finally:
         path.close()
