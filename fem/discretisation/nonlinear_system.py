@@ -303,8 +303,9 @@ class System:
         blocks = [M[: self._free_cells], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
-    def normal_displacement_rows(self, points: Ints, plate: Plate) -> Array:
-        """Return the derivatives (m, n) of skin points' displacements along the plate's normal by the unknowns.
+    def normal_displacements(self, points: Ints, plate: Plate) -> tuple[Ints, Array]:
+        """Return the unknowns (s,) on which skin points' displacements along the plate's normal depend, in rising
+        order, and the derivatives (m, s) by them.
 
         points : (m,) numbers of the points.
         """
@@ -312,11 +313,12 @@ class System:
         assert s is not None
         facet, point = np.divmod(points, s.weights.shape[1])
         along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
-        where = self._reduced[s.nodes[facet]].reshape(len(points), -1)
-        rows = np.zeros((len(points), self.size))
-        kept = where >= 0
-        rows[np.nonzero(kept)[0], where[kept]] = along.reshape(len(points), -1)[kept]
-        return rows
+        where, along = self._reduced[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)
+        row, column = np.nonzero((where >= 0) & (along != 0))
+        unknowns, place = np.unique(where[row, column], return_inverse=True)
+        derivatives = np.zeros((len(points), len(unknowns)))
+        derivatives[row, place] = along[row, column]
+        return unknowns, derivatives
 
     def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool

@@ -13,10 +13,16 @@ after the plain step, g = g0 + G e, where e = s g for a spring that is removed a
 set of pressed points is replaced by the set with g > 0 until the two agree (Hintermueller, Ito and Kunisch, SIAM J.
 Optim. 13, 2003: a primal-dual active set).
 
+Many points may depend on few unknowns: those of a section's facet, at all angles, on the unknowns of its three nodes.
+The compliance S of these unknowns is then computed, and G = C S C^T with the derivatives C of the points' overlaps by
+them. All systems of equations have the size of S.
+
 With friction the tangential springs depend on the pressure; plain steps are then taken.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +31,11 @@ from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation.nonlinear_system import State, System
 from fem.solvers.direct_solver import Solver
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 
 MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
-"""Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where that many right-hand
-sides cost as much as one or two plain steps; rounds, and exchanges of the set in each round."""
+"""Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
+costs as much as one or two plain steps; rounds, and exchanges of the set in each round."""
 
 
 def settle_contact(
@@ -58,7 +64,7 @@ def settle_contact(
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
-    points, B, Z = np.empty(0, dtype=np.int64), np.empty((0, len(step))), np.empty((len(step), 0))
+    points, compliance = np.empty(0, dtype=np.int64), None
     settled, now = step, plain
     for _ in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
@@ -67,27 +73,66 @@ def settle_contact(
         new = np.flatnonzero(flips)
         if not len(new):
             break
-        if len(points) + len(new) > (MOST_POINTS if system.elements.dim == 2 else MOST_SOLID):
+        points = np.append(points, new)
+        if len(points) > (MOST_POINTS if system.elements.dim == 2 else MOST_SOLID):
             return step
-        rows = system.normal_displacement_rows(new, plate)
-        points, B, Z = np.append(points, new), np.vstack([B, rows]), np.hstack([Z, solver.solve(rows.T)])
-        # only the unknowns of the skin have entries in B: the product is over few columns
-        own = B.any(axis=0)
-        force = _exchange(B[:, own] @ Z[own], plain[points], acting[points], spring_stiffness[points])
+        compliance = _extend(compliance, system, solver, points, plate)
+        S, C = compliance.S, compliance.C
+        force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points])
         if force is None:
             return step
-        settled = step - Z @ force
+        settled = step - compliance.Z @ force
         now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
     return settled
 
 
-def _exchange(G: Array, plain: Array, acting: NDArray[np.bool_], spring_stiffness: Array) -> Array | None:
-    """Return the forces e (m,) of the springs that switch, from the compliance G (m, m).
+@dataclass(frozen=True, slots=True)
+class _Compliance:
+    """Displacements by unit forces that span the pressures on all points that may switch.
+
+    Attributes
+    ----------
+    by_unknown : whether the forces act on single unknowns; otherwise each is the pressure on one point.
+    forces : (r,) numbers of these unknowns or points.
+    Z : (n, r) displacements by the forces.
+    S : (r, r) work of each force along the displacements by each.
+    C : (m, r) pressures on the points, in terms of the forces.
+    """
+
+    by_unknown: bool
+    forces: Ints
+    Z: Array
+    S: Array
+    C: Array
+
+
+def _extend(before: _Compliance | None, system: System, solver: Solver, points: Ints, plate: Plate) -> _Compliance:
+    """Return the compliance of points (m,), which begin with those of `before`."""
+    unknowns, rows = system.normal_displacements(points, plate)
+    if before is None:
+        before = _Compliance(len(unknowns) < len(points), points[:0], np.empty((system.size, 0)), rows[:0], rows[:0])
+    forces = np.concatenate([before.forces, np.setdiff1d(unknowns if before.by_unknown else points, before.forces)])
+    done, count = len(before.forces), len(forces)
+    right = np.zeros((system.size, count - done), order="F")
+    if before.by_unknown:
+        right[forces[done:], np.arange(count - done)] = 1
+    else:
+        right[unknowns] = rows[done:].T
+    # the unknowns of the new points may all be among those of earlier ones
+    Z = np.hstack([before.Z, solver.solve(right)]) if count > done else before.Z
+    if before.by_unknown:
+        return _Compliance(True, forces, Z, Z[forces], rows[:, np.searchsorted(unknowns, forces)])
+    return _Compliance(False, forces, Z, rows @ Z[unknowns], np.eye(count))
+
+
+def _exchange(S: Array, C: Array, plain: Array, acting: NDArray[np.bool_], spring_stiffness: Array) -> Array | None:
+    """Return the unit forces (r,) that replace the springs that switch.
 
     None if the set does not settle, or the body would be unstable without the springs that are removed.
 
     Parameters
     ----------
+    S, C : see `_Compliance`; the points' compliance is G = C S C^T.
     plain : (m,) overlaps after the plain step.
     acting : (m,) mask of the springs in the factorised tangent.
     spring_stiffness : (m,) stiffness of the springs.
@@ -95,12 +140,14 @@ def _exchange(G: Array, plain: Array, acting: NDArray[np.bool_], spring_stiffnes
     pressed, spring = plain > 0, np.where(acting, spring_stiffness, -spring_stiffness)
     for _ in range(MOST_EXCHANGES):
         flips = spring * (pressed != acting)
+        # the forces f = C^T e of e = flips g on the points, where g = plain + C S f
+        weighted = C.T * flips
         try:
-            overlap = np.linalg.solve(np.eye(len(plain)) - G * flips, plain)
+            force = np.linalg.solve(np.eye(len(S)) - weighted @ C @ S, weighted @ plain)
         except np.linalg.LinAlgError:
             return None
-        after = overlap > 0
+        after = plain + C @ (S @ force) > 0
         if np.array_equal(after, pressed):
-            return np.asarray(flips * overlap)
+            return np.asarray(force)
         pressed = after
     return None

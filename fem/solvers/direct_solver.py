@@ -280,7 +280,7 @@ class _Pardiso:
         b = np.asfortranarray(b, dtype=np.float64)
         x = np.zeros_like(b)
         self._call(phase, b, x)
-        return np.ascontiguousarray(x)
+        return x
 
     def close(self) -> None:
         """Free the memory of the factorisation."""
