@@ -1,0 +1,234 @@
+"use strict";
+// The page: values of both sides, address and history, and which answer is drawn where.
+
+const Explorer = (() => {
+  const NEAR = 0.9, REST = 250, MOST_UNDO = 45;
+  const VIEW = { field: "displacement", lines: "no", mesh: "no", formula: "finite", edit: "a", cut: "open" };
+  const $ = (selector, root = document) => root.querySelector(selector);
+  const engine = window.MAGTIP_OFFLINE ? OfflineEngine(window.MAGTIP_OFFLINE) : LiveEngine();
+  const sides = { a: null, b: null }, answers = { a: {}, b: {} }, refusals = { a: null, b: null }, view = { ...VIEW }, turn = { ...SensorView.START };
+  let fields = [], level = "standard", controls = null, views = null, requests = null, notice = "";
+  let index = 0, top = 0, oldest = 0, current = "", pending = 0, drawing = false;
+  const dirty = new Set(), shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
+  const value = (side) => (name) => sides[side][name];
+  const defaults = () => Object.fromEntries(fields.map((field) => [field.name, field.value]));
+
+  // ---- values
+
+  function set(side, name, next, done = true) {
+    if (!sides[side] || (sides[side][name] === next && !done)) return;
+    if (sides[side][name] !== next) { sides[side][name] = next; requests.change(side); }
+    touch("controls", "state");
+    if (done) commitSoon();
+  }
+
+  function message(side) {
+    const values = sides[side];
+    if (!values) return null;
+    const pick = (scope) => Object.fromEntries(fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]));
+    const changed = Object.fromEntries(fields.filter((field) => field.scope === "design" && values[field.name] !== field.value).map((field) => [field.name, values[field.name]]));
+    const load = pick("load");
+    // without a shear a bonded contact area has no effect, which the message would say at every press
+    if (load.friction === "stick" && !load.shear) load.friction = "none";
+    return { state: { preset: "paper", design: changed, load, magnet: values.magnet }, formula_level: view.formula, level };
+  }
+
+  // ---- address and history
+
+  function address() {
+    const parts = [];
+    const add = (key, text) => parts.push(`${encodeURIComponent(key)}=${encodeURIComponent(text)}`);
+    for (const side of shownSides()) {
+      const prefix = side === "b" ? "b." : "";
+      add(`${prefix}preset`, "paper");
+      for (const field of fields) if (sides[side][field.name] !== field.value) add(prefix + field.name, sides[side][field.name]);
+    }
+    if (level !== "standard") add("level", level);
+    for (const [key, text] of Object.entries(view)) if (text !== VIEW[key]) add(`view.${key}`, text);
+    return `#${parts.join("&")}`;
+  }
+
+  function apply(hash) {
+    const unknown = [], read = { a: defaults(), b: null }, seen = { ...VIEW };
+    level = "standard";
+    for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
+      const side = key.startsWith("b.") ? "b" : "a", name = side === "b" ? key.slice(2) : key, field = fields.find((one) => one.name === name);
+      if (side === "b") read.b ??= defaults();
+      if (name === "preset") { if (text !== "paper") unknown.push(`${key}=${text}`); }
+      else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
+      else if (key.startsWith("view.") && key.slice(5) in VIEW) seen[key.slice(5)] = text;
+      else if (!field) unknown.push(key);
+      else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
+      else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
+      else unknown.push(`${key}=${text}`);
+    }
+    Object.assign(sides, read); Object.assign(view, seen);
+    if (!sides.b) { view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
+    for (const side of shownSides()) requests.change(side);
+    say(unknown.length ? `The address has parts that this page does not know, and leaves out: ${unknown.join(", ")}.` : "");
+    touch("layout", "controls", "state", "curve", "sensor3d", "stability", "commands");
+  }
+
+  const commitSoon = () => { clearTimeout(pending); pending = setTimeout(commit, REST); };
+  function commit() {
+    clearTimeout(pending);
+    const hash = address();
+    if (hash === current) return;
+    current = hash; index += 1; top = index; oldest = Math.max(oldest, top - MOST_UNDO);
+    history.pushState({ index }, "", hash);
+    touch("controls");
+  }
+  function undo() { commit(); if (index > oldest) history.back(); }
+  function redo() { commit(); if (index < top) history.forward(); }
+  window.addEventListener("popstate", (event) => {
+    clearTimeout(pending);
+    if (event.state && isFinite(event.state.index)) index = event.state.index; else { index += 1; top = index; history.replaceState({ index }, ""); }
+    top = Math.max(top, index); current = location.hash;
+    apply(location.hash);
+  });
+
+  // ---- answers
+
+  function show(side, part, answer) {
+    answers[side][part] = answer;
+    if (part === "state") refusals[side] = null;
+    touch(part === "field_lines" ? "state" : part, ...(part === "state" ? ["controls"] : []));
+  }
+  function refuse(side, answer) { refusals[side] = answer; touch("state", "controls"); }
+  function progress(side, answer) { answers[side].progress = answer; touch("state"); }
+  function say(text) { notice = text; Format.put($("#notice"), text); $("#notice").hidden = !text; }
+
+  // ---- drawing, once in a frame
+
+  function touch(...what) {
+    for (const one of what) dirty.add(one);
+    if (drawing) return;
+    drawing = true;
+    requestAnimationFrame(() => { drawing = false; const all = new Set(dirty); dirty.clear(); draw(all); });
+  }
+
+  function draw(all) {
+    if (all.has("layout")) layout();
+    if (all.has("controls")) drawControls();
+    if (all.has("state")) drawState();
+    if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
+    if (all.has("curve") || all.has("state")) drawCurves();
+    if (all.has("stability") || all.has("state")) drawStability();
+    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) Format.put(node, shownSides().map((side) => answers[side].commands?.data[node.dataset.command] || "").join("\n"));
+    for (const panel of document.querySelectorAll(".panel[data-part]")) {
+      const waits = shownSides().some((side) => requests.behind(side, panel.dataset.part));
+      Format.put($(".state", panel), waits ? "updating" : "");
+    }
+  }
+
+  function layout() {
+    document.body.classList.toggle("compare", Boolean(sides.b));
+    for (const figure of document.querySelectorAll("figure[data-side=b]")) figure.hidden = !sides.b;
+    $("#edit").hidden = !sides.b;
+    $("#compare").setAttribute("aria-pressed", String(Boolean(sides.b)));
+    $("#cut").setAttribute("aria-pressed", String(view.cut === "open"));
+    for (const input of document.querySelectorAll("[name=edit]")) input.checked = input.value === view.edit;
+    $("#view-field").value = view.field; $("#view-formula").value = view.formula; $("#level").value = level;
+    $("#view-lines").checked = view.lines === "yes"; $("#view-mesh").checked = view.mesh === "yes";
+  }
+
+  function drawControls() {
+    const side = view.edit, refusal = refusals[side];
+    controls.show(value(side));
+    controls.refuse(refusal?.field, refusal?.error);
+    $("#undo").disabled = index <= oldest; $("#redo").disabled = index >= top;
+    const names = shownSides().map((one) => fields.filter((f) => f.scope === "design" && sides[one][f.name] !== f.value).map((f) => `${f.name} ${sides[one][f.name]}${f.unit ? ` ${f.unit}` : ""}`).join(", ")).map((text) => (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
+    Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
+  }
+
+  const state = (side) => answers[side].state?.data;
+
+  function drawState() {
+    const list = shownSides(), spans = list.filter(state).map((side) => SectionDrawing.range(state(side).section, view.field));
+    const span = spans.reduce((a, b) => SectionDrawing.wider(a, b), spans[0]);
+    const frame = list.map((side) => SectionDrawing.frame(value(side))).reduce(SectionDrawing.union);
+    for (const side of list) {
+      const one = views.sections[side], fieldLines = view.lines === "yes" ? answers[side].field_lines?.data.lines : null;
+      one.draw({ state: state(side), field: view.field, span, view: frame, mesh: view.mesh === "yes", fieldLines });
+      one.grey(Boolean(refusals[side])); views.sensors[side].grey(Boolean(refusals[side]));
+      one.say(caption(side));
+      if (answers[side].state) requests.drawn(side, answers[side].state.number);
+    }
+    const rows = (kind) => list.map((side) => (state(side) ? Numbers[kind](state(side), view.formula) : []));
+    views.response.show(list, rows("response"), `formula ${view.formula}`);
+    views.readings.show(list, rows("readings"), "change");
+    views.decoded.show(list, rows("decoded"), "noise");
+    views.bars.show(list.filter((side) => state(side)?.readings?.elements?.length).map((side) => ({ side, unit: "V", ...state(side).readings })), Math.max(...list.map((side) => sides[side].hall_high)) * 1.05);
+  }
+
+  function caption(side) {
+    const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
+    const tag = sides.b ? `${side.toUpperCase()}: ` : "";
+    if (refusal) return `${tag}The last picture is shown, in grey. ${refusal.error}`;
+    if (!answer) return notice ? "" : `${tag}Solving …`;
+    const { status, message: text, seconds } = answer.data;
+    const waits = requests.behind(side, "state") ? (share?.number === requests.newest(side) && share.progress > 0 ? `; solving, ${Math.round(100 * share.progress)} %` : "; solving") : answer.level === "quick" && level === "standard" ? "; refining to standard" : "";
+    return `${tag}Level ${answer.level}, ${Format.number(seconds, 2)} s${waits}. ${status === "ok" ? "" : `Status ${status}. `}${text || ""}`;
+  }
+
+  function drawSensor(changed) {
+    const list = shownSides().filter((side) => answers[side].sensor3d), size = Math.max(...shownSides().map((side) => 0.6 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
+    const largest = Format.round(Math.max(...list.map((side) => answers[side].sensor3d.data.largest)));
+    for (const side of list) {
+      if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
+      views.sensors[side].draw(size, sides[side].L);
+    }
+    if (list.length) Format.put($("#sensor-note"), `Coloured by displacement, 0 to ${Format.plain(largest)} mm. Drag, or use the arrow keys, to turn.`);
+  }
+
+  function drawCurves() {
+    const list = shownSides().filter((side) => answers[side].curve);
+    if (!list.length) return;
+    for (const quantity of ["force", "shift"]) views.curves[quantity].show(list.map((side) => {
+      const { depth, estimates = {}, paper, level: chosen, ...data } = answers[side].curve.data;
+      return { side, depth, values: data[quantity], half: estimates[quantity], paper: paper?.[quantity], level: chosen?.[quantity], name: chosen?.name, now: sides[side].depth };
+    }));
+  }
+
+  function drawStability() {
+    const list = shownSides(), data = list.map((side) => (answers[side].stability ? Numbers.stability(answers[side].stability.data) : []));
+    views.stability.show(list, data, null);
+    const near = list.filter((side) => answers[side].stability?.data.critical_depth && sides[side].depth > NEAR * answers[side].stability.data.critical_depth);
+    const texts = near.map((side) => `${sides.b ? `${side.toUpperCase()}: the` : "The"} depth of ${Format.plain(sides[side].depth)} mm is ${sides[side].depth > answers[side].stability.data.critical_depth ? "beyond" : "near"} the critical depth: the press may buckle sideways.`);
+    $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
+  }
+
+  // ---- start
+
+  function look(key, next) { view[key] = next; touch("layout", "controls", "state", "sensor3d", "curve"); commitSoon(); }
+
+  function wire() {
+    $("#undo").addEventListener("click", undo); $("#redo").addEventListener("click", redo);
+    document.addEventListener("keydown", (event) => {
+      if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+      const key = event.key.toLowerCase(), act = key === "z" ? (event.shiftKey ? redo : undo) : key === "y" ? redo : null;
+      if (act) { event.preventDefault(); act(); }
+    });
+    $("#compare").addEventListener("click", () => {
+      if (sides.b) { sides.b = null; view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
+      else { sides.b = { ...sides.a }; view.edit = "b"; requests.change("b"); }
+      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "commands"); commit();
+    });
+    for (const input of document.querySelectorAll("[name=edit]")) input.addEventListener("change", () => look("edit", input.value));
+    $("#view-field").addEventListener("change", (event) => look("field", event.target.value));
+    $("#view-lines").addEventListener("change", (event) => look("lines", event.target.checked ? "yes" : "no"));
+    $("#view-mesh").addEventListener("change", (event) => look("mesh", event.target.checked ? "yes" : "no"));
+    $("#view-formula").addEventListener("change", (event) => { look("formula", event.target.value); shownSides().forEach((side) => requests.change(side)); });
+    $("#level").addEventListener("change", (event) => { level = event.target.value; shownSides().forEach((side) => requests.change(side)); touch("state"); commitSoon(); });
+    $("#cut").addEventListener("click", () => look("cut", view.cut === "open" ? "whole" : "open"));
+    $("#turn-back").addEventListener("click", () => { Object.assign(turn, SensorView.START); touch("turn"); });
+    $("#reset").addEventListener("click", () => { sides[view.edit] = defaults(); requests.change(view.edit); touch("controls", "state"); commit(); });
+    $("#controls").addEventListener("submit", (event) => event.preventDefault());
+    new ResizeObserver(() => { for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size(); touch("state", "turn"); }).observe($("#stage"));
+  }
+
+  return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, wire, apply, address,
+    times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice,
+    use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
+    begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); } };
+})();

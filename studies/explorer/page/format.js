@@ -1,0 +1,63 @@
+"use strict";
+// Numbers as text, elements, and the colour maps.
+
+const Format = (() => {
+  // viridis at nine places: readable with any colour vision, and in grey
+  const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
+  // signed values: blue below zero, orange above
+  const SIGNED = [[8, 69, 148], [66, 146, 198], [158, 202, 225], [222, 235, 247], [245, 243, 238], [254, 224, 194], [253, 174, 97], [224, 106, 27], [153, 52, 4]];
+  const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
+
+  // Four digits, a true minus sign, powers of ten where the value is very small or large.
+  function number(value, digits = 4) {
+    if (value === null || value === undefined || !isFinite(value)) return "–";
+    const size = Math.abs(value);
+    if (size < 1e-9) return "0";
+    const text = size >= 1e5 || size < 1e-4 ? value.toExponential(Math.max(digits - 2, 0)) : value.toPrecision(digits);
+    return (text.includes("e") && size < 1e5 && size >= 1e-4 ? String(Number(text)) : text).replace(/-/g, "−");
+  }
+
+  // A half width with two digits.
+  const width = (value) => (value === null || value === undefined || !isFinite(value) ? "" : `± ${number(value, 2)}`);
+
+  // A value in an input: as short as possible, with a decimal point in every locale.
+  const plain = (value) => String(Number(Number(value).toPrecision(6)));
+
+  // The next larger round number, so that scales stay while values change a little.
+  function round(value) {
+    if (!(value > 0)) return 1;
+    const power = 10 ** Math.floor(Math.log10(value));
+    return NICE.find((step) => step * power >= value * 0.999) * power;
+  }
+
+  function mix(map, share) {
+    const at = Math.max(0, Math.min(1, share)) * (map.length - 1), k = Math.min(Math.floor(at), map.length - 2), t = at - k;
+    return map[k].map((v, i) => v + t * (map[k + 1][i] - v));
+  }
+
+  function make(name, attributes = {}, parent = null, text = undefined) {
+    const node = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (value === true) node.setAttribute(key, ""); else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
+    }
+    if (text !== undefined) node.textContent = text;
+    if (parent) parent.appendChild(node);
+    return node;
+  }
+
+  // A text that is set only where it differs: a reader of the screen is not told the same twice.
+  function put(node, text) { if (node.textContent !== text) node.textContent = text; }
+
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const pixels = () => Math.min(window.devicePixelRatio || 1, 2);
+
+  // Gives a canvas the pixels of its box; returns whether they changed.
+  function fit(canvas) {
+    const ratio = pixels(), width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    if (!width || !height || (canvas.width === width && canvas.height === height)) return false;
+    canvas.width = width; canvas.height = height;
+    return true;
+  }
+
+  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, colour, pixels, fit };
+})();

@@ -1,0 +1,53 @@
+"use strict";
+// The engine of a page from the server: questions and answers over the WebSocket /live, which opens again after a loss.
+
+const LiveEngine = () => {
+  const FIRST_WAIT = 500, LONGEST_WAIT = 3000;
+  const token = new URLSearchParams(location.search).get("token");
+  let socket = null, answer = () => {}, closed = () => {}, opened = () => {}, wait = FIRST_WAIT;
+
+  function connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    socket = new WebSocket(`${scheme}://${location.host}/live${token ? `?token=${encodeURIComponent(token)}` : ""}`);
+    socket.addEventListener("open", () => { wait = FIRST_WAIT; opened(); });
+    socket.addEventListener("message", (event) => answer(JSON.parse(event.data)));
+    socket.addEventListener("close", () => { socket = null; closed("gone"); again(); });
+  }
+
+  // A socket does not say why it fails; a plain request does: no server, or one with another token.
+  function again() {
+    setTimeout(async () => {
+      wait = Math.min(wait * 1.5, LONGEST_WAIT);
+      try {
+        const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
+        if (reply.ok) return connect();
+        closed(reply.status === 403 ? "token" : "gone");
+      } catch { closed("gone"); }
+      again();
+    }, wait);
+  }
+
+  const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
+  return {
+    start: connect,
+    ask(request) { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request)); },
+    onAnswer(callback) { answer = callback; },
+    onClosed(callback) { closed = callback; },
+    onOpened(callback) { opened = callback; },
+    async fields() {
+      const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
+      if (!reply.ok) throw new Error(reply.status === 403 ? "token" : "gone");
+      return reply.json();
+    },
+    // A file of the server for a request; an error carries the server's sentence.
+    async file(name, request) {
+      const headers = { "Content-Type": "application/json", ...(token ? { "X-Magtip-Token": token } : {}) };
+      let reply;
+      try {
+        reply = await fetch(path(`export/${name}`), { method: "POST", headers, body: JSON.stringify(request) });
+      } catch { throw new Error("The server does not answer: start it again, then export."); }
+      if (!reply.ok) throw new Error((await reply.text()).slice(0, 400) || `The server refused the export (${reply.status}).`);
+      return reply.blob();
+    },
+  };
+};

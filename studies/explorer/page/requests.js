@@ -1,0 +1,74 @@
+"use strict";
+// Requests to the engine and their answers: one request in flight for each side, the newest wins, late answers are dropped.
+
+const Requests = (engine, { message, show, refuse, progress }) => {
+  const PATIENCE = 1000, MOST_TIMES = 2000;
+  const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "commands"];
+  const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
+  const sides = { a: NEW(), b: NEW() };
+  const times = [];
+  let number = 0, asked = false, open = false;
+
+  // Changes of one frame are one request.
+  function change(side, input = performance.now()) {
+    sides[side].dirty = true;
+    if (sides[side].inputs.length < 200) sides[side].inputs.push([Infinity, input]);
+    schedule();
+  }
+
+  function schedule() {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => { asked = false; send(); });
+  }
+
+  function send() {
+    if (!open) return;
+    for (const [name, side] of Object.entries(sides)) {
+      if (!side.dirty) continue;
+      const waited = performance.now() - side.since;
+      if (side.flying && waited < PATIENCE) { setTimeout(schedule, PATIENCE - waited + 5); continue; }
+      const request = message(name);
+      if (!request) { side.dirty = false; continue; }
+      number += 1;
+      Object.assign(side, { number, flying: number, since: performance.now(), dirty: false });
+      for (const input of side.inputs) if (input[0] === Infinity) input[0] = number;
+      engine.ask({ number, side: name, parts: PARTS, ...request });
+    }
+  }
+
+  function receive(answer) {
+    const side = sides[answer.side];
+    if (!side) return;
+    if (answer.progress !== undefined) { if (answer.number === side.number) progress(answer.side, answer); return; }
+    const part = answer.error === undefined ? answer.part : "state";
+    if (answer.number === side.flying && part === "state") { side.flying = 0; if (side.dirty) schedule(); }
+    const last = side.drawn[part];
+    // an answer that is older than the picture, or coarser than it, comes too late
+    if (last && (answer.number < last.number || (answer.number === last.number && last.level === "standard" && answer.level === "quick"))) return;
+    side.drawn[part] = { number: answer.number, level: answer.level };
+    if (answer.error !== undefined) { side.inputs = side.inputs.filter(([n]) => n > answer.number); refuse(answer.side, answer); }
+    else show(answer.side, part, answer);
+  }
+
+  // Called after a picture is drawn: from each input to the picture that contains it, ms.
+  function drawn(name, shown) {
+    const side = sides[name], now = performance.now();
+    for (const [n, at] of side.inputs) if (n <= shown) { times.push(now - at); if (times.length > MOST_TIMES) times.shift(); }
+    side.inputs = side.inputs.filter(([n]) => n > shown);
+  }
+
+  function opened() {
+    open = true;
+    for (const [name, side] of Object.entries(sides)) { side.flying = 0; side.inputs = []; if (message(name)) side.dirty = true; }
+    schedule();
+  }
+
+  function closed() { open = false; for (const side of Object.values(sides)) side.flying = 0; }
+  function forget(name) { sides[name] = { ...NEW(), drawn: Object.fromEntries(PARTS.map((part) => [part, { number: number + 0.5 }])) }; }
+  const behind = (name, part) => sides[name].dirty || (sides[name].drawn[part]?.number || 0) < sides[name].number;
+  const resting = () => Object.values(sides).every((side) => !side.dirty && !side.flying);
+
+  engine.onAnswer(receive);
+  return { change, drawn, opened, closed, forget, behind, resting, times, newest: (name) => sides[name].number, parts: PARTS };
+};
