@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from types import FunctionType
 
-import numpy as np
 from numba import njit
 
-from analytic.field import cylinder_pointwise
+from analytic.field import cylinder_batches, cylinder_pointwise
 
 # a second set of function objects with a scope of their own: the plain functions stay callable beside the compiled
-_scope = dict(vars(cylinder_pointwise)) | {"_root": np.sqrt}
-for _name, _plain in vars(cylinder_pointwise).items():
-    # numba looks up the names in a function when it is first called, so the order does not matter
-    if isinstance(_plain, FunctionType) and _name != "_root":
-        _scope[_name] = njit(cache=True)(FunctionType(_plain.__code__, _scope, _name))
+_scope = dict(vars(cylinder_pointwise)) | dict(vars(cylinder_batches))
+for _module in (cylinder_pointwise, cylinder_batches):
+    for _name, _plain in vars(_module).items():
+        # numba looks up the names in a function when it is first called, so the order does not matter
+        if isinstance(_plain, FunctionType) and _plain.__module__ == _module.__name__:
+            # error_model: a check of every divisor would keep the loops from computing several points at a time
+            _function = FunctionType(_plain.__code__, _scope, _name)
+            _scope[_name] = njit(cache=True, nogil=True, error_model="numpy")(_function)
 
 fill, meridian, at = _scope["fill"], _scope["meridian"], _scope["at"]

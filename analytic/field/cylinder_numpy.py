@@ -19,19 +19,24 @@ a sum of positive terms, accurate on the axis too. A face has B_r/r = 4 C / (pi 
     B_r/r = 4 zeta (D - C) / (pi S^1.5 Q),    B_z = 2 [(1 - r^2 + zeta^2) D - 2 r (1 - r) C] / (pi S^1.5 Q).
 
 The slope of the cylinder's field along z is the difference of the rings at its ends. For a thin cylinder the two
-rings cancel; there a complex step gives the slope of the rings at the Gauss points. The other entries of the Jacobian
-follow from div B = 0 and curl B = 0.
+rings cancel; there it is the sum of the slopes of the rings at the Gauss points. With G = int sin^2 / Delta^3 =
+(K - D) S/Q these need
+
+    dD/dzeta = -zeta m (G - C)/S,    dC/dzeta = -zeta (G - 4 C)/S,    d log(S^1.5 Q)/dzeta = zeta (3/S + 2/Q).
+
+The other entries of the Jacobian follow from div B = 0 and curl B = 0.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from geometry.arrays import Array
+
+Pair = tuple[Array, Array]
 
 FAR = 5.0
 """Distance, in circumscribed radii, beyond which the multipole series is used; its truncation error is 5^-28."""
@@ -43,8 +48,6 @@ ORDER = 27
 """Order of the highest multipole of the field; its slope has one order more."""
 BLOCK = 2048
 """Number of points that are computed at a time, so that their arrays stay in the processor's cache."""
-STEP = 1e-30
-"""Size of the complex step: it needs no subtraction and can therefore be far below the rounding error."""
 NEAR_HULL = 0.01
 """Distance from the hull, in radii, within which that distance is computed in doubled precision."""
 SPLIT = 134217729.0
@@ -192,14 +195,14 @@ def _near(r: Array, gap: Array, zeta: Array, slope: bool) -> Array:
     return np.stack([4 * C / S3, b_z, *_ring_of(r, gap, zeta, -Q * S3, (K + m * C) / 2, C)])
 
 
-def _ring_of(r: Array, gap: Array, zeta: Any, scale: Any, D: Any, C: Any) -> tuple[Any, Any]:
+def _ring_of(r: Array, gap: Array, zeta: Array, scale: Array, D: Array, C: Array) -> Pair:
     """Return B_r/r and B_z of a ring of unit current from the integrals D and C; `scale` is pi S^1.5 Q."""
     return 4 * zeta * (D - C) / scale, 2 * ((gap * (1 + r) + zeta * zeta) * D - 2 * r * gap * C) / scale
 
 
-def _steps(k: Any) -> int:
+def _steps(k: Array) -> int:
     """Return the number of steps that the mean of 1 and the smallest k, the slowest of all, takes."""
-    a, b, count = 1.0, float(k.real.min()), 1
+    a, b, count = 1.0, float(k.min()), 1
     while abs(a - b) > SETTLED * a and b > 0:
         a, b, count = (a + b) / 2, math.sqrt(a * b), count + 1
     return count
@@ -210,16 +213,12 @@ def _thin(r: Array, gap: Array, z: Array, z0: float, slope: bool) -> Array:
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
     field = np.zeros((4 if slope else 2, len(r)))
     for node, weight in zip(nodes, weights, strict=True):
-        zeta = z - z0 * node
-        ring = np.stack(_ring(r, gap, zeta + 1j * STEP if slope else zeta))
-        field[:2] += z0 * weight * ring.real
-        if slope:
-            field[2:] += z0 * weight * (ring.imag / STEP)
+        field += z0 * weight * _ring(r, gap, z - z0 * node, slope)
     return field
 
 
-def _ring(r: Array, gap: Array, zeta: Any) -> tuple[Any, Any]:
-    """Return B_r/r and B_z of a ring of unit current at height 0; zeta may be complex."""
+def _ring(r: Array, gap: Array, zeta: Array, slope: bool) -> Array:
+    """Return field and slope of a ring of unit current at height 0."""
     S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
     m, s = 4 * r / S, np.sqrt(S)
     k = np.sqrt(Q) / s
@@ -236,7 +235,22 @@ def _ring(r: Array, gap: Array, zeta: Any) -> tuple[Any, Any]:
         total = total + term * 0.5**n
     K = np.pi / 2 * 2.0**steps / mean
     C = K * total
-    return _ring_of(r, gap, zeta, np.pi * S * s * Q, (K + m * C) / 2, C)
+    D, scale = (K + m * C) / 2, np.pi * S * s * Q
+    field = _ring_of(r, gap, zeta, scale, D, C)
+    if not slope:
+        return np.stack(field)
+    return np.stack([*field, *_ring_slope(r, gap, zeta, scale, K, D, C)])
+
+
+def _ring_slope(r: Array, gap: Array, zeta: Array, scale: Array, K: Array, D: Array, C: Array) -> Pair:
+    """Return the slopes along z of B_r/r and B_z of a ring; parameters as in `_ring_of`."""
+    S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
+    G = (K - D) * (S / Q)
+    D_z, C_z = -4 * r * zeta * (G - C) / (S * S), -zeta * (G - 4 * C) / S
+    lean, along = _ring_of(r, gap, zeta, scale, D, C)
+    lean_z, along_z = _ring_of(r, gap, zeta, scale, D_z, C_z)
+    shrink = zeta * (3 / S + 2 / Q)
+    return lean_z + 4 * (D - C) / scale - shrink * lean, along_z + 4 * zeta * D / scale - shrink * along
 
 
 def _multipoles(r: Array, z: Array, moments: Array, slope: bool) -> Array:

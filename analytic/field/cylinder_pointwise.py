@@ -10,54 +10,25 @@ import math
 
 import numpy as np
 
-from analytic.field.cylinder_numpy import FAR, GAUSS, NEAR_HULL, ORDER, SETTLED, SPLIT, STEP, THIN
+from analytic.field.cylinder_numpy import FAR, GAUSS, NEAR_HULL, ORDER, SETTLED, SPLIT, THIN
 
 NODES, WEIGHTS = (tuple(row.tolist()) for row in np.polynomial.legendre.leggauss(GAUSS))
-
-
-def fill(x, radius, half, J, moments, faces, B, jacobian):
-    """Fill B and, if it is not empty, the Jacobian; return the index of the first point without a field, or -1.
-
-    Parameters
-    ----------
-    x : shape (n, 3), mm.
-    radius, half, J : the magnet's radius and half height, mm, and its polarisation, T.
-    moments, faces : `cylinder_moments(half / radius)` and `face_moments()` of `analytic.field.cylinder_numpy`.
-    B, jacobian : arrays to fill, shape (n, 3), T, and shape (n, 3, 3), T/mm, or (0, 3, 3) for no Jacobian.
-    """
-    slope = len(jacobian) > 0
-    for i in range(len(x)):
-        good, lean, along, lean_z, along_z = at(x[i, 0], x[i, 1], x[i, 2], radius, half, moments, faces, slope)
-        if not good:
-            return i
-        u, v = x[i, 0] / radius, x[i, 1] / radius
-        B[i, 0], B[i, 1], B[i, 2] = J * lean * u, J * lean * v, J * along
-        if slope:
-            scale, r2 = J / radius, u * u + v * v
-            bend = -(along_z + 2 * lean) / r2 if r2 > 1e-300 else 0.0
-            jacobian[i, 0, 0] = scale * (lean + bend * u * u)
-            jacobian[i, 1, 1] = scale * (lean + bend * v * v)
-            jacobian[i, 0, 1] = jacobian[i, 1, 0] = scale * (bend * u * v)
-            jacobian[i, 0, 2] = jacobian[i, 2, 0] = scale * (lean_z * u)
-            jacobian[i, 1, 2] = jacobian[i, 2, 1] = scale * (lean_z * v)
-            jacobian[i, 2, 2] = scale * along_z
-    return -1
 
 
 def meridian(rho, z, radius, half, J, moments, faces):
     """Return the field at a distance rho from the axis and a height z above the centre, mm.
 
     The result has seven values: whether the field is defined; B_r and B_z, T; dB_r/dr, B_r/r, dB_r/dz and dB_z/dz,
-    T/mm. Other parameters as in `fill`; `moments` and `faces` may also be lists of lists.
+    T/mm. Other parameters as in `cylinder_batches.fill`; `moments` and `faces` may also be lists of lists.
     """
-    good, lean, along, lean_z, along_z = at(rho, 0.0, z, radius, half, moments, faces, True)
+    good, lean, along, lean_z, along_z = at(rho, 0.0, z, radius, half, moments, faces)
     r, scale = rho / radius, J / radius
     # div B = 0: dB_r/dr = -(dB_z/dz + B_r/r)
     across = -scale * (along_z + lean)
     return good, J * lean * r, J * along, across, scale * lean, scale * lean_z * r, scale * along_z
 
 
-def at(x, y, z, radius, half, moments, faces, slope):
+def at(x, y, z, radius, half, moments, faces):
     """Return whether the field is defined at a point, and B_r/r, B_z and their slopes along z.
 
     The point, radius and half height are in mm; the field is for J = 1 and lengths in radii.
@@ -73,32 +44,27 @@ def at(x, y, z, radius, half, moments, faces, slope):
         return False, 0.0, 0.0, 0.0, 0.0
     span = math.hypot(1.0, z0)
     if math.hypot(r, high) > FAR * span:
-        lean, along, lean_z, along_z = _multipoles(r / span, high / span, moments, slope)
+        lean, along, lean_z, along_z = _multipoles(r / span, high / span, moments)
         return True, lean / span, along, lean_z / span**2, along_z / span
-    lean_z, along_z = 0.0, 0.0
     if math.hypot(gap, high) > THIN * z0:
-        lean, along = 0.0, 0.0
+        lean, along, lean_z, along_z = 0.0, 0.0, 0.0, 0.0
         for k in range(GAUSS):
             weight, zeta = z0 * WEIGHTS[k], high - z0 * NODES[k]
-            if slope:
-                ring = _ring(r, gap, complex(zeta, STEP))
-                lean, along = lean + weight * ring[0].real, along + weight * ring[1].real
-                lean_z, along_z = lean_z + weight * ring[0].imag / STEP, along_z + weight * ring[1].imag / STEP
-            else:
-                b_r, b_z = _ring(r, gap, zeta)
-                lean, along = lean + weight * b_r, along + weight * b_z
+            b_r, b_z, b_r_z, b_z_z = _ring(r, gap, zeta)
+            lean, along = lean + weight * b_r, along + weight * b_z
+            lean_z, along_z = lean_z + weight * b_r_z, along_z + weight * b_z_z
         return True, lean, along, lean_z, along_z
-    top = _face(r, gap, up, faces, slope)
-    bottom = _face(r, gap, down, faces, slope)
+    top = _face(r, gap, up, faces)
+    bottom = _face(r, gap, down, faces)
     within = 0.5 * (_sign(gap) + 1)
     step = (_sign(down) - _sign(up)) / 2 + (top[4] - bottom[4])
     return True, top[0] - bottom[0], within * step + (top[1] - bottom[1]), top[2] - bottom[2], top[3] - bottom[3]
 
 
-def _face(r, gap, zeta, faces, slope):
+def _face(r, gap, zeta, faces):
     """Return B_r/r, B_z and their slopes of one face, and the step that B_z lacks inside r = 1."""
     if math.hypot(r, zeta) > FAR:
-        lean, along, lean_z, along_z = _multipoles(r, zeta, faces, slope)
+        lean, along, lean_z, along_z = _multipoles(r, zeta, faces)
         return lean, along, lean_z, along_z, 0.0
     outer = 1 + r
     S, Q = zeta * zeta + outer * outer, zeta * zeta + gap * gap
@@ -127,22 +93,21 @@ def _face(r, gap, zeta, faces, slope):
     K = math.pi / 2 * size / mean
     C, S3 = K * total, math.pi * S * s
     lean, along = 4 * C / S3, -0.5 * zeta * (q + c * mean) / (mean * (mean + p) * outer * s)
-    if not slope:
-        return lean, along, 0.0, 0.0, 0.5 * _sign(zeta)
     lean_z, along_z = _ring_of(r, gap, zeta, -Q * S3, (K + m * C) / 2, C)
     return lean, along, lean_z, along_z, 0.5 * _sign(zeta)
 
 
 def _ring(r, gap, zeta):
+    """Return B_r/r, B_z and their slopes of a ring of unit current at height 0."""
     S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
-    m, s = 4 * r / S, _root(S)
-    k = _root(Q) / s
-    mean, product, last = 1 + k, k, 1 + 0 * k
+    m, s = 4 * r / S, math.sqrt(S)
+    k = math.sqrt(Q) / s
+    mean, product, last = 1 + k, k, 1.0
     term = 1 / (mean * mean)
     total, share, size = term / 2, 0.5, 2.0
-    while abs(last - k) > SETTLED * abs(last):
+    while abs(last - k) > SETTLED * last:
         last = mean
-        k = 2 * _root(product)
+        k = 2 * math.sqrt(product)
         product = k * mean
         mean = mean + k
         term = term * m / mean
@@ -151,14 +116,27 @@ def _ring(r, gap, zeta):
         total = total + term * share
     K = math.pi / 2 * size / mean
     C = K * total
-    return _ring_of(r, gap, zeta, math.pi * S * s * Q, (K + m * C) / 2, C)
+    D, scale = (K + m * C) / 2, math.pi * S * s * Q
+    lean, along = _ring_of(r, gap, zeta, scale, D, C)
+    lean_z, along_z = _ring_slope(r, gap, zeta, scale, K, D, C)
+    return lean, along, lean_z, along_z
 
 
 def _ring_of(r, gap, zeta, scale, D, C):
     return 4 * zeta * (D - C) / scale, 2 * ((gap * (1 + r) + zeta * zeta) * D - 2 * r * gap * C) / scale
 
 
-def _multipoles(r, z, moments, slope):
+def _ring_slope(r, gap, zeta, scale, K, D, C):
+    S, Q = zeta * zeta + (1 + r) * (1 + r), zeta * zeta + gap * gap
+    G = (K - D) * (S / Q)
+    D_z, C_z = -4 * r * zeta * (G - C) / (S * S), -zeta * (G - 4 * C) / S
+    lean, along = _ring_of(r, gap, zeta, scale, D, C)
+    lean_z, along_z = _ring_of(r, gap, zeta, scale, D_z, C_z)
+    shrink = zeta * (3 / S + 2 / Q)
+    return lean_z + 4 * (D - C) / scale - shrink * lean, along_z + 4 * zeta * D / scale - shrink * along
+
+
+def _multipoles(r, z, moments):
     own, slopes = moments[0], moments[1]
     d = math.hypot(r, z)
     cos, sin2, inverse = z / d, (r / d) ** 2, 1 / d
@@ -168,9 +146,8 @@ def _multipoles(r, z, moments, slope):
     for n in range(ORDER + 2):
         along += own[n] * (n + 1) * p * power
         across += own[n] * tangent * power
-        if slope:
-            along_z += slopes[n] * (n + 1) * p * power
-            across_z += slopes[n] * tangent * power
+        along_z += slopes[n] * (n + 1) * p * power
+        across_z += slopes[n] * tangent * power
         power *= inverse
         p_last, p = p, ((2 * n + 1) * cos * p - n * p_last) / (n + 1)
         tangent_last, tangent = tangent, tangent_last + (2 * n + 1) * p_last
@@ -208,7 +185,3 @@ def _sum(a, b):
 
 def _sign(v):
     return 1.0 if v > 0 else -1.0 if v < 0 else 0.0
-
-
-def _root(v):
-    return v**0.5
