@@ -19,6 +19,7 @@ import contextlib
 import functools
 import importlib
 import importlib.util
+import os
 import sys
 from collections.abc import Iterator
 from contextvars import ContextVar
@@ -71,6 +72,18 @@ def prepare() -> bool:
     except ImportError:  # numba is installed, but does not support this version of NumPy
         return False
     return True
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    # not the number of the machine: a batch system or taskset may grant fewer
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def threads() -> int:
+    """Return the number of threads for compiled loops: the cores, or fewer if the user's environment says so."""
+    limits = [os.environ.get(name, "") for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS")]
+    return min([cores(), *(int(limit) for limit in limits if limit.isdecimal() and int(limit) > 0)])
 
 
 @functools.cache

@@ -25,6 +25,14 @@ def test_a_short_call_does_not_import_numba_and_many_do():
     assert (int(first), set(later), imported) == (3, {"True"}, "False")
 
 
+@pytest.mark.parametrize(("numba", "openmp", "count"), [("", "2", 2), ("3", "4", 3), ("16", "no", 8), ("0", "", 8)])
+def test_threads_are_the_cores_or_fewer_if_the_environment_says_so(monkeypatch, numba, openmp, count):
+    monkeypatch.setattr(compiled, "cores", lambda: 8)
+    monkeypatch.setenv("NUMBA_NUM_THREADS", numba)
+    monkeypatch.setenv("OMP_NUM_THREADS", openmp)
+    assert compiled.threads() == count
+
+
 def test_numba_that_is_imported_already_is_used():
     assert in_new_process("print(compiled.worthwhile(0), compiled.prepare(), compiled.worthwhile(0))") == [
         "False",

@@ -80,6 +80,28 @@ def test_the_size_of_a_call_alone_decides():
     assert not np.array_equal(few, many[1:])
 
 
+def test_the_number_of_threads_changes_no_digit(monkeypatch):
+    x = places(2.0, 2.0, 8000)
+    assert len(x) > 30_000
+    one, two = (by_threads(monkeypatch, count, x) for count in (1, 2))
+    np.testing.assert_array_equal(one[0], two[0])
+    np.testing.assert_array_equal(one[1], two[1])
+    # the first of the points without a field is the one that the message names
+    x[-1], x[-2] = np.nan, (2.0, 0.0, 1.0)
+    with pytest.raises(BadInput, match=r"where \(2, 0, 1\) mm lies"):
+        by_threads(monkeypatch, 2, x)
+
+
+def by_threads(monkeypatch, count, x):
+    """B and its Jacobian computed by a number of threads."""
+    monkeypatch.setattr(magnet, "THREAD_POINTS", 10_000)
+    monkeypatch.setattr(compiled, "cores", lambda: count)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+    assert compiled.threads() == count
+    return magnet.cylinder_field_jacobian(x, 2, 2, 1.2)
+
+
 def test_a_call_has_the_same_digits_whatever_was_called_before():
     """In a process of its own: first of all, after 1200 other calls, and after the kernel was loaded and used."""
     ended = subprocess.run([sys.executable, "-c", HISTORY], capture_output=True, text=True, check=True)

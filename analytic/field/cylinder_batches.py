@@ -1,8 +1,8 @@
 """Field of a cylinder magnet at many points: the formulas of `analytic.field.cylinder_numpy`, batch by batch.
 
 `analytic.field.cylinder_compiled` compiles these functions. Their loops over a batch have no branches and a fixed
-number of steps, and all numbers of a batch are in one array at constant offsets: the compiler can then compute several
-points in one instruction. `fill` sorts the points and end faces of a batch by method:
+number of steps, and all numbers of a batch are in one array at constant offsets: the compiler can then compute
+several points in one instruction. `fill` sorts the points and end faces of a batch by method:
 
 - far points and far faces: the multipoles by Clenshaw's recurrence, which needs no division;
 - near faces and the rings of thin points with k >= `REGULAR`, thus off the rim: the arithmetic-geometric mean in
@@ -30,8 +30,8 @@ REGULAR = 0.085
 LARGE = 1e100
 """Distance from the centre, in radii, beyond which points are computed one by one, before squares overflow."""
 
-# offsets of the numbers of the points: distance from the axis, 1 - r, heights above the centre, the top and the bottom;
-# the field and its slope; the jumps of far faces
+# offsets of the numbers of the points: distance from the axis, 1 - r, heights above the centre, the top and the
+# bottom; the field and its slope; the jumps of far faces
 R, GAP, Z, UP, DOWN, LEAN, ALONG, LEAN_Z, ALONG_Z, JUMP = (POINTS * row for row in range(10))
 # offsets of the numbers of the faces, or far points, of one method, and of what the kernels compute for them
 _R, _GAP, _Z, _LEAN, _ALONG, _MEAN, _K, _D, _C = (10 * POINTS + FACES * row for row in range(9))

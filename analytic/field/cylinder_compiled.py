@@ -23,4 +23,5 @@ for _module in (cylinder_pointwise, cylinder_batches):
             _function = FunctionType(_plain.__code__, _scope, _name)
             _scope[_name] = njit(cache=True, nogil=True, error_model="numpy")(_function)
 
+POINTS = cylinder_batches.POINTS
 fill, meridian, at = _scope["fill"], _scope["meridian"], _scope["at"]

@@ -9,7 +9,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from studies.exploration.worker_process import Answer, WorkerProcesses, answer, cores
+from geometry.compiled import cores
+from studies.exploration.worker_process import Answer, WorkerProcesses, answer
 
 
 class SchedulerLost(RuntimeError):

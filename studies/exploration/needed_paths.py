@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from analytic import beam
 from fem.accuracy import LEVELS
 from fem.scene import Scene
+from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -21,7 +22,6 @@ from studies.exploration.path_keys import Kind, Place, place
 from studies.exploration.solved_paths import NAN, Answer, Task, answer, answers, missing, solve_task, task, unsolved
 from studies.exploration.store import Position, Store
 from studies.exploration.study_cases import Cases, FemModel, Plan, Problem, Recent
-from studies.exploration.worker_process import cores
 from studies.exploration.workers import finished
 from studies.output import console
 from studies.simulation.model_choice import Choice, choose

@@ -55,12 +55,6 @@ class NotStarted(RuntimeError):
     """No process could be started, or jobs of this owner have been ended."""
 
 
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    # not the number of the machine: a batch system or taskset may grant fewer
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def environment(threads: int) -> dict[str, str]:
     """Return the environment of a process that may use a number of threads, or fewer if the user has set so."""
     limits = {}

@@ -9,11 +9,12 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.exploration import executors
 from studies.exploration.executors import Executor
-from studies.exploration.worker_process import WorkerDied, cores
+from studies.exploration.worker_process import WorkerDied
 from studies.fabrication.fabrication_rows import FabricationRow
 from studies.fabrication.sensor_parts import build
 from studies.fabrication.sensor_solids import FabricationChoices
