@@ -226,7 +226,8 @@ def _exact(points: ArrayLike, radius: float, height: float, J: float, *, slope: 
     kernel = compiled() if len(x) >= MIN_COMPILED_POINTS else None
     if kernel is None:
         return numpy_field(x, float(radius), height / 2, float(J), slope=slope)
-    return compiled_field(kernel, x, float(radius), height / 2, float(J), slope=slope)
+    threads = compilation.threads()
+    return compiled_field(kernel, x, float(radius), height / 2, float(J), slope=slope, threads=threads)
 
 
 def _points(points: ArrayLike) -> Array:
@@ -248,15 +249,17 @@ def _undefined(point: Array) -> BadInput:
     return BadInput("points must be finite; got a NaN or an infinity")
 
 
-def compiled_field(kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool) -> Pair:
+def compiled_field(
+    kernel: ModuleType, x: Array, radius: float, half: float, J: float, *, slope: bool, threads: int = 1
+) -> Pair:
     """Return what `_exact` returns, by the compiled kernel; x are the points, `half` is half the height.
 
-    Each `THREAD_POINTS` points may have a thread. The result has the same digits with any number of threads: each
-    thread computes whole batches.
+    At most `threads` threads share the points, one for every `THREAD_POINTS`. The digits do not depend on their
+    number: each thread computes whole batches.
     """
     B, jacobian = np.empty_like(x), np.empty((len(x) if slope else 0, 3, 3))
     series = cylinder_moments(half / radius), face_moments()
-    count = min(compilation.threads(), len(x) // THREAD_POINTS)
+    count = min(threads, len(x) // THREAD_POINTS)
     share = math.ceil(len(x) / max(count, 1) / kernel.POINTS) * kernel.POINTS
 
     def fill(start: int) -> int:

@@ -11,9 +11,10 @@ from studies.output import records
 from studies.output.records import FlatRow
 
 PROMISE = 1e-12
-FASTER = 2.0
+FASTER = 4.0
+SECOND_THREAD = 1.6
 ONE_POINT_US = 5.0
-"""Goals: relative error of B, times faster than magpylib, us of one point."""
+"""Goals: relative error of B, times as fast as magpylib, as fast with a second thread, us of one point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +36,16 @@ class RegionErrors:
 
 @dataclass(frozen=True, slots=True)
 class ProgramTimes:
-    """CPU time for each of a million points, and clock time of a call with one point and with none, us."""
+    """CPU and clock time for each of a million points, and clock time of a call with one point and with none, us.
+
+    `faster` is the CPU time of magpylib over that of the program, `shorter` the clock time of one compiled thread.
+    """
 
     program: str
     many_us: float
+    clock_us: float
+    faster: float
+    shorter: float
     one_us: float
     none_us: float
 
@@ -62,8 +69,8 @@ def report(
 ) -> str:
     """Return the text of FIELD.md: goals, errors and times, and how they were measured."""
     own = max(max(error.numpy, error.compiled) for error in errors)
-    fast, slow = times[0], times[-1]
-    ratio, beyond = slow.many_us / fast.many_us, fast.one_us - fast.none_us
+    fast, two = times[0], times[1]
+    beyond = fast.one_us - fast.none_us
     lines = [
         "# Accuracy and speed of the exact field",
         "",
@@ -74,7 +81,16 @@ def report(
         ["goal", "measured", "met"],
         [
             [f"error at most {PROMISE:g} of B", f"{own:.1e}", _met(own <= PROMISE)],
-            [f"a million points {FASTER:g} times as fast as magpylib", f"{ratio:.1f} times", _met(ratio >= FASTER)],
+            [
+                f"a million points {FASTER:g} times as fast as magpylib",
+                f"{fast.faster:.1f} times",
+                _met(fast.faster >= FASTER),
+            ],
+            [
+                f"a second thread: {SECOND_THREAD:g} times as fast as one",
+                f"{two.shorter:.1f} times",
+                _met(two.shorter >= SECOND_THREAD),
+            ],
             [f"one point at most {ONE_POINT_US:g} us", f"{beyond:.1f} us", _met(beyond <= ONE_POINT_US)],
         ],
     )
@@ -85,11 +101,22 @@ def report(
     heads = [
         "program",
         "us per point of a million",
+        "by the clock",
+        "times as fast as magpylib",
         "call with one point, us",
         "call without points, us",
         "difference, us",
     ]
-    cells = [[t.program, *map(_us, (t.many_us, t.one_us, t.none_us, t.one_us - t.none_us))] for t in times]
+    cells = [
+        [
+            t.program,
+            f"{t.many_us:.3f}",
+            f"{t.clock_us:.3f}",
+            f"{t.faster:.1f}",
+            *map(_us, (t.one_us, t.none_us, t.one_us - t.none_us)),
+        ]
+        for t in times
+    ]
     lines += _table(heads, cells)
     lines += ["", "## First calls", ""]
     heads = ["process", "import analytic.magnet, s", "first call in NumPy, s", "kernel loaded and called, s"]
