@@ -150,7 +150,7 @@ def _follow(
     """Solve for the states of loads that share a mesh."""
     begin, D = time.perf_counter(), scene.design.D
     path = start_path(scene, mesh)
-    sideways = SidewaysModel(path.raised) if watch and path.raised is not None else None
+    sideways = sideways_model(scene, path) if watch else None
     x, y = scene.direction
     turn = np.array([[x, y], [-y, x]])
     try:
@@ -175,6 +175,13 @@ def _follow(
                 return
     finally:
         path.close()
+
+
+def sideways_model(scene: Scene, path: Path) -> SidewaysModel | None:
+    """Return the model in which an axisymmetric press is checked, at the start of its path; None for other paths."""
+    if path.state.d.model != "axisymmetric":
+        return None
+    return SidewaysModel(path.state.d, scene.accuracy.harmonics if scene.sideways else 1)
 
 
 def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:

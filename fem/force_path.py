@@ -9,8 +9,7 @@ import numpy as np
 import skfem
 
 from fem.contact import coulomb_friction
-from fem.equilibrium import start_path
-from fem.results.lateral_stiffness import SidewaysModel
+from fem.equilibrium import sideways_model, start_path
 from fem.results.postprocess import read, tip_force
 from fem.scene import Scene
 from fem.solution import Solution
@@ -63,8 +62,7 @@ class ForcePath:
     ) -> None:
         (self._load,), self.scene, self._watch = scene.loads, scene, watch
         self._path = start_path(scene, mesh)
-        raised = self._path.raised
-        self._sideways = SidewaysModel(raised) if check_stability and raised is not None else None
+        self._sideways = sideways_model(scene, self._path) if check_stability else None
         self._iterations = 0
         self._pressed: CurvePoint | None = None
         self._sheared: LoadingCurve | None = None

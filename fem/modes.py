@@ -1,9 +1,10 @@
 """Natural frequencies and mode shapes about the unloaded or a pressed state.
 
-(K - omega^2 M) x = 0 has the tangent K of the section model with two harmonics and the consistent mass M of silicone
-and magnet. Pressures have no mass, so K is the symmetric indefinite matrix of the static problem. Two harmonics
-contain the axial (0), bending (1) and ovalling (2) modes. Torsion (u_theta alone) is solved separately. Bending and
-ovalling modes come in pairs that differ by a rotation about the axis; each pair is listed once.
+(K - omega^2 M) x = 0 has the tangent K of the section model and the consistent mass M of silicone and magnet. About
+an axisymmetric state both have one block for each order of the angle (`fem.discretisation.single_order`): axial modes
+have order 0, bending modes 1 and ovalling modes 2. Pressures have no mass, so K is the symmetric indefinite matrix of
+the static problem. Torsion (u_theta alone) is solved separately. Bending and ovalling modes come in pairs that differ
+by a rotation about the axis; each pair is listed once.
 
 The pressed state is that of the frictionless press; its contact area is then glued to the fixed plate, because
 friction holds it at small amplitudes. There is no damping, and no mass of air or base.
@@ -13,28 +14,26 @@ Lengths are over D and stresses over E: omega = sqrt(lambda E / rho) / D, with t
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from fem.accuracy import STANDARD, Accuracy, coarser
-from fem.contact import plate_contact
 from fem.contact.contact_extent import find_contact_edge
 from fem.contact.plate_contact import Plate
-from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation import elements, rigid_inclusion, single_order
 from fem.discretisation.mesh_specification import specification
-from fem.discretisation.nonlinear_system import NONE, System
+from fem.discretisation.nonlinear_system import ON_AXIS, System
 from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
-from fem.material import lame
 from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
-from fem.solvers.path_state import PathState, with_harmonics
+from fem.solvers.path_state import PathState, about, glue
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
@@ -43,6 +42,10 @@ SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
 """Largest number of modes that can be requested."""
+MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, NOTHING = 400, 3, 1e-8, 1e-14
+"""Of Lanczos' method: most steps, ten for each of the most modes; steps between two checks, which cost as much as a
+step; relative residual of an eigenvalue, whose error is its square; and length of a vector, over the first
+eigenvalue, below which there are no further ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,15 +112,21 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
 
 def _solve_modes(scene: Scene, count: int) -> Modes:
     """Return the lowest modes of a scene, without error estimates."""
-    press = _solve_press(scene)
-    eigenvalues = [*_solve_symmetric(press, scene, count), *_solve_torsion(press, scene, max(count // 3, 2))]
-    depth = scene.loads[0].depth
-    if min(eigenvalues)[0] < 0:
+    press, depth = _solve_press(scene), scene.loads[0].depth
+    blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
+    blocks["torsion"] = _torsion_matrices(press, scene)
+    values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
+    # most blocks have few of the lowest modes: only those that may have more are solved again
+    limit = sorted(itertools.chain(*values.values()))[count - 1]
+    for name, block in blocks.items():
+        if len(values[name]) < count and values[name][-1] < limit:
+            values[name], _ = eigen(*block, count)
+    lowest = sorted((float(value), name) for name, own in values.items() for value in own)[:count]
+    if lowest[0][0] < 0:
         raise BadInput(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
     scale = _frequency_unit(scene.design)
-    lowest = sorted(eigenvalues)[:count]
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
     return Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
 
@@ -146,13 +155,16 @@ class _Press:
 
     Attributes
     ----------
-    low, high : its state, without harmonics and with two.
+    state : its state.
     edge : undeformed radius at which the contact ends, over D; None for the free sensor.
     """
 
-    low: PathState
-    high: PathState
+    state: PathState
     edge: float | None
+
+    def glue(self, state: PathState) -> Plate | None:
+        """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
+        return None if self.edge is None else glue(state, self.edge).plate
 
 
 def _solve_press(scene: Scene) -> _Press:
@@ -172,15 +184,7 @@ def _solve_press(scene: Scene) -> _Press:
         raise BadInput(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    return _Press(state, with_harmonics(state, replace(section, harmonics=2).build()), edge)
-
-
-def _glue_plate(press: _Press, system: System, q: Array) -> Plate | None:
-    """Return the plate with the contact area glued to it, in a model of the press; None for the free sensor."""
-    if press.edge is None:
-        return None
-    assert system.surface is not None
-    return plate_contact.glue(system.surface, system.state(q).u, press.low.plate, press.edge, press.low.d.shape.H)
+    return _Press(state, edge)
 
 
 def _inertia(scene: Scene) -> tuple[float, float, float]:
@@ -193,76 +197,92 @@ def _inertia(scene: Scene) -> tuple[float, float, float]:
     return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
 
 
-def _solve_symmetric(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
-    """Return eigenvalues and names of the axial, bending and ovalling modes."""
-    system, q = press.high.d.system, press.high.q
-    m, across, _ = _inertia(scene)
-    K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
-    M = system.mass(1.0, np.array([m, m, across])[: system.n_rigid])
-    values, vectors = eigen(K, M, count)
-    order = np.abs([*elements.orders(2), *range(3)])
-    names = []
-    for x in vectors.T:
-        parts = _harmonic_energies(system, M, x, order)
-        names.append(SHAPES[int(np.argmax(parts))])
-    return list(zip(values.tolist(), names, strict=True))
+def _order_matrices(press: _Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Return tangent and mass of the block of one order about a press."""
+    state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
+    system, (m, across, _) = state.d.system, _inertia(scene)
+    moved = ((m,), (m, across), ())[order]
+    K = system.assemble(system.state(state.q), press.glue(state)).tangent
+    return K, system.mass(1.0, np.array(moved[: system.n_rigid]))
 
 
-def _harmonic_energies(system: System, M: sp.csr_matrix, x: Array, order: Array) -> Array:
-    """Return the kinetic energy of harmonics 0, 1, 2 in a mode; the magnet moves with harmonics 0 and 1."""
-    energy = []
-    for n in range(3):
-        part = np.zeros(len(x))
-        fields = np.broadcast_to(order == n, system.free.shape)[system.free]
-        part[: system.n_free][fields] = x[: system.n_free][fields]
-        if system.n_rigid and n < 2:
-            place = system.n_free + (np.array([1]) if n == 0 else np.array([0, 2]))
-            part[place] = x[place]
-        energy.append(float(part @ (M @ part + sp.triu(M, 1).T @ part)))
-    return np.array(energy)
-
-
-def _solve_torsion(press: _Press, scene: Scene, count: int) -> list[tuple[float, str]]:
-    """Return the eigenvalues of the torsional modes, from the axisymmetric model with u_theta."""
-    d, rigid = press.low.d, scene.magnet == "rigid"
-    e = elements.build(d.mesh, axisymmetric=True, angles=elements.torsion_fields())
-    fixed = np.zeros((len(e.nodes), 3), dtype=bool)
-    fixed[elements.boundary_nodes(d.mesh, "base")] = True
-    fixed[elements.boundary_nodes(d.mesh, "axis"), :2] = True
-    skin = elements.surface(d.mesh, "skin", e, axisymmetric=True, order=5)
-    glued = elements.boundary_nodes(d.mesh, "magnet") if rigid else NONE
-    body = rigid_inclusion.section(e.nodes[glued] - [0, d.shape.H], e.angles) if rigid else None
-    system = System(e, skin, *lame(1.0, scene.design.nu), fixed, glued, body, law=d.system.law)
-    low = d.system.state(press.low.q)
-    u = np.stack([low.u[:, 0], np.zeros(len(low.u)), low.u[:, 1]], axis=1)
-    motion = np.append(d.system.motion(press.low.q), 0.0) if body else np.empty(0)
-    q = system.unknowns(u, low.p, motion)
+def _torsion_matrices(press: _Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Return tangent and mass of torsion about a press, from the axisymmetric model with u_theta."""
+    d, low, at_press = press.state.d, press.state.d.system, press.state.d.system.state(press.state.q)
+    e = replace(d.elements, angles=elements.torsion_fields())
+    # about an axisymmetric state torsion does not couple to the other displacements and the pressures
+    fixed = np.ones((len(e.nodes), 3), dtype=bool)
+    fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < ON_AXIS)
+    held = np.zeros((len(e.nodes), 1))
+    held[low.corner_nodes] = at_press.p
+    assert low.surface is not None
+    system = System(
+        e,
+        single_order.revolve_surface(low.surface, e.angles),
+        low.mu[:, 0],
+        low.inverse_K[:, 0],
+        fixed,
+        low.glued,
+        rigid_inclusion.section(e.nodes[low.glued] - [0, d.shape.H], e.angles) if low.rigid else None,
+        law=low.law,
+        prescribed=np.insert(at_press.u, 1, 0.0, axis=1),
+        held=held,
+    )
     m, _, along = _inertia(scene)
-    K = system.assemble(system.state(q), _glue_plate(press, system, q)).tangent
+    K = system.assemble(system.state(np.zeros(system.size)), press.glue(press.state)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
-    # torsion does not couple to the other unknowns of this model, which are dropped
-    twist = np.zeros(system.size, dtype=bool)
-    twist[: system.n_free] = np.broadcast_to([False, True, False], system.free.shape)[system.free]
-    if body:
-        twist[system.n_free + 1] = True
-    values, _ = eigen(K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr(), count)
-    return [(float(value), "torsion") for value in values]
+    # the magnet's motion along the axis is not part of torsion either
+    twist = np.arange(system.size) != (system.n_free if low.rigid else -1)
+    return K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr()
 
 
 def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
     """Return the eigenvalues nearest to zero of K x = lambda M x in rising order, and their vectors (n, count).
 
-    K and M are upper triangles.
+    Lanczos' method finds the largest eigenvalues 1 / lambda of K^-1 M in magnitude. All its vectors are kept
+    orthogonal in M, so that none is found twice. (SciPy's ARPACK takes three products with M a step, and spends as
+    much time on its own as on the solutions.)
+
+    Parameters
+    ----------
+    K, M : upper triangles (n, n); M may be singular.
     """
-    n = K.shape[0]
+    whole, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
+    most = min(n, MOST_STEPS)
+    V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))
     solver = Solver()
     try:
         solver.factorise(K)
-        whole = (M + sp.triu(M, 1).T).tocsr()
-        inverse = spla.LinearOperator((n, n), matvec=lambda b: solver.solve(np.ravel(b)), dtype=np.float64)
-        start = np.random.default_rng(0).normal(size=n)
-        values, vectors = spla.eigsh(K, k=count, M=whole, sigma=0.0, OPinv=inverse, v0=start)
+        # a first vector in the range of K^-1 M has no part that M does not see
+        x = solver.solve(whole @ np.random.default_rng(0).normal(size=n))
+        for step in range(most):
+            Mx = whole @ x
+            length = math.sqrt(max(x @ Mx, 0.0))
+            if step and (length < NOTHING * abs(T[0, 0]) or _settled(T[:step, :step], length, count)):
+                break
+            V[step], MV[step] = x / length, Mx / length
+            x = solver.solve(MV[step])
+            for _ in range(2):  # the first pass leaves rounding errors, the second one does not
+                parts = MV[: step + 1] @ x
+                x -= parts @ V[: step + 1]
+                T[: step + 1, step] += parts
+        else:
+            step = most
     finally:
         solver.close()
-    order = np.argsort(values)
-    return values[order], vectors[:, order]
+    inverse, parts = np.linalg.eigh(T[:step, :step], UPLO="U")
+    nearest = np.argsort(-np.abs(inverse))[:count]
+    rising = nearest[np.argsort(1 / inverse[nearest])]
+    return 1 / inverse[rising], V[:step].T @ parts[:, rising]
+
+
+def _settled(T: Array, length: float, count: int) -> bool:
+    """Return whether the `count` eigenvalues of largest magnitude are known, from the upper triangle T (m, m).
+
+    length : norm of the next vector before it is scaled.
+    """
+    if len(T) <= count or len(T) % CHECK_EVERY:
+        return False
+    values, vectors = np.linalg.eigh(T, UPLO="U")
+    largest = np.argsort(-np.abs(values))[:count]
+    return bool(np.all(length * np.abs(vectors[-1, largest]) < EIGEN_TOLERANCE * np.abs(values[largest])))

@@ -1,7 +1,8 @@
 """Small shear of a glued plate about a press: stiffness, shift and tilt of the magnet from one tangent.
 
 The press is solved with the axisymmetric model; then the contact area is glued to the plate. For a sideways
-displacement s of the plate, K dq = -dR/ds s in the model with one harmonic gives the response.
+displacement s of the plate, K dq = -dR/ds s in the model of order 1 (`fem.discretisation.single_order`) gives the
+response.
 """
 
 from __future__ import annotations
@@ -13,16 +14,18 @@ import numpy as np
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.contact.contact_extent import find_contact_edge
+from fem.discretisation import elements, single_order
+from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import Assembly
 from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.results.lateral_stiffness import integrate_normal_force
-from fem.results.postprocess import read_pose
+from fem.results.postprocess import recover_pose
 from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
-from fem.solvers.path_state import PathState, glue, with_harmonics
+from fem.solvers.path_state import PathState, about, glue
 from fem.stability import RIM, fine_section
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -121,7 +124,7 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
         raise BadInput(
             f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    glued = glue(with_harmonics(pressed, replace(section, harmonics=1).build()), edge)
+    glued = glue(about(pressed, single_order.build(pressed.d, 1)), edge)
     system, plate = glued.d.system, glued.plate
     at_press = system.assemble(system.state(glued.q), plate)
     shear = replace(plate, shear=np.array([1.0, 0.0]))
@@ -150,21 +153,31 @@ def _solve_linear(assembly: Assembly, right: Array) -> Array:
 
 
 def _read_small_shear(design: Design, pressed: PathState, glued: PathState, step: Array) -> SmallShear:
-    """Return the response from the linear solution `step` per unit of shear, about a press that is glued.
-
-    Pose and skin displacements are differentiated by a central difference along `step`.
-    """
-    system, skin, plate, D = glued.d.system, glued.skin, glued.plate, design.D
+    """Return the response from the linear solution `step` per unit of shear, about a press that is glued."""
+    skin, plate, D = glued.skin, glued.plate, design.D
     assert plate.tied is not None
-    small = 1e-6
-    ahead, behind = system.state(glued.q + small * step), system.state(glued.q - small * step)
-    du = skin.displacement((ahead.u - behind.u) / (2 * small))[..., 0]
-    stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - du))[plate.tied]))
-    (shift2, tilt2), (shift1, tilt1) = (read_pose(glued.d, s.u, s.q) for s in (ahead, behind))
+    # the displacement of the skin is linear in the unknowns, that of the magnet's surface is not
+    du = glued.d.system.state(step).u - glued.u
+    along = skin.displacement(du)[..., 0]
+    stiffness = float(np.sum((skin.weights * plate.stiffness * (1 - along))[plate.tied]))
+    shift, tilt = _read_pose(glued, step)
     return SmallShear(
         stiffness=stiffness * design.E * D,
-        shift=float(shift2[0] - shift1[0]) / (2 * small),
-        tilt=float(tilt2[0] - tilt1[0]) / (2 * small) / D,
+        shift=shift,
+        tilt=tilt / D,
         force=integrate_normal_force(pressed) * design.E * D**2,
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
     )
+
+
+def _read_pose(glued: PathState, step: Array) -> tuple[float, float]:
+    """Return shift and tilt of the magnet per unit of shear, over D and in rad, from the linear solution `step`."""
+    system, small = glued.d.system, 1e-6
+    if system.rigid:
+        shift, tilt = system.motion(step)
+        return float(shift), float(tilt)
+    fields = replace(system.elements, angles=elements.fourier_fields(1))
+    recovery = build_recovery(fields, glued.d.shape.H, mirrored=True)
+    states = (system.state(way * step) for way in (small, -small))
+    (ahead, tilt2), (behind, tilt1) = (recover_pose(recovery, single_order.raise_fields(s.u)) for s in states)
+    return float(ahead[0] - behind[0]) / (2 * small), float(tilt2[0] - tilt1[0]) / (2 * small)

@@ -188,7 +188,7 @@ def _find_on_mesh(
     """
     path = Path(section.build(), kappa=KAPPA)
     try:
-        return _search_path(path, SidewaysModel(replace(section, harmonics=1).build), guided, start, step, end)
+        return _search_path(path, SidewaysModel(path.state.d), guided, start, step, end)
     finally:
         path.close()
 

@@ -1,6 +1,5 @@
 """Lateral stiffness of a pressed beam: a cantilever's at rest, a column's under load."""
 
-import functools
 import math
 
 import numpy as np
@@ -17,21 +16,17 @@ from geometry.design import Design
 BEAM = Design(L=40.0)
 
 
-BUILD = functools.partial(
-    symmetry_models.section, BEAM.shape.scaled(1 / BEAM.D), BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)
-)
-
-
 @pytest.fixture
 def path():
-    path = Path(BUILD())
+    shape = BEAM.shape.scaled(1 / BEAM.D)
+    path = Path(symmetry_models.section(shape, BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003)))
     yield path
     path.close()
 
 
 @pytest.fixture
-def sideways():
-    return SidewaysModel(functools.partial(BUILD, harmonics=1))
+def sideways(path):
+    return SidewaysModel(path.state.d)
 
 
 def test_at_rest_it_is_that_of_a_cantilever(sideways):

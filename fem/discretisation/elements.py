@@ -242,17 +242,29 @@ def fourier_fields(harmonics: int, count: int | None = None) -> Angles:
     """
     t = count or (1 if harmonics == 0 else max(2 * harmonics + 1, 4))
     theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
-    k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
-    E = np.zeros((t, 3, len(k) + len(n)))
-    V = np.zeros((t, 3, 3, len(k) + len(n)))
+    E, V, C = _field_functions(theta, np.array(orders(harmonics)), np.arange(harmonics + 1))
+    few = (0, 2, 4, 6, 8) if t == 1 else None
+    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, C, few)
+
+
+def order_fields(order: int) -> Angles:
+    """Return the fields w_0, w_n, w_-n, z_0, z_n and p_0, p_n of one order n >= 1, see `single_order`."""
+    theta = np.array([0, np.pi / (2 * order)])
+    E, V, C = _field_functions(theta, np.array([0, order, -order]), np.array([0, order]))
+    return Angles(theta, np.full(2, np.pi), order, E, V, C)
+
+
+def _field_functions(theta: Array, k: Ints, n: Ints) -> tuple[Array, Array, Array]:
+    """Return E, V and C of `Angles` for the fields w_k, z_n and p_n."""
+    E = np.zeros((len(theta), 3, len(k) + len(n)))
+    V = np.zeros((len(theta), 3, 3, len(k) + len(n)))
     ck, sk = np.cos(np.outer(theta, k)), np.sin(np.outer(theta, k))
     cn, sn = np.cos(np.outer(theta, n)), np.sin(np.outer(theta, n))
     E[:, 0, : len(k)], E[:, 1, : len(k)], E[:, 2, len(k) :] = ck, sk, cn
     V[:, :, 0], V[:, :, 2] = E, E
     V[:, 0, 1, : len(k)], V[:, 1, 1, : len(k)] = -(k + 1) * sk, (k + 1) * ck
     V[:, 2, 1, len(k) :] = -n * sn
-    few = (0, 2, 4, 6, 8) if t == 1 else None
-    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, cn, few)
+    return E, V, cn
 
 
 def rotations(theta: Array) -> Array:

@@ -15,6 +15,7 @@ the plate there is no potential, and the tangent is unsymmetric.
 
 from __future__ import annotations
 
+import copy
 import itertools
 from dataclasses import dataclass, replace
 
@@ -90,7 +91,8 @@ class System:
     rigid : motion of these nodes with the magnet.
     dead : (nodes, fields) nodal forces that do not change with the deformation.
     law : isochoric law of the silicone.
-    prescribed : (nodes, fields) values of the fixed displacements; entries that are not fixed are ignored.
+    prescribed : (nodes, fields) values of the fixed displacements, and those of the nodes on the magnet before its
+        motion; other entries are ignored.
     held : (nodes, pressures) prescribed pressures, nan where they are unknowns; or None.
 
     Attributes
@@ -220,10 +222,16 @@ class System:
         u = np.where(self.fixed, self.prescribed, 0.0)
         u[self.free] = q[: self.n_free]
         if self.rigid:
-            u[self.glued] = self.rigid.displacement(self.motion(q))
+            u[self.glued] = self.prescribed[self.glued] + self.rigid.displacement(self.motion(q))
         p = self._held.copy()
         p[self._carried] = q[self.n_free + self.n_rigid :]
         return State(q, u, p)
+
+    def with_prescribed(self, u: Array, p: Array) -> System:
+        """Return the system with other prescribed displacements (nodes, fields) and pressures (corners, n)."""
+        system = copy.copy(self)
+        system.prescribed, system._held = u, np.where(self._carried, 0.0, p)
+        return system
 
     def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
         """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""

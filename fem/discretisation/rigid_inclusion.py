@@ -4,6 +4,7 @@ A node at X moves with the magnet by u = U + (Q - 1) (X - Xc), written as sum_j 
 and functions phi_j of the few unknowns q:
 
 - axial: q = U_z; with torsion also the angle about z, which moves X by u_r = r (cos q2 - 1), u_theta = r sin q2;
+- sideways: q = U_x and the rotation about y, about an axisymmetric state with a given U_z (`single_order`);
 - planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x, Q
   = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
 - spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
@@ -26,7 +27,7 @@ class RigidBody:
     Attributes
     ----------
     fields : (j, n, fields) the constant fields B_j.
-    size : number of unknowns: 1 or 2 axial, 3 planar, 6 spatial.
+    size : number of unknowns: 1 or 2 axial, 2 sideways, 3 planar, 6 spatial.
     """
 
     fields: Array
@@ -79,6 +80,16 @@ def section(arms: Array, angles: Angles) -> RigidBody:
     B[2, :, along], B[2, :, rise + 1] = z, -r
     B[3, :, out], B[3, :, double], B[3, :, rise] = r / 2, r / 2, z
     return RigidBody(B, 3)
+
+
+def sideways(arms: Array, angles: Angles) -> RigidBody:
+    """Return the motion of a section's nodes in a model of order 1, see `elements.order_fields`."""
+    r, z = arms.T
+    B = np.zeros((3, len(arms), angles.fields))
+    B[0, :, 2] = 1
+    B[1, :, 2], B[1, :, 4] = z, -r
+    B[2, :, 0], B[2, :, 3] = r / 2, z
+    return RigidBody(B, 2)
 
 
 def _functions(q: Array) -> tuple[Array, Array, Array]:

@@ -1,15 +1,15 @@
 """Lateral stiffness of a pressed body of revolution, and the depth at which it buckles sideways.
 
-About an axisymmetric state the tangent K of the model with one harmonic decouples into an axisymmetric block and the
-block of all displacements that vary like cos theta or sin theta: bending, sideways shear, rocking on the plate. A
-dead force along x, distributed over the dome as f, displaces the dome by f . K^-1 f per unit force. The lateral
-stiffness is
+About an axisymmetric state the tangent of a model with harmonics has one block for each order of the angle
+(`fem.discretisation.single_order`). The block K of order 1 is that of all displacements that vary like cos theta or
+sin theta: bending, sideways shear, rocking on the plate. A dead force along x, distributed over the dome as f,
+displaces the dome by f . K^-1 f per unit force. The lateral stiffness is
 
     k = 1 / (f . K^-1 f) = 1 / sum_i (f . v_i)^2 / lambda_i
 
 with the eigenvalues and vectors of K. It decreases as the press goes deeper, much as that of a column under load, k =
 k_0 (1 - F / F_c), and passes through zero with the first eigenvalue: there the press buckles sideways. By Sylvester's
-law of inertia the number of negative eigenvalues of K, less those of the pressures and of the axisymmetric model, is
+law of inertia the number of negative eigenvalues of the blocks of orders 1, 2, ..., less that of the pressures, is
 the number of sideways directions in which the press is unstable.
 
 One state is therefore enough to estimate the critical load. With r = k / k_0 the critical force is F / (1 - r). Where
@@ -21,20 +21,21 @@ quick and 7 % at standard.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
-from fem.discretisation import symmetry_models
+from fem.discretisation import single_order, symmetry_models
+from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import Discretisation
 from fem.solvers.direct_solver import Solver
-from fem.solvers.path_state import PathState, with_harmonics
-from geometry.arrays import Array
+from fem.solvers.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3
 """Ratios of the lateral stiffness to that at rest between which a critical depth is estimated: the range of the
@@ -42,24 +43,26 @@ comparison in the module docstring."""
 
 
 class SidewaysModel:
-    """Model with harmonics in which the axisymmetric presses on one mesh are checked for sideways stability.
+    """Models of orders 1 to `harmonics` in which the presses on one mesh are checked for sideways stability.
 
     Parameters
     ----------
-    build : builds the model at its first use, which most paths never reach.
+    low : axisymmetric model of the presses.
+    harmonics : largest order.
     """
 
-    def __init__(self, build: Callable[[], Discretisation]) -> None:
-        self._build = build
+    def __init__(self, low: Discretisation, harmonics: int = 1) -> None:
+        self._low, self._harmonics = low, harmonics
 
     @functools.cached_property
-    def d(self) -> Discretisation:
-        return self._build()
+    def orders(self) -> list[Discretisation]:
+        """The models, built at their first use, which most paths never reach."""
+        return [single_order.build(self._low, order) for order in range(1, self._harmonics + 1)]
 
     @functools.cached_property
     def stiffness_at_rest(self) -> float:
         """Lateral stiffness of the unloaded beam, in units of E D."""
-        return _solve_lateral(self.d, np.zeros(self.d.system.size), None)[0]
+        return _solve_lateral(self.orders[0], None)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +86,22 @@ def measure_lateral_stiffness(model: SidewaysModel, state: PathState, *, guided:
     ----------
     guided : glue the contact area to the plate; otherwise the tip slides freely.
     """
-    high = with_harmonics(state, model.d)
+    first, *others = (_about(d, state, guided=guided) for d in model.orders)
+    stiffness, unstable = _solve_lateral(*first)
+    for d, plate in others:
+        more = _count_unstable(d, plate)
+        unstable = None if unstable is None or more is None else unstable + more
+    return LateralStiffness(stiffness, unstable)
+
+
+def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discretisation, Plate]:
+    """Return the model of one order about a state, and its plate."""
+    high = about(state, d)
     plate = high.plate
     if guided:
         tied = high.overlap > 0
         plate = replace(plate, tied=tied, targets=plate_contact.positions_along_plate(high.skin, high.u, plate))
-    stiffness, negative = _solve_lateral(model.d, high.q, plate)
-    # the count includes the directions in which the axisymmetric press itself is unstable
-    return LateralStiffness(stiffness, None if negative is None else negative - (state.unstable or 0))
+    return high.d, plate
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,20 +135,36 @@ def integrate_normal_force(state: PathState) -> float:
     return float(np.sum(state.skin.weights * residual[..., 2]))
 
 
-def _solve_lateral(d: Discretisation, q: Array, plate: Plate | None) -> tuple[float, int | None]:
-    """Return the stiffness against a force on the dome, and the number of unstable directions."""
+def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, int | None]:
+    """Return the stiffness against a force on the dome in the model of order 1, and its unstable directions."""
     system = d.system
     assert system.surface is not None
+    push = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)
     force = np.zeros(system.size)
-    force[: system.n_free] = symmetry_models.distribute_push(system.surface, system.fixed.shape, d.shape.H, 1.0)[
-        system.free
-    ]
+    force[: system.n_free] = push[system.free]
+    with _factorise(d, plate) as solver:
+        return 1 / float(force @ solver.solve(force)), _subtract_pressures(solver, system)
+
+
+def _count_unstable(d: Discretisation, plate: Plate) -> int | None:
+    """Return the number of unstable directions in a model of one order; None where it is not known."""
+    with _factorise(d, plate) as solver:
+        return _subtract_pressures(solver, d.system)
+
+
+@contextlib.contextmanager
+def _factorise(d: Discretisation, plate: Plate | None) -> Iterator[Solver]:
+    """Factorise the tangent of a model of one order."""
     solver = Solver()
     try:
-        about = system.assemble(system.state(q), plate)
-        solver.factorise(about.tangent, symmetric=about.symmetric)
-        compliance, negative = float(force @ solver.solve(force)), solver.negative()
+        here = d.system.assemble(d.system.state(np.zeros(d.system.size)), plate)
+        solver.factorise(here.tangent, symmetric=here.symmetric)
+        yield solver
     finally:
         solver.close()
-    # each pressure unknown adds one negative eigenvalue: the matrix is that of a saddle point
-    return 1 / compliance, None if negative is None else negative - system.n_pressure
+
+
+def _subtract_pressures(solver: Solver, system: System) -> int | None:
+    """Return the number of unstable directions: each pressure of a saddle point adds a negative eigenvalue."""
+    negative = solver.negative()
+    return None if negative is None else negative - system.n_pressure

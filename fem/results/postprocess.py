@@ -8,6 +8,7 @@ import numpy as np
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
+from fem.discretisation.gradient_recovery import Recovery
 from fem.discretisation.nonlinear_system import State
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
@@ -122,8 +123,14 @@ def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
         return shift, _tilt_angles(rigid_inclusion.axis(motion))
-    shift, G = d.centre(u)
-    return shift, np.zeros(2) if d.model == "axisymmetric" else _tilt_angles(_polar_rotation(G)[:, 2])
+    shift, tilt = recover_pose(d.centre, u)
+    return shift, np.zeros(2) if d.model == "axisymmetric" else tilt
+
+
+def recover_pose(centre: Recovery, u: Array) -> tuple[Array, Array]:
+    """Return displacement (3,) and rotation (2,) of the material point at the magnet's centre, see `read_pose`."""
+    shift, G = centre(u)
+    return shift, _tilt_angles(_polar_rotation(G)[:, 2])
 
 
 def _polar_rotation(G: Array) -> Array:

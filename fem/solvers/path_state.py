@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.coulomb_friction import Friction
 from fem.contact.plate_contact import KAPPA, SECTION_KAPPA, Plate
-from fem.discretisation import elements
+from fem.discretisation import elements, single_order
 from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
 from geometry.arrays import Array
 
@@ -157,6 +157,15 @@ def with_harmonics(state: PathState, d: Discretisation) -> PathState:
         friction = coulomb_friction.revolve(friction, d.system.surface.points)
     # past states have other unknowns and cannot be extrapolated
     return replace(state, d=d, q=q, friction=friction, past=())
+
+
+def about(state: PathState, d: Discretisation) -> PathState:
+    """Return the state of an axisymmetric section in a model of one order (`single_order`) on the same mesh."""
+    d, friction = single_order.linearise(d, state.d.system.state(state.q)), state.friction
+    if friction is not None:
+        assert d.system.surface is not None
+        friction = coulomb_friction.revolve(friction, d.system.surface.points)
+    return replace(state, d=d, q=np.zeros(d.system.size), friction=friction, past=())
 
 
 def with_predictor(state: PathState, d: Discretisation, low: PathState | None = None) -> PathState:
