@@ -139,7 +139,7 @@ const Charts = (() => {
       const horizontal = { values: (_, splits) => splits.map((v) => names[v - 1] ?? ""), splits: () => xs(), grid: { show: false } };
       plot = new uPlot({
         width: box.clientWidth || 300, height: HEIGHT - 20, legend: { show: false }, cursor: { show: false },
-        scales: { x: { time: false, range: [0.4, columns() + 0.6] }, y: { range: () => [Math.min(0, ...sides.flatMap((s) => s.volts)), top] } },
+        scales: { x: { time: false, range: [0.4, columns() + 0.6] }, y: { range: () => [sides.some((s) => s.volts.some((v) => v < 0)) ? -top : 0, top] } },
         axes: axes(null, `reading (${sides[0].unit})`, { ...horizontal, labelSize: 0 }), series: [{}, { stroke: "transparent", points: { show: false } }], hooks: { draw: [bars] },
       }, [xs(), sides[0].volts], box);
     }

@@ -9,6 +9,8 @@ const Explorer = (() => {
   const sides = { a: null, b: null }, answers = { a: {}, b: {} }, refusals = { a: null, b: null }, view = { ...VIEW }, turn = { ...SensorView.START };
   let fields = [], level = "standard", controls = null, views = null, requests = null, notice = "";
   let index = 0, top = 0, oldest = 0, current = "", pending = 0, drawing = false;
+  // sides whose present state may take minutes
+  const patient = new Set();
   const dirty = new Set(), shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
   const value = (side) => (name) => sides[side][name];
   const defaults = () => Object.fromEntries(fields.map((field) => [field.name, field.value]));
@@ -17,7 +19,7 @@ const Explorer = (() => {
 
   function set(side, name, next, done = true) {
     if (!sides[side] || (sides[side][name] === next && !done)) return;
-    if (sides[side][name] !== next) { sides[side][name] = next; requests.change(side); }
+    if (sides[side][name] !== next) { sides[side][name] = next; patient.delete(side); requests.change(side); }
     touch("controls", "state");
     if (done) commitSoon();
   }
@@ -30,8 +32,10 @@ const Explorer = (() => {
     const load = pick("load");
     // without a shear a bonded contact area has no effect, which the message would say at every press
     if (load.friction === "stick" && !load.shear) load.friction = "none";
-    return { state: { preset: "paper", design: changed, load, magnet: values.magnet }, formula_level: view.formula, level };
+    return { state: { preset: "paper", design: changed, load, magnet: values.magnet, level }, formula_level: view.formula, ...(patient.has(side) ? { on_request: true } : {}) };
   }
+
+  function solveSlowly(side) { patient.add(side); requests.change(side); }
 
   // ---- address and history
 
@@ -156,23 +160,23 @@ const Explorer = (() => {
     }
     const rows = (kind) => list.map((side) => (state(side) ? Numbers[kind](state(side), view.formula) : []));
     views.response.show(list, rows("response"), `formula ${view.formula}`);
-    views.readings.show(list, rows("readings"), "change");
-    views.decoded.show(list, rows("decoded"), "noise");
-    views.bars.show(list.filter((side) => state(side)?.readings?.elements?.length).map((side) => ({ side, unit: "V", ...state(side).readings })), Math.max(...list.map((side) => sides[side].hall_high)) * 1.05);
+    views.readings.show(list, rows("readings"));
+    views.decoded.show(list, rows("decoded"));
+    views.bars.show(list.filter((side) => state(side)?.readings?.elements?.length).map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high])) * 1.05);
   }
 
   function caption(side) {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
-    const tag = sides.b ? `${side.toUpperCase()}: ` : "";
-    if (refusal) return `${tag}The last picture is shown, in grey. ${refusal.error}`;
-    if (!answer) return notice ? "" : `${tag}Solving …`;
-    const { status, message: text, seconds } = answer.data;
-    const waits = requests.behind(side, "state") ? (share?.number === requests.newest(side) && share.progress > 0 ? `; solving, ${Math.round(100 * share.progress)} %` : "; solving") : answer.level === "quick" && level === "standard" ? "; refining to standard" : "";
-    return `${tag}Level ${answer.level}, ${Format.number(seconds, 2)} s${waits}. ${status === "ok" ? "" : `Status ${status}. `}${text || ""}`;
+    if (refusal) return { chip: "stopped", time: "", text: `${answer ? "The last picture is shown in grey" : "There is no picture"}: ${refusal.error}`, offer: refusal.slow };
+    if (!answer) return { chip: "", time: "", text: notice ? "" : "Solving the first state." };
+    const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state"), own = share?.number === requests.newest(side);
+    const part = own && share.progress.share > 0 && (waits || answer.level !== level) ? `, ${Math.round(100 * share.progress.share)} %` : "";
+    const next = waits ? `; solving${part}` : answer.level === "quick" && level === "standard" ? `; refining to standard${part}` : "";
+    return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `}${text || ""}` };
   }
 
   function drawSensor(changed) {
-    const list = shownSides().filter((side) => answers[side].sensor3d), size = Math.max(...shownSides().map((side) => 0.6 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
+    const list = shownSides().filter((side) => answers[side].sensor3d), size = Math.max(...shownSides().map((side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
     const largest = Format.round(Math.max(...list.map((side) => answers[side].sensor3d.data.largest)));
     for (const side of list) {
       if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
@@ -192,7 +196,7 @@ const Explorer = (() => {
 
   function drawStability() {
     const list = shownSides(), data = list.map((side) => (answers[side].stability ? Numbers.stability(answers[side].stability.data) : []));
-    views.stability.show(list, data, null);
+    views.stability.show(list, data);
     const near = list.filter((side) => answers[side].stability?.data.critical_depth && sides[side].depth > NEAR * answers[side].stability.data.critical_depth);
     const texts = near.map((side) => `${sides.b ? `${side.toUpperCase()}: the` : "The"} depth of ${Format.plain(sides[side].depth)} mm is ${sides[side].depth > answers[side].stability.data.critical_depth ? "beyond" : "near"} the critical depth: the press may buckle sideways.`);
     $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
@@ -227,7 +231,7 @@ const Explorer = (() => {
     new ResizeObserver(() => { for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size(); touch("state", "turn"); }).observe($("#stage"));
   }
 
-  return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, wire, apply, address,
+  return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, draw, wire, apply, address,
     times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice,
     use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
     begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); } };

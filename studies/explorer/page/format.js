@@ -17,8 +17,8 @@ const Format = (() => {
     return (text.includes("e") && size < 1e5 && size >= 1e-4 ? String(Number(text)) : text).replace(/-/g, "−");
   }
 
-  // A half width with two digits.
-  const width = (value) => (value === null || value === undefined || !isFinite(value) ? "" : `± ${number(value, 2)}`);
+  // A half width with two digits; NaN for one that is not known yet.
+  const width = (value) => (value === null || value === undefined ? "" : isFinite(value) ? `± ${number(value, 2)}` : "± …");
 
   // A value in an input: as short as possible, with a decimal point in every locale.
   const plain = (value) => String(Number(Number(value).toPrecision(6)));
@@ -48,7 +48,14 @@ const Format = (() => {
   // A text that is set only where it differs: a reader of the screen is not told the same twice.
   function put(node, text) { if (node.textContent !== text) node.textContent = text; }
 
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  // Colours of the style sheet, read once for each theme.
+  let colours = new Map();
+  function colour(name) {
+    if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+    return colours.get(name);
+  }
+  const recolour = () => { colours = new Map(); };
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   const pixels = () => Math.min(window.devicePixelRatio || 1, 2);
 
   // Gives a canvas the pixels of its box; returns whether they changed.
@@ -59,5 +66,5 @@ const Format = (() => {
     return true;
   }
 
-  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, colour, pixels, fit };
+  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, colour, recolour, pixels, fit };
 })();

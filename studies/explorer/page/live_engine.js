@@ -41,7 +41,7 @@ const LiveEngine = () => {
     },
     // A file of the server for a request; an error carries the server's sentence.
     async file(name, request) {
-      const headers = { "Content-Type": "application/json", ...(token ? { "X-Magtip-Token": token } : {}) };
+      const headers = { "Content-Type": "application/json", ...(token ? { "X-Token": token } : {}) };
       let reply;
       try {
         reply = await fetch(path(`export/${name}`), { method: "POST", headers, body: JSON.stringify(request) });

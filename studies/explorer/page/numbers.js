@@ -4,30 +4,26 @@
 const Numbers = (() => {
   const { number, width } = Format;
 
-  // Rows of one side: [name, unit, value, half width, further columns].
-  function response(state, level) {
-    const { response: r, estimates: e = {}, formula = {} } = state, half = (name, k) => (Array.isArray(e[name]) ? e[name][k] : e[name]);
-    const other = level === "paper" ? formula : formula[level] || formula;
+  // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
+  function response({ response: r, estimates: e, formula_level: f }) {
+    const half = (name, k) => (e?.force ? (Array.isArray(e[name]) ? e[name][k] : e[name]) : NaN);
+    const row = (name, unit, quantity, k, own = k === null ? r[quantity] : r[quantity][k]) => [name, unit, own, half(quantity, k), k === null ? f?.[quantity] : f?.[quantity]?.[k]];
     return [
-      ["force, normal", "N", r.force[2], half("force", 2), other.force?.[2]],
-      ["force along x", "N", r.force[0], half("force", 0), other.force?.[0]],
-      ["force along y", "N", r.force[1], half("force", 1), other.force?.[1]],
-      ["shift along x", "mm", r.shift[0], half("shift", 0), other.shift?.[0]],
-      ["shift along y", "mm", r.shift[1], half("shift", 1), other.shift?.[1]],
-      ["shift along z", "mm", r.shift[2], half("shift", 2), other.shift?.[2]],
-      ["tilt", "deg", r.tilt, half("tilt", 0), formula.tilt],
-      ["contact radius", "mm", r.contact_radius, half("contact_radius", 0), formula.contact_radius],
+      row("normal force", "N", "force", 2), row("force along x", "N", "force", 0), row("force along y", "N", "force", 1),
+      row("shift along x", "mm", "shift", 0), row("shift along y", "mm", "shift", 1), row("shift along z", "mm", "shift", 2),
+      row("tilt towards x", "deg", "tilt", null), ["tilt towards y", "deg", r.tilt_y ?? 0, half("tilt", null), f?.tilt_y],
+      ["contact radius", "mm", r.contact_radius, null, null],
     ];
   }
 
   function readings({ readings: r }) {
     if (!r?.elements) return [];
-    return r.elements.map((name, k) => [name, r.unit || "V", r.volts[k], r.half_width?.[k], r.volts[k] - r.rest[k]]);
+    return r.elements.map((name, k) => [r.saturated?.[k] ? `${name} (at its rail)` : name, r.units?.[k] || "V", r.volts[k], r.half_width ? r.half_width[k] : NaN, r.volts[k] - r.rest[k]]);
   }
 
-  function decoded({ decoded: d }) {
-    if (!d?.force) return [];
-    return ["x", "y", "z"].map((name, k) => [`force ${name === "z" ? "normal" : `along ${name}`}`, "N", d.force[k], d.half_width?.[k], d.noise?.[k]]);
+  function decoded({ decoded: d, readings: r }) {
+    if (!r?.elements) return [];
+    return ["x", "y", "z"].map((name, k) => [name === "z" ? "normal force" : `force along ${name}`, "N", d?.force?.[k], d ? d.half_width?.[k] : NaN, d?.noise?.[k]]);
   }
 
   function stability(s) {
@@ -38,23 +34,22 @@ const Numbers = (() => {
     ];
   }
 
-  // One table; `last` names the column beside the values, null for none. Nodes are kept, only texts change.
-  function table(box, last) {
+  // One table; `first` and `last` name the columns of the values and beside them, null for none. Only texts change.
+  function table(box, first, last) {
     let shape = "", cells = [];
     function build(sides, rows) {
       box.replaceChildren();
       const node = Format.make("table", {}, box), head = Format.make("tr", {}, Format.make("thead", {}, node)), body = Format.make("tbody", {}, node);
       const two = sides.length > 1;
       Format.make("th", { scope: "col" }, head, "");
-      for (const side of sides) Format.make("th", { scope: "col", colspan: 2 }, head, two ? side.toUpperCase() : "finite elements");
+      for (const side of sides) Format.make("th", { scope: "col", colspan: 2 }, head, two ? side.toUpperCase() : first);
       if (two) Format.make("th", { scope: "col" }, head, "B − A"); else if (last) Format.make("th", { scope: "col" }, head, last);
-      Format.make("th", { scope: "col" }, head, "unit");
       cells = rows.map((row) => {
         const line = Format.make("tr", {}, body);
-        Format.make("th", { scope: "row" }, line, row[0]);
+        const name = Format.make("th", { scope: "row" }, line, `${row[0]} `);
+        Format.make("span", { class: "unit" }, name, row[1]);
         const values = sides.flatMap(() => [Format.make("td", { class: "value" }, line), Format.make("td", { class: "width" }, line)]);
         const extra = two || last ? Format.make("td", { class: "value extra" }, line) : null;
-        Format.make("td", { class: "unit" }, line, row[1]);
         return { values, extra };
       });
     }
@@ -62,6 +57,7 @@ const Numbers = (() => {
       // `data`: for each side its rows; sides without an answer have none
       show(sides, data, title) {
         const rows = data.find((one) => one.length) || [];
+        if (!rows.length) { if (shape !== "none") { shape = "none"; box.replaceChildren(); Format.make("p", { class: "soft" }, box, "None."); } return; }
         const now = JSON.stringify([sides, rows.map((row) => [row[0], row[1]]), title]);
         if (now !== shape) { shape = now; if (title) last = title; build(sides, rows); }
         rows.forEach((_, r) => {

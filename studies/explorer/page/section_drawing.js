@@ -2,18 +2,19 @@
 // Drawing of a deformed section on a canvas: colours, outlines, magnet, plate, Hall elements, field lines, colour bar.
 
 const SectionDrawing = (() => {
-  const FLAT = 0.004, BAR = 12, ROOM = 74;
+  const TONES = 1024, BAR = 12, ROOM = 74;
   const FIELDS = {
     displacement: { label: "displacement (mm)", map: Format.VIRIDIS, signed: false, from: 0 },
     pressure: { label: "pressure (MPa)", map: Format.SIGNED, signed: true, from: 0 },
     stretch: { label: "largest stretch", map: Format.VIRIDIS, signed: false, from: 1 },
   };
 
-  // The part of the plane that is shown, mm; it depends on the design only, so that the picture stays while a load changes.
+  // The part of the plane that is shown, mm; it depends on the design, so that the picture stays while the load changes.
   function frame(value) {
     const D = value("D"), L = value("L"), low = L - D / 2 - value("l0"), three = value("hall_layout") === "three";
     const beside = three ? value("f") + 1.2 : Math.abs(value("chip_x")) + 1.2;
-    return { half: Math.max(0.98 * D, beside), low: Math.min(0, low, three ? low + value("c") : low) - 0.13 * D, high: L + 0.2 * D };
+    // a shear beyond a quarter of the diameter makes the picture wider
+    return { half: Math.max(0.8 * D, beside, 0.55 * D + Math.abs(value("shear"))), low: Math.min(0, low, three ? low + value("c") : low) - 0.13 * D, high: L + 0.2 * D };
   }
 
   const union = (a, b) => (b ? { half: Math.max(a.half, b.half), low: Math.min(a.low, b.low), high: Math.max(a.high, b.high) } : a);
@@ -35,41 +36,65 @@ const SectionDrawing = (() => {
 
   const wider = (a, b) => (b && b.high - b.low > a.high - a.low ? { ...b, beyond: a.beyond || b.beyond } : a);
 
-  // A linear function over a triangle is exactly a linear gradient along its slope.
-  function triangles(pen, at, section, name, span, mesh) {
-    const { points, triangles: cells, fields } = section, value = fields[name], map = FIELDS[name].map;
-    const share = (v) => (v - span.low) / (span.high - span.low), css = (s) => { const [r, g, b] = Format.mix(map, s); return `rgb(${r | 0},${g | 0},${b | 0})`; };
-    const ink = Format.colour("--soft");
-    pen.lineJoin = "round";
-    for (const [i, j, k] of cells) {
-      const x = [at.x(points[i][0]), at.x(points[j][0]), at.x(points[k][0])], z = [at.z(points[i][1]), at.z(points[j][1]), at.z(points[k][1])];
-      const s = [share(value[i]), share(value[j]), share(value[k])], low = Math.min(...s), high = Math.max(...s);
-      let paint = css((low + high) / 2);
-      if (high - low > FLAT) {
-        const [ux, uz, vx, vz, a, b] = [x[1] - x[0], z[1] - z[0], x[2] - x[0], z[2] - z[0], s[1] - s[0], s[2] - s[0]], det = ux * vz - uz * vx;
-        const gx = (a * vz - b * uz) / det, gz = (b * ux - a * vx) / det, size = gx * gx + gz * gz;
-        if (isFinite(size) && size > 0) {
-          const to = (t) => [x[0] + ((t - s[0]) * gx) / size, z[0] + ((t - s[0]) * gz) / size];
-          const gradient = pen.createLinearGradient(...to(low), ...to(high)), stops = Math.min(9, 1 + Math.ceil((high - low) * 16));
-          for (let n = 0; n <= stops; n++) gradient.addColorStop(n / stops, css(low + ((high - low) * n) / stops));
-          paint = gradient;
-        }
-      }
-      pen.beginPath(); pen.moveTo(x[0], z[0]); pen.lineTo(x[1], z[1]); pen.lineTo(x[2], z[2]); pen.closePath();
-      pen.fillStyle = paint; pen.fill();
-      // neighbours overlap by a hair, so that no ground shines through between them
-      pen.strokeStyle = mesh ? ink : paint; pen.lineWidth = mesh ? 0.5 * at.ratio : 0.9; pen.stroke();
-    }
+  // Colours of 1024 shares as pixels.
+  const tables = new Map();
+  function table(map) {
+    if (!tables.has(map)) tables.set(map, Uint32Array.from({ length: TONES }, (_, k) => {
+      const [r, g, b] = Format.mix(map, k / (TONES - 1)).map(Math.round);
+      return (255 << 24) | (b << 16) | (g << 8) | r;
+    }));
+    return tables.get(map);
   }
 
-  // Edges that belong to one triangle only.
+  // The field, linear in each triangle, pixel by pixel: no seams between neighbours, whatever their size.
+  function colours(pen, at, section, name, span) {
+    const { points, triangles: cells, fields } = section, value = fields[name], { width, height } = pen.canvas, lut = table(FIELDS[name].map);
+    const image = pen.createImageData(width, height), pixel = new Uint32Array(image.data.buffer), n = points.length;
+    const x = new Float64Array(n), y = new Float64Array(n), s = new Float64Array(n);
+    for (let k = 0; k < n; k++) { x[k] = at.x(points[k][0]) - 0.5; y[k] = at.z(points[k][1]) - 0.5; s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1); }
+    for (const [i, j, k] of cells) {
+      const ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i], det = ux * vy - uy * vx;
+      if (!det) continue;
+      const sx = ((s[j] - s[i]) * vy - (s[k] - s[i]) * uy) / det, sy = ((s[k] - s[i]) * ux - (s[j] - s[i]) * vx) / det;
+      const first = Math.max(0, Math.ceil(Math.min(y[i], y[j], y[k]))), last = Math.min(height - 1, Math.floor(Math.max(y[i], y[j], y[k])));
+      for (let row = first; row <= last; row++) {
+        // where the row enters and leaves the triangle
+        let from = Infinity, to = -Infinity;
+        for (const [a, b] of [[i, j], [j, k], [k, i]]) {
+          if ((row - y[a]) * (row - y[b]) > 0 || y[a] === y[b]) continue;
+          const cross = x[a] + ((row - y[a]) * (x[b] - x[a])) / (y[b] - y[a]);
+          from = Math.min(from, cross); to = Math.max(to, cross);
+        }
+        const end = Math.min(width - 1, Math.floor(to));
+        for (let column = Math.max(0, Math.ceil(from)); column <= end; column++) {
+          const tone = s[i] + sx * (column - x[i]) + sy * (row - y[i]);
+          pixel[row * width + column] = lut[tone < 0 ? 0 : tone > TONES - 1 ? TONES - 1 : tone | 0];
+        }
+      }
+    }
+    pen.putImageData(image, 0, 0);
+  }
+
+  function meshLines(pen, at, { points, triangles: cells }) {
+    pen.strokeStyle = Format.colour("--paper"); pen.globalAlpha = 0.45; pen.lineWidth = 0.6 * at.ratio;
+    pen.beginPath();
+    for (const cell of cells) cell.forEach((i, k) => (k ? pen.lineTo(at.x(points[i][0]), at.z(points[i][1])) : pen.moveTo(at.x(points[i][0]), at.z(points[i][1]))));
+    pen.stroke(); pen.globalAlpha = 1;
+  }
+
+  // Edges that belong to one triangle only, found once for each answer.
+  const outlines = new WeakMap();
   function outline(section) {
+    if (outlines.has(section)) return outlines.get(section);
     const edges = new Map(), n = section.points.length;
     for (const cell of section.triangles) for (let k = 0; k < 3; k++) {
       const a = cell[k], b = cell[(k + 1) % 3], key = a < b ? a * n + b : b * n + a;
       if (edges.has(key)) edges.set(key, null); else edges.set(key, [a, b]);
     }
-    return [...edges.values()].filter(Boolean);
+    // the halves of a revolved section meet on the axis, where both have points of their own
+    const own = [...edges.values()].filter((edge) => edge && edge.some((k) => Math.abs(section.rest[k][0]) > 1e-6));
+    outlines.set(section, own);
+    return own;
   }
 
   function strokeEdges(pen, at, points, edges) {
@@ -100,8 +125,8 @@ const SectionDrawing = (() => {
     pen.restore();
   }
 
-  function ground(pen, at, D, view) {
-    const z = at.z(0), w = Math.min(1.5 * D * 0.5, view.half) * at.scale, r = at.ratio;
+  function ground(pen, at, D) {
+    const z = at.z(0), w = 0.56 * D * at.scale, r = at.ratio;
     pen.strokeStyle = Format.colour("--soft"); pen.lineWidth = 1.5 * r;
     pen.beginPath(); pen.moveTo(at.cx - w, z); pen.lineTo(at.cx + w, z); pen.stroke();
     pen.lineWidth = r;
@@ -110,13 +135,20 @@ const SectionDrawing = (() => {
     pen.stroke();
   }
 
-  function elements(pen, at, value) {
-    const low = value("L") - value("D") / 2 - value("l0"), r = at.ratio;
-    const list = value("hall_layout") === "three" ? [["S1", 0, low], ["S2", value("f"), low + value("c")]] : [["chip", value("chip_x"), low]];
+  // Hall elements, seen along the normal of the section; one outside of its plane is hollow.
+  function elements(pen, at, value, [c, s]) {
+    const low = value("L") - value("D") / 2 - value("l0"), high = low + value("c"), f = value("f"), r = at.ratio;
+    const list = value("hall_layout") === "three" ? [["S1", 0, 0, low], ["S2", f, 0, high], ["S3", 0, f, high]] : [["chip", value("chip_x"), 0, low]];
     pen.font = `${11 * r}px system-ui, sans-serif`; pen.textBaseline = "middle"; pen.textAlign = "left";
-    for (const [name, x, z] of list) {
-      pen.fillStyle = Format.colour("--s3"); pen.fillRect(at.x(x) - 4 * r, at.z(z) - 2.5 * r, 8 * r, 5 * r);
-      pen.fillStyle = Format.colour("--ink"); pen.fillText(name, at.x(x) + 7 * r, at.z(z));
+    pen.fillStyle = pen.strokeStyle = Format.colour("--s3"); pen.lineWidth = 1.3 * r;
+    for (const [name, x, y, z] of list) {
+      const place = [at.x(c * x + s * y) - 4 * r, at.z(z) - 2.5 * r, 8 * r, 5 * r];
+      pen.fillStyle = Format.colour("--s3");
+      if (Math.abs(c * y - s * x) < 0.01) pen.fillRect(...place); else pen.strokeRect(...place);
+      pen.save();
+      pen.lineWidth = 3 * r; pen.strokeStyle = Format.colour("--paper"); pen.strokeText(name, place[0] + 11 * r, at.z(z));
+      pen.fillStyle = Format.colour("--ink"); pen.fillText(name, place[0] + 11 * r, at.z(z));
+      pen.restore();
     }
   }
 
@@ -144,12 +176,12 @@ const SectionDrawing = (() => {
 
   // Draws all of one side; `wish` is the plate that was asked for, and `value` returns fields of the design.
   function draw(canvas, { state, field, span, view, mesh, fieldLines, value, wish }) {
-    const pen = canvas.getContext("2d"), at = transform(canvas, view), r = at.ratio;
-    pen.clearRect(0, 0, canvas.width, canvas.height);
-    ground(pen, at, value("D"), view);
+    const pen = canvas.getContext("2d", { willReadFrequently: true }), at = transform(canvas, view), r = at.ratio;
+    if (state) colours(pen, at, state.section, field, span); else pen.clearRect(0, 0, canvas.width, canvas.height);
+    ground(pen, at, value("D"));
     if (state) {
       const { section } = state, edges = outline(section);
-      triangles(pen, at, section, field, span, mesh);
+      if (mesh) meshLines(pen, at, section);
       pen.lineWidth = r; pen.setLineDash([3 * r, 3 * r]); pen.strokeStyle = Format.colour("--soft");
       strokeEdges(pen, at, section.rest, edges);
       pen.setLineDash([]); pen.strokeStyle = Format.colour("--ink"); pen.lineWidth = 1.2 * r;
@@ -159,7 +191,7 @@ const SectionDrawing = (() => {
       }
     }
     if (fieldLines) lines(pen, at, fieldLines, view);
-    elements(pen, at, value);
+    elements(pen, at, value, state?.section.direction || [1, 0]);
     if (state) plate(pen, at, state.section.plate, 0.62 * value("D"), false);
     if (wish) plate(pen, at, wish, 0.62 * value("D"), true);
     if (state) bar(pen, canvas, at, field, span);

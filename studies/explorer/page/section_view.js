@@ -5,9 +5,9 @@ const SectionView = (() => {
   const FINE = 0.01, STEP = 0.05, WIDE = 0.5;
 
   // `move(depth, shear, done)` sets the load; `load()` returns the present one.
-  function start(figure, { load, move, value }) {
-    const canvas = figure.querySelector("canvas"), handle = figure.querySelector(".plate"), caption = figure.querySelector("figcaption");
-    let at = null, held = null;
+  function start(figure, { load, move, value, solve }) {
+    const canvas = figure.querySelector("canvas"), handle = figure.querySelector(".plate"), caption = (name) => figure.querySelector(`figcaption .${name}`);
+    let at = null, held = null, way = 1;
 
     handle.addEventListener("pointerdown", (event) => {
       if (event.button) return;
@@ -19,7 +19,7 @@ const SectionView = (() => {
     handle.addEventListener("pointermove", (event) => {
       if (!held || !at) return;
       const perPixel = at.ratio / at.scale, step = (v) => Math.round(v / FINE) * FINE;
-      move(Math.max(0, step(held.depth + (event.clientY - held.y) * perPixel)), step(held.shear + (event.clientX - held.x) * perPixel), false);
+      move(Math.max(0, step(held.depth + (event.clientY - held.y) * perPixel)), step(held.shear + way * (event.clientX - held.x) * perPixel), false);
     });
     const release = () => {
       if (!held) return;
@@ -31,13 +31,25 @@ const SectionView = (() => {
     handle.addEventListener("pointercancel", release);
     handle.addEventListener("lostpointercapture", release);
     handle.addEventListener("keydown", (event) => {
-      const way = { ArrowDown: [1, 0], ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1], PageDown: [10, 0], PageUp: [-10, 0] }[event.key];
+      const key = { ArrowDown: [1, 0], ArrowUp: [-1, 0], ArrowRight: [0, 1], ArrowLeft: [0, -1], PageDown: [10, 0], PageUp: [-10, 0] }[event.key];
       const { depth, shear } = load(), by = event.shiftKey ? WIDE : STEP, tidy = (v) => Number(v.toPrecision(9));
       if (event.key === "Home") { event.preventDefault(); return move(0, 0, true); }
-      if (!way || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (!key || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
-      move(Math.max(0, tidy(depth + way[0] * by)), tidy(shear + way[1] * by), true);
+      move(Math.max(0, tidy(depth + key[0] * by)), tidy(shear + way * key[1] * by), true);
     });
+
+    const slow = figure.querySelector(".slow");
+    slow.addEventListener("click", solve);
+
+    // Where the present load puts the plate. The section lies along the line of the shear, which runs towards +x: a shear
+    // that points the other way moves the plate to the left.
+    function wanted(present, [c, s]) {
+      const { depth, shear, direction, friction, plate_tilt: tilt } = load(), angle = (direction * Math.PI) / 180;
+      const along = Math.cos(angle) * c + Math.sin(angle) * s, rise = (value("D") / 2) * (1 / Math.cos((tilt * Math.PI) / 180) - 1);
+      way = along < -0.5 ? -1 : 1;
+      return { z: value("L") - depth + rise, x: friction === "none" ? present.x : way * shear, tilt };
+    }
 
     // The handle lies over the drawn plate and a little below it.
     function place(plate) {
@@ -46,7 +58,7 @@ const SectionView = (() => {
       handle.hidden = false;
       Object.assign(handle.style, { left: `${x}px`, width: `${(2 * half) / at.ratio}px`, top: `${y - 26}px`, transform: `rotate(${plate.tilt || 0}deg)` });
       const { depth, shear } = load(), text = `depth ${Format.plain(depth)} mm, shear ${Format.plain(shear)} mm`;
-      handle.setAttribute("aria-valuetext", text); handle.setAttribute("aria-valuenow", Format.plain(depth));
+      handle.setAttribute("aria-valuetext", text); handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), depth))); handle.setAttribute("aria-valuenow", Format.plain(depth));
     }
 
     return {
@@ -54,12 +66,12 @@ const SectionView = (() => {
       draw(drawing) {
         Format.fit(canvas);
         if (!canvas.width) return;
-        const present = drawing.state?.section.plate, { depth, shear } = load(), target = { ...present, z: value("L") - depth, x: shear };
-        const far = present && (Math.abs(target.z - present.z) > 0.004 || Math.abs(target.x - (present.x || 0)) > 0.004);
-        at = SectionDrawing.draw(canvas, { ...drawing, value, wish: far && !target.tilt ? target : null });
-        place(present && (held && !target.tilt ? target : present));
+        const { plate: present, direction = [1, 0] } = drawing.state?.section || {}, target = present && wanted(present, direction);
+        const far = present && (Math.abs(target.z - present.z) > 0.004 || Math.abs(target.x - present.x) > 0.004 || target.tilt !== present.tilt);
+        at = SectionDrawing.draw(canvas, { ...drawing, value, wish: far ? target : null });
+        place(present && (held ? target : present));
       },
-      say(text) { Format.put(caption, text); },
+      say({ chip, time, text, offer }) { slow.hidden = !offer; Format.put(caption("chip"), chip); caption("chip").dataset.level = chip; Format.put(caption("time"), time); Format.put(caption("text"), text); },
       grey(yes) { figure.classList.toggle("stale", yes); },
     };
   }

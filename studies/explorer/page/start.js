@@ -10,6 +10,7 @@
   function theme(name) {
     if (name === "auto") delete document.documentElement.dataset.theme; else document.documentElement.dataset.theme = name;
     $("#theme").textContent = NAMES[name]; $("#theme").dataset.now = name;
+    Format.recolour();
   }
   let kept = "auto";
   // a page opened from a file may have no storage
@@ -26,14 +27,16 @@
   const views = { sections: {}, sensors: {} };
   for (const side of ["a", "b"]) {
     views.sections[side] = SectionView.start($(`figure.section[data-side=${side}]`), {
-      load: () => sides[side], value: (name) => sides[side][name],
+      load: () => sides[side], value: (name) => sides[side][name], solve: () => Explorer.solveSlowly(side),
       move(depth, shear, done) { Explorer.set(side, "shear", shear, false); Explorer.set(side, "depth", depth, done); if (done) Explorer.commitSoon(); },
     });
     views.sensors[side] = SensorView.start($(`figure.sensor[data-side=${side}]`), Explorer.turn, () => Explorer.touch("turn"));
   }
   views.curves = Object.fromEntries(["force", "shift"].map((name) => [name, Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`))]));
   views.bars = Charts.readings($("[data-chart=readings]"));
-  for (const [name, last] of [["response", "formula"], ["readings", "change"], ["decoded", "noise"], ["stability", null]]) views[name] = Numbers.table($(`[data-table=${name}]`), last);
+  for (const [name, ...columns] of [["response", "finite elements", "formula"], ["readings", "under this load", "change from rest"], ["decoded", "from the readings", "noise (rms)"], ["stability", "finite elements", null]]) {
+    views[name] = Numbers.table($(`[data-table=${name}]`), ...columns);
+  }
   const controls = Controls.build(fields, $("#groups"), (field, value, done) => Explorer.set(view.edit, field.name, value, done));
   const requests = Requests(engine, Explorer);
   Explorer.use({ fields, controls, views, requests });
