@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate
-from fem.solvers import extrapolation
+from fem.solvers import extrapolation, increment_watch
 from fem.solvers.direct_solver import Solver
 from fem.solvers.friction_newton import newton_with_friction
 from fem.solvers.newton import TOLERANCE, Equilibrium, Stop, newton
@@ -104,6 +104,7 @@ def follow_segment(
     # `place` and `step` are shares of the segment's length
     place, step = 0.0, min(longest, 1.0)
     while place < 1:
+        increment_watch.report(place)
         # the tolerance of 1e-3 avoids a tiny last increment
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)

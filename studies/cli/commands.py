@@ -48,6 +48,7 @@ VERBS = {
     "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
     "Sensing": {"sensing_commands": "field readings decode table layout"},
     "Exploration": {
+        "explorer_commands": "explore",
         "exploration_commands": "sweep",
         "sensitivity_commands": "sensitivity",
         "report_commands": "report",

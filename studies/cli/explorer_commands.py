@@ -1,0 +1,53 @@
+"""The verb of the live page: explore."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from studies.cli.parameters import Sets, Source, design_of
+from studies.inputs.exit_status import GOOD
+from studies.inputs.option_groups import Whole
+from studies.output import console
+
+
+def explore(
+    source: Source = "paper",
+    /,
+    *,
+    port: Whole = 0,
+    no_browser: bool = False,
+    export: Path | None = None,
+    sets: Sets = None,
+) -> int:
+    """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
+
+    The page is served to this computer only, until Ctrl-C, and works without a network.
+
+    Parameters
+    ----------
+    port
+        Port of the page; default: any free one.
+    no_browser
+        Print the address of the page, but do not open it.
+    export
+        Write the page as one file (.html) that needs no server, with the surrogate in place of finite elements.
+    """
+    design = design_of(source, sets)
+    from studies.explorer import explorer_server, state_commands
+
+    def ready(address: str) -> None:
+        print(f"{address}\n", end="", flush=True)
+        console.note("The address is for this computer only. Ctrl-C ends the explorer.")
+        if not no_browser:
+            _open(address)
+
+    explorer_server.serve(design, state_commands.address_fields(design), port, ready)
+    return GOOD
+
+
+def _open(address: str) -> None:
+    """Open the page in the user's browser; say what to do if there is none."""
+    import webbrowser
+
+    if not webbrowser.open(address):
+        console.note("No browser was found: open the address in one.")

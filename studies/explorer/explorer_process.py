@@ -1,0 +1,199 @@
+"""A worker process of the explorer: it does one job at a time and sends each answer as soon as it is ready.
+
+Jobs arrive as pickles on standard input, and texts leave as pickles on standard output: `(job number, kind, text)`
+with kind "answer" (a text for the page), "done" or "lost" (a text that says why). A thread reads the input, so that
+the message "abandon" reaches a job while it runs. A job is abandoned at the next load increment or part. Its first
+picture is still finished if that takes less than `GRACE`; otherwise a hand that never rests would see no picture. The
+process ends when its input closes, which happens however the server ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import queue
+import signal
+import threading
+import time
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+
+from geometry.design import BadInput
+from studies import deferred_modules
+
+if TYPE_CHECKING:
+    from studies.explorer.explorer_answers import Answers
+    from studies.explorer.explorer_state import Request
+
+GRACE = 0.6
+"""Time that the first picture of a job may take after a newer request has arrived, s."""
+PAUSE = 0.05
+"""Time that a job waits for a newer request between its picture and what takes longer, s: more than the time between
+two moves of a hand."""
+PROGRESS = 0.3
+"""Time between two messages of progress, and before the first, s."""
+Kind = Literal["answer", "done", "lost"]
+
+
+class Job(NamedTuple):
+    """One job: its number, the message of the page, and the level of its answers."""
+
+    number: int
+    message: dict[str, Any]
+    level: str
+
+
+class Abandoned(Exception):
+    """A newer request has made this job useless."""
+
+
+class Worker:
+    """Does the jobs of one process.
+
+    Parameters
+    ----------
+    answers : stream to the server.
+    """
+
+    def __init__(self, answers: IO[bytes]) -> None:
+        self._stream = answers
+        self._lock = threading.Lock()
+        self._abandoned = 0
+        self._changed = threading.Event()
+        self._job = Job(0, {}, "")
+        self._begin = self._last_progress = 0.0
+        self._pictured = False
+
+    def send(self, kind: Kind, text: str = "") -> None:
+        """Send a text of the present job."""
+        with self._lock:
+            pickle.dump((self._job.number, kind, text), self._stream)
+            self._stream.flush()
+
+    def abandon(self, number: int) -> None:
+        """Abandon a job, from another thread."""
+        self._abandoned = number
+        self._changed.set()
+
+    def do(self, answers: Answers, job: Job) -> None:
+        """Do a job; its end is always announced."""
+        from fem.solvers.increment_watch import watched
+        from studies.explorer.explorer_state import request_of
+
+        self._job, self._begin, self._pictured = job, time.monotonic(), False
+        self._last_progress = self._begin
+        number, side = job.message.get("number", 0), job.message.get("side", "a")
+        try:
+            request = request_of(job.message)
+            with watched(self._watch):
+                self._answer(answers, request, job.level)
+        except Abandoned:
+            pass
+        except BadInput as error:
+            self.send("answer", encoded(number, side, error=str(error), field=None))
+        except (RuntimeError, ArithmeticError, MemoryError) as error:
+            # a mesher that failed, or a matrix that cannot be factorised: said, and the next job starts afresh
+            answers.paths.close()
+            text = str(error) or type(error).__name__
+            self.send("answer", encoded(number, side, error=f"the solve failed: {text}", field=None))
+        finally:
+            self.send("done")
+
+    def _answer(self, answers: Answers, request: Request, level: str) -> None:
+        for part, at_level, data in answers.all_of(request, level):
+            self.send("answer", encoded(request.number, request.side, part=part, level=at_level, data=data))
+            if not self._pictured:
+                self._pictured = True
+                self._wait()
+            self._watch(0.0)
+
+    def _wait(self) -> None:
+        """Wait until a newer request has come, at most `PAUSE`."""
+        end = time.monotonic() + PAUSE
+        while self._abandoned < self._job.number and (left := end - time.monotonic()) > 0:
+            self._changed.wait(left)
+            self._changed.clear()
+
+    def _watch(self, share: float) -> None:
+        """Abandon the job if it is useless, and report progress of a long one."""
+        now = time.monotonic()
+        if self._abandoned >= self._job.number and (self._pictured or now - self._begin > GRACE):
+            raise Abandoned
+        if now - self._last_progress > PROGRESS:
+            self._last_progress = now
+            number, side = self._job.message.get("number", 0), self._job.message.get("side", "a")
+            progress = {"share": round(share, 3), "seconds": round(now - self._begin, 1), "level": self._job.level}
+            self.send("answer", encoded(number, side, progress=progress))
+
+
+def encoded(number: int, side: str, **content: Any) -> str:
+    """Return an answer as JSON; numbers that are not finite become null."""
+    message = {"number": number, "side": side, **content}
+    try:
+        return json.dumps(message, allow_nan=False, separators=(",", ":"))
+    except ValueError:
+        return json.dumps(_finite(message), separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def warm(answers: Answers) -> None:
+    """Import and compile what the first request needs, by a small solve of each kind."""
+    from studies.explorer.explorer_state import request_of
+
+    for load in ({"depth": 0.5}, {"depth": 0.5, "shear": 0.2}):
+        message = {"parts": ["state", "sensor3d"], "state": {"load": load}}
+        # the first answer is the picture
+        next(answers.all_of(request_of(message), "quick"))
+
+
+def main() -> None:
+    """Do the jobs that arrive on standard input until it closes."""
+    # Ctrl-C reaches all processes of the terminal; the server ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    deferred_modules.defer()
+    jobs, stream = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    # libraries and programs that a job starts get neither pipe: they read nothing, and print to standard error
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)
+    waiting: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    worker = Worker(stream)
+    threading.Thread(target=_read, args=(jobs, waiting, worker), daemon=True).start()
+    from studies.explorer.explorer_answers import Answers
+
+    answers = Answers()
+    with contextlib.suppress(BrokenPipeError):
+        warm(answers)
+        worker.send("done")
+        while True:
+            worker.do(answers, waiting.get())
+
+
+def _read(jobs: IO[bytes], waiting: queue.SimpleQueue[Job], worker: Worker) -> None:
+    """Queue jobs and note abandoned ones; when no more can arrive, end this process and those that it has started."""
+    try:
+        while True:
+            message = pickle.load(jobs)
+            if isinstance(message, Job):
+                waiting.put(message)
+            else:
+                worker.abandon(message)
+    finally:
+        if os.getpgrp() == os.getpid():
+            os.killpg(0, signal.SIGKILL)
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    # by its own name, so that pickles name the same classes on both sides
+    from studies.explorer import explorer_process
+
+    explorer_process.main()

@@ -1,0 +1,336 @@
+"""The explorer's web server: the page, its files, exports, and the WebSocket over which states and answers pass.
+
+It listens on 127.0.0.1 alone. Every request needs the token of this run, in the address or in a cookie that the
+first page sets, and a Host header that names this server. Without both checks any page of the browser could drive it:
+by its own scripts, or by a name that it points to 127.0.0.1. The WebSocket checks the Origin header too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import json
+import secrets
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import tornado.httpserver
+import tornado.ioloop
+import tornado.netutil
+import tornado.web
+import tornado.websocket
+
+from geometry.design import BadInput, Design
+from studies.explorer import explorer_workers, state_commands
+from studies.explorer.explorer_process import encoded
+from studies.explorer.explorer_state import request_of, wrong_field
+
+PAGE = Path(__file__).parent / "page"
+"""Files of the page."""
+INDEX = "index.html"
+COOKIE = "magtip_token"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Content-Security-Policy: nothing is loaded from, or sent to, another address."""
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".json": "application/json",
+    ".md": "text/plain; charset=utf-8",
+    ".LICENSE": "text/plain; charset=utf-8",
+}
+"""Types of the page's files by their last suffix; others are not served."""
+MOST_BYTES = 100_000
+"""Largest message or export request, bytes: a state has some 1000."""
+MOST_PAGES = 16
+"""Most pages that are open at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What all handlers of one server share.
+
+    Attributes
+    ----------
+    hosts : values of the Host header that name this server.
+    start : the design that the page shows first.
+    """
+
+    token: str
+    hosts: frozenset[str]
+    workers: explorer_workers.Workers
+    start: Design
+    pages: set[Live]
+
+
+class Guarded(tornado.web.RequestHandler):
+    """Refuses requests without the token or with another Host, and sets the headers of all answers."""
+
+    def initialize(self, shared: Shared) -> None:
+        self.shared = shared
+
+    def set_default_headers(self) -> None:
+        self.clear_header("Server")
+        self.set_header("Content-Security-Policy", POLICY)
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cross-Origin-Opener-Policy", "same-origin")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Cache-Control", "no-store")
+
+    def prepare(self) -> None:
+        if not is_allowed(self):
+            raise tornado.web.HTTPError(403)
+
+    def write_error(self, status_code: int, **kwargs: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code}: {self._reason}\n")
+
+    def log_exception(self, *error: Any) -> None:
+        """Log bugs only: a refused request and a closed tab are none."""
+        if not isinstance(error[1], (tornado.web.HTTPError, tornado.iostream.StreamClosedError)):
+            super().log_exception(*error)
+
+
+def is_allowed(handler: tornado.web.RequestHandler) -> bool:
+    """Return whether a request comes from the page of this server."""
+    shared: Shared = handler.shared  # type: ignore[attr-defined]
+    request = handler.request
+    given = (
+        request.headers.get("X-Token")
+        or handler.get_query_argument("token", None)
+        or handler.get_cookie(cookie_name(shared))
+        or ""
+    )
+    return request.host.lower() in shared.hosts and hmac.compare_digest(given.encode(), shared.token.encode())
+
+
+def cookie_name(shared: Shared) -> str:
+    """Return the name of the cookie; browsers share cookies between the ports of a host, so it names the port."""
+    return f"{COOKIE}_{min(shared.hosts).rpartition(':')[2]}"
+
+
+class Index(Guarded):
+    """The page itself."""
+
+    def get(self) -> None:
+        shared = self.shared
+        self.set_cookie(cookie_name(shared), shared.token, httponly=True, samesite="Strict", path="/")
+        self.set_header("Content-Type", TYPES[".html"])
+        self.finish((PAGE / INDEX).read_bytes())
+
+
+class Files(Guarded):
+    """The page's scripts, styles and pictures."""
+
+    def get(self, name: str) -> None:
+        path = (PAGE / name).resolve()
+        kind = TYPES.get(path.suffix)
+        if kind is None or not path.is_relative_to(PAGE.resolve()) or not path.is_file():
+            raise tornado.web.HTTPError(404)
+        self.set_header("Content-Type", kind)
+        self.finish(path.read_bytes())
+
+
+class Start(Guarded):
+    """What the page needs before the first answer: controls, levels of the formulas, and the design to begin with."""
+
+    def get(self) -> None:
+        self.set_header("Content-Type", TYPES[".json"])
+        self.finish(json.dumps(start_data(self.shared.start)))
+
+
+def start_data(design: Design) -> dict[str, Any]:
+    """Return the controls of the page and its first state."""
+    import dataclasses
+
+    from analytic.beam import LEVELS
+    from geometry.design import PRESETS
+    from studies.explorer import explorer_state
+
+    data: dict[str, Any] = {
+        "presets": {name: dataclasses.asdict(preset()) for name, preset in PRESETS.items()},
+        "design": dataclasses.asdict(design),
+        "formula_levels": list(LEVELS),
+        "levels": list(explorer_state.LEVELS),
+        "parts": list(explorer_state.PARTS),
+    }
+    return data
+
+
+class Live(tornado.websocket.WebSocketHandler):
+    """The connection of one page: requests in, answers out."""
+
+    def initialize(self, shared: Shared) -> None:
+        self.shared = shared
+
+    def prepare(self) -> None:
+        if not is_allowed(self) or len(self.shared.pages) >= MOST_PAGES:
+            raise tornado.web.HTTPError(403)
+
+    def check_origin(self, origin: str) -> bool:
+        scheme, _, host = origin.partition("://")
+        return scheme == "http" and host.lower() in self.shared.hosts
+
+    def get_compression_options(self) -> None:
+        return None
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        self.set_nodelay(True)
+        self.shared.pages.add(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        content: Any = None
+        try:
+            content = json.loads(message)
+            checked = explorer_workers.check(content)
+        except (ValueError, RecursionError) as error:
+            self.send(refusal(content, error))
+            return
+        number, side = checked.get("number", 0), checked.get("side", "a")
+        request = request_of(checked)
+        if "commands" in request.parts:
+            data = state_commands.commands(request.state)
+            self.send(encoded(number, side, part="commands", level="formula", data=data))
+        if set(request.parts) - {"commands"}:
+            self.shared.workers.ask((id(self), side), checked, self.send)
+
+    def send(self, text: str) -> None:
+        """Send a text unless the page has been closed."""
+        with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+            self.write_message(text)
+
+    def on_close(self) -> None:
+        self.shared.pages.discard(self)
+        for side in ("a", "b"):
+            self.shared.workers.forget((id(self), side))
+
+    def log_exception(self, *error: Any) -> None:
+        """Log bugs only."""
+        if not isinstance(error[1], (tornado.web.HTTPError, tornado.websocket.WebSocketClosedError)):
+            super().log_exception(*error)
+
+
+def refusal(content: object, error: Exception) -> str:
+    """Return the answer to a request that cannot be used: one sentence, and the field that it is about."""
+    table = content if isinstance(content, dict) else {}
+    number, side = table.get("number", 0), table.get("side", "a")
+    sentence = str(error) if isinstance(error, BadInput) else "the request is not valid JSON"
+    field = wrong_field(table) if isinstance(error, BadInput) else None
+    return encoded(
+        number if isinstance(number, int) else 0, side if side == "b" else "a", error=sentence, field=field
+    )
+
+
+def application(shared: Shared) -> tornado.web.Application:
+    """Return the routes of the server."""
+    options = {"shared": shared}
+    return tornado.web.Application(
+        [
+            ("/", Index, options),
+            ("/start.json", Start, options),
+            ("/page/(.*)", Files, options),
+            ("/live", Live, options),
+        ],
+        default_handler_class=Missing,
+        default_handler_args=options,
+        log_function=lambda handler: None,
+        websocket_max_message_size=MOST_BYTES,
+        websocket_ping_interval=30,
+    )
+
+
+class Missing(Guarded):
+    """Everything else."""
+
+    def get(self) -> None:
+        raise tornado.web.HTTPError(404)
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A server that listens.
+
+    Attributes
+    ----------
+    address : address of the page, with its token and the first state.
+    """
+
+    address: str
+    shared: Shared
+    server: tornado.httpserver.HTTPServer
+
+    async def close(self) -> None:
+        """Close all pages and end the worker processes."""
+        self.server.stop()
+        for page in list(self.shared.pages):
+            page.close(1001, "the explorer has been ended")
+        self.shared.workers.close()
+        await asyncio.sleep(0)
+
+
+def start(design: Design, changed: dict[str, str], port: int = 0) -> Running:
+    """Begin to listen; an event loop must run.
+
+    Parameters
+    ----------
+    changed : fields of the address of the first state, see `explorer_state`.
+    port : port to listen on; 0 for any free one.
+
+    Raises
+    ------
+    BadInput
+        The port cannot be used.
+    """
+    if not 0 <= port <= 65535:
+        raise BadInput(f"--port must lie between 0 (any free one) and 65535; got {port}")
+    try:
+        sockets = tornado.netutil.bind_sockets(port, "127.0.0.1")
+    except OSError as error:
+        cause = error.strerror or str(error)
+        raise BadInput(f"port {port} cannot be used ({cause}): choose another --port, or 0 for a free one") from None
+    number = sockets[0].getsockname()[1]
+    hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
+    token = secrets.token_urlsafe(24)
+    workers = explorer_workers.Workers(asyncio.get_running_loop())
+    shared = Shared(token, hosts, workers, design, set())
+    server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
+    server.add_sockets(sockets)
+    fragment = f"#{urlencode(changed)}" if changed else ""
+    return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
+
+
+def serve(design: Design, changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
+    """Serve the page until Ctrl-C.
+
+    Parameters
+    ----------
+    ready : called with the address when the server listens.
+    """
+    asyncio.run(_serve(design, changed, port, ready))
+
+
+async def _serve(design: Design, changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
+    running = start(design, changed, port)
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError, RuntimeError):
+            loop.add_signal_handler(number, stop.set)
+    try:
+        ready(running.address)
+        # the first request of a page then finds what its checks import
+        request_of({})
+        await stop.wait()
+    finally:
+        await running.close()

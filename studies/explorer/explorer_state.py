@@ -1,0 +1,199 @@
+"""The state of the explorer: design, load and the parts that the page asks for, checked as on the command line.
+
+A request is the JSON object that the page sends:
+
+    {"number": 7, "side": "a", "formula_level": "finite", "parts": ["state", "curve"],
+     "state": {"preset": "paper", "design": {"D": 10}, "load": {"depth": 1, "shear": 0.5, "direction": 90,
+               "friction": "stick", "plate_tilt": 0}, "magnet": "rigid", "level": "standard"}}
+
+Fields that are missing have the values of the preset, a load of zero, and the friction that `magtip solve` chooses.
+Values that cannot be used raise `BadInput` with the sentence that the command line prints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, cast, get_args
+
+from geometry.design import PRESETS, BadInput, Design, nearest
+from geometry.loads import Load, Magnet
+from studies.inputs import user_input
+from studies.inputs.option_groups import Motion
+from studies.simulation import load_cases
+
+Side = Literal["a", "b"]
+Level = Literal["quick", "standard"]
+Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "commands"]
+
+SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
+LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt")
+"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplorerState:
+    """A sensor, its load and how they are computed.
+
+    Attributes
+    ----------
+    motion : the load as the options of `magtip solve`.
+    level : accuracy to which a state is refined.
+    formula_level : level of the formulas beside the finite elements.
+    """
+
+    preset: str
+    design: Design
+    load: Load
+    motion: Motion
+    magnet: Magnet
+    level: Level = "standard"
+    formula_level: str = "paper"
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One request of the page: its number, the side of the comparison, the state, and the parts to compute.
+
+    `on_request` allows solves that take minutes, which a moving slider must not start.
+    """
+
+    number: int
+    side: Side
+    state: ExplorerState
+    parts: tuple[Part, ...]
+    on_request: bool = False
+
+
+def request_of(message: Mapping[str, Any]) -> Request:
+    """Return the request in a message of the page.
+
+    >>> request_of({"number": 1, "state": {"design": {"D": 10}, "load": {"depth": 1}}}).state.design.D
+    10.0
+    """
+    number, side = message.get("number", 0), message.get("side", "a")
+    if isinstance(number, bool) or not isinstance(number, int):
+        raise BadInput(f"number must be a whole number; got {number!r:.60}")
+    if side not in SIDES:
+        raise BadInput(f"side must be one of {', '.join(SIDES)}; got {side!r:.60}")
+    parts = message.get("parts", ["state"])
+    if not isinstance(parts, list) or not all(part in PARTS for part in parts):
+        raise BadInput(f"parts must be a list of {', '.join(PARTS)}; got {parts!r:.60}")
+    state = state_of(_table("state", message.get("state", {})), message.get("formula_level"))
+    return Request(number, cast(Side, side), state, tuple(parts), on_request=bool(message.get("on_request")))
+
+
+def state_of(content: Mapping[str, Any], formula_level: object = None) -> ExplorerState:
+    """Return the state in a request, checked as `magtip solve` checks it."""
+    from analytic.beam import LEVELS as FORMULAS
+    from fem.scene import Scene
+
+    preset, magnet = str(content.get("preset") or "paper"), cast(Magnet, content.get("magnet") or "rigid")
+    if preset not in PRESETS:
+        raise BadInput(f"there is no preset {preset!r}: {nearest(preset, PRESETS)}")
+    if magnet not in get_args(Magnet):
+        raise BadInput(f"magnet must be one of {', '.join(get_args(Magnet))}; got {magnet!r:.60}")
+    level = cast(Level, content.get("level") or "standard")
+    if level not in LEVELS:
+        raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r:.60}")
+    formulas = formula_level or "paper"
+    if formulas not in FORMULAS:
+        raise BadInput(f"level must be one of {', '.join(FORMULAS)}; got {formulas!r:.60}")
+    values = _table("design", content.get("design") or {})
+    user_input.check_keys("design", values, user_input.FIELDS)
+    # a text in a field of numbers is read like --set, which refuses it in the same words
+    texts = [f"{name}={value}" for name, value in values.items() if isinstance(value, str)]
+    numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
+    design = user_input.design_from(preset, {**numbers, **user_input.overrides(texts)}, magnet)
+    motion = motion_of(_table("load", content.get("load") or {}))
+    (load,) = load_cases.loads_of(motion)
+    Scene(design, (load,), magnet=magnet)
+    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas))
+
+
+def motion_of(values: Mapping[str, Any]) -> Motion:
+    """Return the options of `magtip solve` for the load of a request.
+
+    >>> motion_of({"depth": 1, "shear": 2, "direction": 90}).shear_y
+    2.0
+    """
+    user_input.check_keys("load", values, LOAD_FIELDS)
+    numbers = {name: _number(name, values.get(name)) for name in LOAD_FIELDS if name != "friction"}
+    friction = values.get("friction")
+    if friction is not None and not isinstance(friction, str):
+        friction = plain(_number("friction", friction))
+    x, y = components(numbers["shear"], numbers["direction"])
+    return Motion(
+        depth=numbers["depth"],
+        shear=x or None,
+        shear_y=y or None,
+        friction=friction or None,
+        plate_tilt=numbers["plate_tilt"],
+    )
+
+
+def components(shear: float, direction: float) -> tuple[float, float]:
+    """Return a shear along x and y, mm, from its length and its direction, degrees; exactly 0 along an axis.
+
+    >>> components(2.0, 180.0), components(-1.0, 90.0)
+    ((-2.0, 0.0), (0.0, -1.0))
+    """
+    quarter = direction / 90
+    if quarter == round(quarter):
+        c, s = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][round(quarter) % 4]
+    else:
+        c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
+    return shear * c + 0.0, shear * s + 0.0
+
+
+def plain(value: float | str) -> str:
+    """Return a number as it is typed, such that it is read back exactly.
+
+    >>> plain(8.0), plain(0.1), plain("yeoh")
+    ('8', '0.1', 'yeoh')
+    """
+    return value if isinstance(value, str) else repr(float(value)).removesuffix(".0")
+
+
+def wrong_field(message: Mapping[str, Any]) -> str | None:
+    """Return the first field of a refused request without which the request is accepted; None if there is none."""
+    content = message.get("state")
+    if not isinstance(content, Mapping):
+        return None
+    for group in ("load", "design"):
+        values = content.get(group)
+        for name in values if isinstance(values, Mapping) else ():
+            rest = {key: value for key, value in (values or {}).items() if key != name}
+            if _accepts({**content, group: rest}):
+                return str(name)
+    return None
+
+
+def _accepts(content: Mapping[str, Any]) -> bool:
+    try:
+        state_of(content)
+    except (BadInput, TypeError, ValueError):
+        return False
+    return True
+
+
+def _table(name: str, value: object) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise BadInput(f"{name} must be a table of values; got {value!r:.60}")
+    return value
+
+
+def _number(name: str, value: object) -> float:
+    """Return a number of a load; None is 0."""
+    if value is None:
+        return 0.0
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        number = float(cast(Any, value))
+    except (TypeError, ValueError):
+        raise BadInput(f"{name.replace('_', ' ')} must be a finite number; got {value!r:.60}") from None
+    if name in ("direction", "plate_tilt") and not math.isfinite(number):
+        raise BadInput(f"{name.replace('_', ' ')} must be a finite number of degrees; got {number:g}")
+    return number

@@ -1,0 +1,210 @@
+"""The worker processes of the explorer's server: one for quick answers, one that refines them when the hand rests.
+
+Of the requests of one page and side only the newest waits; older ones are dropped, and a running one is abandoned.
+The processes stay: their imports, compiled functions, meshes and factorisations serve the next request.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Hashable
+from typing import Any
+
+from geometry.design import BadInput
+from studies.exploration.worker_process import environment
+from studies.explorer.explorer_process import Job, Kind
+
+COMMAND = (sys.executable, "-P", "-m", "studies.explorer.explorer_process")
+"""Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
+REST = 0.25
+"""Time without a newer request after which an answer is refined, s."""
+MOST_STARTS = 3
+"""Starts of a process that dies before it has done anything."""
+
+Key = Hashable
+"""A page and a side: a newer request replaces an older one with the same key."""
+Send = Callable[[str], None]
+"""Sends a text to a page."""
+
+
+class WorkerProcess:
+    """One worker process, restarted if it dies, and the jobs that wait for it.
+
+    Its methods are called in the thread of the event loop.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._waiting: dict[Key, tuple[dict[str, Any], str, Send]] = {}
+        self._running: tuple[Key, int, Send] | None = None
+        self._number = 0
+        self._failures = 0
+        self._closed = False
+        self._ready = False
+        self._start()
+
+    def ask(self, key: Key, message: dict[str, Any], level: str, send: Send) -> None:
+        """Queue a request in place of an older one of this key."""
+        self.drop(key)
+        self._waiting[key] = (message, level, send)
+        self._next()
+
+    def drop(self, key: Key) -> None:
+        """Forget the request of a key that waits, and abandon the one that runs."""
+        self._waiting.pop(key, None)
+        if self._running is not None and self._running[0] == key:
+            self._write(self._running[1])
+
+    def close(self) -> None:
+        """End the process."""
+        self._closed = True
+        self._waiting.clear()
+        _kill(self._process)
+        self._process.wait()
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    def _start(self) -> None:
+        self._ready, self._running = False, None
+        self._process = subprocess.Popen(
+            COMMAND, env=environment(1), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
+        threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
+
+    def _listen(self, process: subprocess.Popen[bytes]) -> None:
+        """Hand everything that a process sends to the event loop, in a thread of its own."""
+        assert process.stdout is not None
+        with contextlib.suppress(RuntimeError):  # the loop is closed
+            with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError):
+                while True:
+                    number, kind, text = pickle.load(process.stdout)
+                    self._loop.call_soon_threadsafe(self._take, number, kind, text)
+            self._loop.call_soon_threadsafe(self._lost, process)
+
+    def _take(self, number: int, kind: Kind, text: str) -> None:
+        """Pass an answer on, or begin the next job."""
+        if kind == "done":
+            self._ready, self._running, self._failures = True, None, 0
+            self._next()
+        elif self._running is not None and self._running[1] == number:
+            self._running[2](text)
+
+    def _lost(self, process: subprocess.Popen[bytes]) -> None:
+        """Start another process after one has died, and say so to the page that waits for it."""
+        from studies.explorer.explorer_process import encoded
+
+        if self._closed or process is not self._process:
+            return
+        code = process.wait()
+        _close_pipes(process)
+        if self._running is not None:
+            key, _, send = self._running
+            page = key[-1] if isinstance(key, tuple) else "a"
+            sentence = f"the process that solved this state ended ({_ending(code)}): change the state and try again"
+            send(encoded(0, str(page), error=sentence, field=None))
+        self._failures += 1
+        if self._failures > MOST_STARTS:
+            self._closed = True
+            return
+        self._start()
+
+    def _next(self) -> None:
+        """Begin the job that has waited longest."""
+        if not self._ready or self._running is not None or not self._waiting:
+            return
+        key = next(iter(self._waiting))
+        message, level, send = self._waiting.pop(key)
+        self._number += 1
+        self._running = key, self._number, send
+        self._write(Job(self._number, message, level))
+
+    def _write(self, content: Job | int) -> None:
+        """Send a job, or the number of one to abandon."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError, OSError, ValueError):
+            pickle.dump(content, self._process.stdin)
+            self._process.stdin.flush()
+
+
+class Workers:
+    """The quick and the refining process, and the timers that begin a refinement."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self.quick, self.refining = WorkerProcess(loop), WorkerProcess(loop)
+        self._timers: dict[Key, asyncio.TimerHandle] = {}
+
+    def ask(self, key: Key, message: dict[str, Any], send: Send) -> None:
+        """Answer a checked request: quick first, refined when no newer one has come for a while."""
+        self.refining.drop(key)
+        self._stop_timer(key)
+        self.quick.ask(key, message, "quick", send)
+        if message.get("state", {}).get("level", "standard") == "standard":
+            self._timers[key] = self._loop.call_later(REST, self._refine, key, message, send)
+
+    def forget(self, key: Key) -> None:
+        """Drop the requests of a page that has been closed."""
+        self._stop_timer(key)
+        self.quick.drop(key)
+        self.refining.drop(key)
+
+    def close(self) -> None:
+        """End both processes."""
+        for timer in self._timers.values():
+            timer.cancel()
+        self._timers.clear()
+        self.quick.close()
+        self.refining.close()
+
+    def _refine(self, key: Key, message: dict[str, Any], send: Send) -> None:
+        self._timers.pop(key, None)
+        self.refining.ask(key, message, "standard", send)
+
+    def _stop_timer(self, key: Key) -> None:
+        timer = self._timers.pop(key, None)
+        if timer is not None:
+            timer.cancel()
+
+
+def check(message: object) -> dict[str, Any]:
+    """Return a message of a page that can be computed.
+
+    Raises
+    ------
+    BadInput
+        The sentence is the command line's.
+    """
+    from studies.explorer.explorer_state import request_of
+
+    if not isinstance(message, dict):
+        raise BadInput(f"a request must be a table of values; got {message!r:.60}")
+    request_of(message)
+    return message
+
+
+def _ending(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and those that it has started."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    _close_pipes(process)
+
+
+def _close_pipes(process: subprocess.Popen[bytes]) -> None:
+    for stream in (process.stdin, process.stdout):
+        with contextlib.suppress(BrokenPipeError, OSError):
+            if stream is not None:
+                stream.close()

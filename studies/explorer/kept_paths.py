@@ -1,0 +1,128 @@
+"""Paths of loads that a worker of the explorer keeps, so that a small change of a state costs little.
+
+A path belongs to a mesh and a kind of load (`_key`). A press starts at rest, and a shear at the kept press below it,
+as in `fem.equilibrium.solve`: the answers are the same. Changes that no finite element sees, such as E, the magnet's
+remanence or the Hall elements, find the state that is there already.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.equilibrium import start_path
+from fem.results.lateral_stiffness import SidewaysModel
+from fem.results.postprocess import read
+from fem.scene import Scene
+from fem.solution import Solution
+from fem.solvers.depth_ranges import graded_depth
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import Stop
+from fem.solvers.path_state import FIRST_TOUCH, PathState
+
+MOST = 4
+"""Most paths that are kept: two designs side by side, each with its coarser mesh for the error estimates."""
+
+
+@dataclass(slots=True)
+class _Kept:
+    """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`."""
+
+    path: Path
+    rest: PathState
+    begun: PathState | None = None
+    name: str = ""
+    last: PathState | None = None
+    stop: Stop = ""
+    iterations: int = 0
+    seconds: float = 0.0
+
+
+class KeptPaths:
+    """The last paths, at most `MOST`."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, _Kept] = {}
+
+    def solve(self, scene: Scene, *, sideways: bool = False) -> Solution:
+        """Return the solution of a scene with one load, without error estimates.
+
+        Parameters
+        ----------
+        sideways : check whether an axisymmetric press would be stable sideways, which takes longer than the press.
+        """
+        kept = self._followed(scene)
+        assert kept.last is not None
+        model = SidewaysModel(kept.path.raised) if sideways and kept.path.raised is not None else None
+        return read(
+            kept.last,
+            scene,
+            scene.loads[0],
+            kept.stop,
+            iterations=kept.iterations,
+            seconds=kept.seconds,
+            sideways=model,
+        )
+
+    def close(self) -> None:
+        """Free the memory of all paths."""
+        for kept in self._kept.values():
+            kept.path.close()
+        self._kept.clear()
+
+    def _followed(self, scene: Scene) -> _Kept:
+        """Return the path of a scene at its load."""
+        key, name = _key(scene), json.dumps(scene.dimensionless())
+        begin = time.perf_counter()
+        kept = self._kept.pop(key, None)
+        if kept is None:
+            path = start_path(scene)
+            kept = _Kept(path, path.state)
+        # the newest path stands last
+        self._kept[key] = kept
+        while len(self._kept) > MOST:
+            self._kept.pop(next(iter(self._kept))).path.close()
+        if kept.name != name:
+            kept.name = ""
+            _follow(kept, scene)
+            kept.name, kept.seconds = name, time.perf_counter() - begin
+        return kept
+
+
+def _follow(kept: _Kept, scene: Scene) -> None:
+    """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
+    (load,), D, path = scene.loads, scene.design.D, kept.path
+    x, y = scene.direction
+    shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear / D
+    depth, before = load.depth / D, 0
+    if load.shears_tip and not scene.solid:
+        if kept.begun is None:
+            path.restart(kept.rest)
+            kept.stop = path.go(depth, np.zeros(2))
+            before = path.iterations
+            if kept.stop:
+                kept.last, kept.iterations = path.state, before
+                return
+            path.begin_shear()
+            kept.begun = path.state
+        path.restart(kept.begun)
+    else:
+        path.restart(kept.rest)
+    kept.stop = path.go(depth, shear)
+    kept.last, kept.iterations = path.state, before + path.iterations
+
+
+def _key(scene: Scene) -> str:
+    """Return what scenes on one path have in common."""
+    content, (load,), D = scene.dimensionless(), scene.loads, scene.design.D
+    values = content["loads"][0]
+    if load.shears_tip and not scene.solid:
+        values["shear"] = "any"
+    elif scene.model == "axisymmetric" and load.depth > FIRST_TOUCH * D:
+        # one mesh serves a range of depths; friction before first slip does not change that
+        values["depth"], values["shear"] = graded_depth(load.depth / D), "none"
+        values["friction"] = load.coulomb
+    return json.dumps(content)

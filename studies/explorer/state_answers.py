@@ -1,0 +1,230 @@
+"""The part `state`: response, error estimates, readings, decoded load and formulas of one state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analytic import beam, hall
+from analytic.parts import of_design
+from fem.accuracy import LEVELS, Accuracy, coarser
+from fem.equilibrium import with_estimates
+from fem.scene import Scene
+from fem.solution import Solution
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Response
+from studies.explorer.explorer_state import ExplorerState
+from studies.explorer.kept_paths import KeptPaths
+from studies.explorer.section_data import section
+
+if TYPE_CHECKING:
+    from analytic.decode import Decoder
+
+STEP = 1e-4
+"""Half of the distance over which readings are differenced: over D, and rad."""
+DECODER_LEVEL = "finite"
+"""Level of the formulas that give the load of a decoded pose."""
+
+Data = dict[str, Any]
+
+
+def scene_of(state: ExplorerState, level: str) -> Scene:
+    """Return the scene of a state at an accuracy."""
+    return Scene(state.design, (state.load,), LEVELS[level], state.magnet)
+
+
+def solve(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
+    """Return the solution of a state, without error estimates."""
+    return paths.solve(scene_of(state, level))
+
+
+def solve_with_estimates(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
+    """Return the solution with error estimates and the check of its stability, as `fem.equilibrium.solve` does."""
+    scene = scene_of(state, level)
+    solution = paths.solve(scene, sideways=True)
+    if solution.status not in ("ok", "unstable"):
+        return solution
+    accuracy: Accuracy = coarser(LEVELS[level])
+    coarse = paths.solve(replace(scene, accuracy=accuracy))
+    return with_estimates(solution, coarse, scene)
+
+
+def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = None) -> Data:
+    """Return the data of the part `state`; without a decoder, `decoded` is None."""
+    widths = half_widths(solution)
+    return {
+        "status": solution.status,
+        "message": solution.message,
+        "model": solution.model,
+        "load": {"depth": solution.load.depth, "shear": list(solution.load.imposed_shear)},
+        "response": response_data(solution.response),
+        "estimates": widths,
+        "section": section(state.design, solution, state.magnet),
+        "slip_share": solution.slip_share,
+        "strain": solution.facts.largest_strain,
+        "dofs": solution.dofs,
+        "seconds": solution.seconds,
+        "readings": readings(state.design, solution.response, widths),
+        "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
+        "formula": formula(state.design, state.load, "paper"),
+        "formula_level": {"level": state.formula_level, **formula(state.design, state.load, state.formula_level)},
+    }
+
+
+def response_data(response: Response) -> Data:
+    """Return a response with its tilts in degrees."""
+    return {
+        "force": list(response.force),
+        "shift": list(response.shift),
+        "tilt": math.degrees(response.tilt),
+        "tilt_y": math.degrees(response.tilt_y),
+        "contact_radius": response.contact_radius,
+    }
+
+
+def half_widths(solution: Solution) -> Data:
+    """Return the half widths that the error estimates give the response: None where there is no estimate.
+
+    The estimates of force and shift are relative to the length of the vector, so every component along the load has
+    the same half width; the force along the shear has its own.
+    """
+    estimates, response = solution.estimates, solution.response
+    c, s = solution.load.direction
+    aside = solution.load.shears_tip or bool(solution.load.plate_tilt)
+    plane = (abs(c), abs(s)) if aside else (0.0, 0.0)
+    force = _times(estimates.force, math.hypot(*response.force))
+    sideways = _times(estimates.sideways, math.hypot(*response.force[:2]))
+    sideways = force if sideways is None else sideways
+    shift = _times(estimates.shift, math.hypot(*response.shift))
+    tilt = _times(estimates.tilt, math.degrees(math.hypot(response.tilt, response.tilt_y)))
+    return {
+        "force": None if force is None or sideways is None else [sideways * plane[0], sideways * plane[1], force],
+        "shift": None if shift is None else [shift * plane[0], shift * plane[1], shift],
+        "tilt": tilt,
+        "contact_radius": None,
+    }
+
+
+def _times(share: float | None, size: float) -> float | None:
+    return None if share is None else share * size
+
+
+def readings(design: Design, response: Response, widths: Data) -> Data | None:
+    """Return the readings of the Hall elements, at rest too, with half widths and noise; None without a magnet.
+
+    A half width is the sum of the slopes of a reading along shift and tilt, times the half widths of these.
+    """
+    if not design.shape.has_magnet:
+        return None
+    elements = of_design(design)
+    try:
+        now, rest = hall.readings(design, response), hall.readings(design)
+    except BadInput as error:
+        return {"message": str(error)}
+    spread = None
+    if widths["shift"] is not None:
+        spread = np.abs(reading_slopes(design, response)) @ pose_half_widths(response, widths)
+    return {
+        "elements": [element.name for element in elements],
+        "units": list(now.units),
+        "volts": list(now.output),
+        "rest": list(rest.output),
+        "half_width": None if spread is None else spread.tolist(),
+        "noise": [element.noise_T * element.gain for element in elements],
+        "saturated": list(now.saturated),
+        "low": [element.low for element in elements],
+        "high": [element.high for element in elements],
+    }
+
+
+def pose_half_widths(response: Response, widths: Data) -> Array:
+    """Return the half widths of the shift, mm, and of the rotation about x and y, rad, shape (5,)."""
+    size = math.hypot(*response.rotation)
+    tilt = math.radians(widths["tilt"] or 0.0)
+    rx, ry = (abs(part) / size * tilt if size else 0.0 for part in response.rotation)
+    return np.array([*widths["shift"], rx, ry])
+
+
+def reading_slopes(design: Design, response: Response) -> Array:
+    """Return the slopes of the outputs along shift and rotation, shape (elements, 5), V/mm and V/rad.
+
+    They are central differences, and 0 for an element at its rail.
+    """
+    elements = of_design(design)
+    points, owners = hall.plates(elements)
+    steps = np.concatenate([STEP * design.D * np.eye(5)[:3], STEP * np.eye(5)[3:]])
+    pose = np.array([*response.shift, *response.rotation])
+    poses = np.concatenate([pose + steps, pose - steps])
+    count = len(points)
+    field = hall.field_at(
+        np.tile(points, (10, 1)),
+        design,
+        np.repeat(poses[:, :3], count, axis=0),
+        np.repeat(poses[:, 3:], count, axis=0),
+    )
+    normals = np.array([element.direction for element in elements])[owners]
+    along = (field.reshape(10, count, 3) * normals).sum(axis=2)
+    size = np.bincount(owners)
+    values = np.array([np.bincount(owners, row) / size for row in along])
+    sizes = np.array([STEP * design.D] * 3 + [STEP] * 2)[:, None]
+    slopes = ((values[:5] - values[5:]) / (2 * sizes)).T
+    gains = np.array([element.gain for element in elements])
+    saturated = np.array(hall.readings(design, response).saturated)
+    return np.asarray(np.where(saturated[:, None], 0.0, gains[:, None] * slopes))
+
+
+def build_decoder(design: Design) -> Decoder | None:
+    """Return the decoder of a design by the formulas, which takes some tenths of a second; None if it has none."""
+    from analytic.decode import decoder
+    from studies.sensing import decode_readings
+
+    try:
+        return decoder(design, decode_readings.of_level(design, DECODER_LEVEL))
+    except BadInput:
+        return None
+
+
+def decoded(decoder: Decoder, response: Response, widths: Data) -> Data:
+    """Return the load that the decoder finds in the readings of a response, with half widths and noise.
+
+    A half width sums the slopes of the decoded force times the half widths of the readings, and adds the distance of
+    the decoder's polynomials from the formulas. The noise is the standard deviation; None for elements without noise.
+    """
+    from analytic import decode
+    from analytic.inverse import response_surface
+
+    design, law = decoder.forward.design, decoder.mechanics
+    assert law is not None
+    fields = np.array([hall.readings(design, response).B_T])
+    result = decode.decode(decoder, fields, near=response.shift)
+    force = result.force[0]
+    known = bool(np.isfinite(force).all())
+    half_width = None
+    if known and widths["shift"] is not None:
+        slopes = response_surface.forces(law, result.shift[0][:, None])[1][:, :, 0].T
+        spread = np.abs(slopes) @ np.array(widths["shift"])
+        half_width = (spread + np.array([law.errors[1], law.errors[1], law.errors[2]])).tolist()
+    return {
+        "status": result.status[0],
+        "level": DECODER_LEVEL,
+        "force": force.tolist() if known else None,
+        "shift": result.shift[0].tolist() if np.isfinite(result.shift[0]).all() else None,
+        "half_width": half_width,
+        "noise": result.noise_N[0].tolist() if np.isfinite(result.noise_N[0]).all() else None,
+        "multiplicity": int(result.multiplicity[0]),
+    }
+
+
+def formula(design: Design, load: Load, level: str) -> Data:
+    """Return force and shift by a level of the formulas, with a message where it is not calibrated for the load."""
+    try:
+        response = beam.solve(design, load, level)
+    except BadInput as error:
+        return {"force": None, "shift": None, "message": str(error)}
+    tilt = math.degrees(response.tilt)
+    message = beam.outside(design, load, level)
+    return {"force": list(response.force), "shift": list(response.shift), "tilt": tilt, "message": message}
