@@ -41,7 +41,7 @@ def explore(
         if not no_browser:
             _open(address)
 
-    explorer_server.serve(design, state_commands.address_fields(design), port, ready)
+    explorer_server.serve(state_commands.address_fields(design), port, ready)
     return GOOD
 
 

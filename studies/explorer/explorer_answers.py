@@ -20,6 +20,12 @@ Answer = tuple[str, str, Data]
 """A part, its level and its data."""
 MOST = 8
 """Most results that depend on the design alone and are kept: the parts of two designs side by side."""
+
+
+class SlowLoad(BadInput):
+    """A load whose solve takes minutes, which only a request that allows it starts."""
+
+
 TETRAHEDRA = (
     "this load is solved by tetrahedra, which takes minutes: press Solve, or use the command line that is shown"
 )
@@ -37,13 +43,13 @@ class Answers:
 
         Raises
         ------
-        BadInput
-            The load cannot be solved, or only in minutes.
+        SlowLoad
+            The solve takes minutes, and the request does not allow that.
         """
         state = request.state
         if not {"state", "sensor3d"}.isdisjoint(request.parts):
             if state_answers.scene_of(state, level).solid and not request.on_request:
-                raise BadInput(TETRAHEDRA)
+                raise SlowLoad(TETRAHEDRA)
             yield from self._solved(state, level, request.parts)
 
     def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer]:

@@ -25,8 +25,9 @@ import tornado.netutil
 import tornado.web
 import tornado.websocket
 
-from geometry.design import BadInput, Design
+from geometry.design import BadInput, paper
 from studies.explorer import explorer_workers, state_commands
+from studies.explorer.explorer_fields import explorer_fields
 from studies.explorer.explorer_process import encoded
 from studies.explorer.explorer_state import request_of, wrong_field
 
@@ -63,13 +64,12 @@ class Shared:
     Attributes
     ----------
     hosts : values of the Host header that name this server.
-    start : the design that the page shows first.
+    pages : connections of the pages that are open.
     """
 
     token: str
     hosts: frozenset[str]
     workers: explorer_workers.Workers
-    start: Design
     pages: set[Live]
 
 
@@ -142,30 +142,12 @@ class Files(Guarded):
         self.finish(path.read_bytes())
 
 
-class Start(Guarded):
-    """What the page needs before the first answer: controls, levels of the formulas, and the design to begin with."""
+class Controls(Guarded):
+    """The controls of the page, with the values of the preset."""
 
     def get(self) -> None:
         self.set_header("Content-Type", TYPES[".json"])
-        self.finish(json.dumps(start_data(self.shared.start)))
-
-
-def start_data(design: Design) -> dict[str, Any]:
-    """Return the controls of the page and its first state."""
-    import dataclasses
-
-    from analytic.beam import LEVELS
-    from geometry.design import PRESETS
-    from studies.explorer import explorer_state
-
-    data: dict[str, Any] = {
-        "presets": {name: dataclasses.asdict(preset()) for name, preset in PRESETS.items()},
-        "design": dataclasses.asdict(design),
-        "formula_levels": list(LEVELS),
-        "levels": list(explorer_state.LEVELS),
-        "parts": list(explorer_state.PARTS),
-    }
-    return data
+        self.finish(json.dumps(explorer_fields(paper())))
 
 
 class Live(tornado.websocket.WebSocketHandler):
@@ -238,7 +220,7 @@ def application(shared: Shared) -> tornado.web.Application:
     return tornado.web.Application(
         [
             ("/", Index, options),
-            ("/start.json", Start, options),
+            ("/page/fields.json", Controls, options),
             ("/page/(.*)", Files, options),
             ("/live", Live, options),
         ],
@@ -279,7 +261,7 @@ class Running:
         await asyncio.sleep(0)
 
 
-def start(design: Design, changed: dict[str, str], port: int = 0) -> Running:
+def start(changed: dict[str, str], port: int = 0) -> Running:
     """Begin to listen; an event loop must run.
 
     Parameters
@@ -303,25 +285,25 @@ def start(design: Design, changed: dict[str, str], port: int = 0) -> Running:
     hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
     token = secrets.token_urlsafe(24)
     workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, design, set())
+    shared = Shared(token, hosts, workers, set())
     server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
     server.add_sockets(sockets)
     fragment = f"#{urlencode(changed)}" if changed else ""
     return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
 
 
-def serve(design: Design, changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
+def serve(changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
     """Serve the page until Ctrl-C.
 
     Parameters
     ----------
     ready : called with the address when the server listens.
     """
-    asyncio.run(_serve(design, changed, port, ready))
+    asyncio.run(_serve(changed, port, ready))
 
 
-async def _serve(design: Design, changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
-    running = start(design, changed, port)
+async def _serve(changed: dict[str, str], port: int, ready: Callable[[str], None]) -> None:
+    running = start(changed, port)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

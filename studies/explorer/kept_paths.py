@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.equilibrium import start_path
+from fem.equilibrium import sideways_model, start_path
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
@@ -29,10 +29,14 @@ MOST = 4
 
 @dataclass(slots=True)
 class _Kept:
-    """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`."""
+    """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`.
+
+    `sideways` is the model in which the stability of its presses is checked.
+    """
 
     path: Path
     rest: PathState
+    sideways: SidewaysModel | None
     begun: PathState | None = None
     name: str = ""
     last: PathState | None = None
@@ -56,7 +60,6 @@ class KeptPaths:
         """
         kept = self._followed(scene)
         assert kept.last is not None
-        model = SidewaysModel(kept.path.raised) if sideways and kept.path.raised is not None else None
         return read(
             kept.last,
             scene,
@@ -64,7 +67,7 @@ class KeptPaths:
             kept.stop,
             iterations=kept.iterations,
             seconds=kept.seconds,
-            sideways=model,
+            sideways=kept.sideways if sideways else None,
         )
 
     def close(self) -> None:
@@ -80,7 +83,7 @@ class KeptPaths:
         kept = self._kept.pop(key, None)
         if kept is None:
             path = start_path(scene)
-            kept = _Kept(path, path.state)
+            kept = _Kept(path, path.state, sideways_model(scene, path))
         # the newest path stands last
         self._kept[key] = kept
         while len(self._kept) > MOST:
