@@ -104,7 +104,7 @@ class Browser:
         return json.loads(text)
 
     def page(self, path, width=1200, height=900, dark=False):
-        """Open a file in a new page of a size in pixels."""
+        """Open a file, or an address, in a new page of a size in pixels."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         page = Page(self, session)
@@ -113,7 +113,7 @@ class Browser:
         page.size(width, height)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         page.call("Emulation.setEmulatedMedia", features=[scheme])
-        page.call("Page.navigate", url=path.resolve().as_uri())
+        page.call("Page.navigate", url=path if isinstance(path, str) else path.resolve().as_uri())
         page.wait("document.documentElement?.dataset.ready === 'yes'")
         return page
 

@@ -24,6 +24,7 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
+  const parts = () => ["state", "curve", "sensor3d", ...(view.lines === "yes" ? ["field_lines"] : []), "stability", "commands"];
   function message(side) {
     const values = sides[side];
     if (!values) return null;
@@ -32,7 +33,7 @@ const Explorer = (() => {
     const load = pick("load");
     // without a shear a bonded contact area has no effect, which the message would say at every press
     if (load.friction === "stick" && !load.shear) load.friction = "none";
-    return { state: { preset: "paper", design: changed, load, magnet: values.magnet, level }, formula_level: view.formula, ...(patient.has(side) ? { on_request: true } : {}) };
+    return { state: { preset: "paper", design: changed, load, magnet: values.magnet, level }, formula_level: view.formula, parts: parts(), ...(patient.has(side) ? { on_request: true } : {}) };
   }
 
   function solveSlowly(side) { patient.add(side); requests.change(side); }
@@ -118,7 +119,7 @@ const Explorer = (() => {
     if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
     if (all.has("curve") || all.has("state")) drawCurves();
     if (all.has("stability") || all.has("state")) drawStability();
-    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) Format.put(node, shownSides().map((side) => answers[side].commands?.data[node.dataset.command] || "").join("\n"));
+    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
     for (const panel of document.querySelectorAll(".panel[data-part]")) {
       const waits = shownSides().some((side) => requests.behind(side, panel.dataset.part));
       Format.put($(".state", panel), waits ? "updating" : "");
@@ -158,7 +159,7 @@ const Explorer = (() => {
       one.say(caption(side));
       if (answers[side].state) requests.drawn(side, answers[side].state.number);
     }
-    const rows = (kind) => list.map((side) => (state(side) ? Numbers[kind](state(side), view.formula) : []));
+    const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
     views.response.show(list, rows("response"), `formula ${view.formula}`);
     views.readings.show(list, rows("readings"));
     views.decoded.show(list, rows("decoded"));
@@ -202,9 +203,12 @@ const Explorer = (() => {
     $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
   }
 
+  // Whether everything that is shown belongs to the newest requests, at the level where they rest.
+  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || (parts().every((part) => !requests.behind(side, part)) && answers[side].state?.level === level));
+
   // ---- start
 
-  function look(key, next) { view[key] = next; touch("layout", "controls", "state", "sensor3d", "curve"); commitSoon(); }
+  function look(key, next) { view[key] = next; touch("layout", "controls", "state", "sensor3d", "curve", "commands"); commitSoon(); }
 
   function wire() {
     $("#undo").addEventListener("click", undo); $("#redo").addEventListener("click", redo);
@@ -220,7 +224,7 @@ const Explorer = (() => {
     });
     for (const input of document.querySelectorAll("[name=edit]")) input.addEventListener("change", () => look("edit", input.value));
     $("#view-field").addEventListener("change", (event) => look("field", event.target.value));
-    $("#view-lines").addEventListener("change", (event) => look("lines", event.target.checked ? "yes" : "no"));
+    $("#view-lines").addEventListener("change", (event) => { look("lines", event.target.checked ? "yes" : "no"); if (event.target.checked) shownSides().forEach((side) => requests.change(side)); });
     $("#view-mesh").addEventListener("change", (event) => look("mesh", event.target.checked ? "yes" : "no"));
     $("#view-formula").addEventListener("change", (event) => { look("formula", event.target.value); shownSides().forEach((side) => requests.change(side)); });
     $("#level").addEventListener("change", (event) => { level = event.target.value; shownSides().forEach((side) => requests.change(side)); touch("state"); commitSoon(); });
@@ -228,11 +232,12 @@ const Explorer = (() => {
     $("#turn-back").addEventListener("click", () => { Object.assign(turn, SensorView.START); touch("turn"); });
     $("#reset").addEventListener("click", () => { sides[view.edit] = defaults(); requests.change(view.edit); touch("controls", "state"); commit(); });
     $("#controls").addEventListener("submit", (event) => event.preventDefault());
-    new ResizeObserver(() => { for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size(); touch("state", "turn"); }).observe($("#stage"));
+    const watch = new ResizeObserver(() => { for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size(); touch("state", "turn"); });
+    for (const box of document.querySelectorAll(".canvas-box, .sensor canvas, .chart")) watch.observe(box);
   }
 
   return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, draw, wire, apply, address,
-    times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice,
+    times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice, fields: () => fields, look, complete,
     use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
     begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); } };
 })();

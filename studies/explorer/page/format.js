@@ -13,8 +13,8 @@ const Format = (() => {
     if (value === null || value === undefined || !isFinite(value)) return "–";
     const size = Math.abs(value);
     if (size < 1e-9) return "0";
-    const text = size >= 1e5 || size < 1e-4 ? value.toExponential(Math.max(digits - 2, 0)) : value.toPrecision(digits);
-    return (text.includes("e") && size < 1e5 && size >= 1e-4 ? String(Number(text)) : text).replace(/-/g, "−");
+    const text = size >= 1e5 || size < 1e-5 ? value.toExponential(Math.max(digits - 2, 0)) : value.toPrecision(digits);
+    return (text.includes("e") && size < 1e5 && size >= 1e-5 ? String(Number(text)) : text).replace(/-/g, "−");
   }
 
   // A half width with two digits; NaN for one that is not known yet.

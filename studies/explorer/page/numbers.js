@@ -4,6 +4,10 @@
 const Numbers = (() => {
   const { number, width } = Format;
 
+  // What the tables show before the first answer.
+  const NONE = [null, null, null];
+  const EMPTY = { response: { force: NONE, shift: NONE, tilt: null, tilt_y: null, contact_radius: null }, readings: { elements: ["S1", "S2", "S3"], volts: NONE, rest: NONE } };
+
   // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
   function response({ response: r, estimates: e, formula_level: f }) {
     const half = (name, k) => (e?.force ? (Array.isArray(e[name]) ? e[name][k] : e[name]) : NaN);
@@ -11,14 +15,14 @@ const Numbers = (() => {
     return [
       row("normal force", "N", "force", 2), row("force along x", "N", "force", 0), row("force along y", "N", "force", 1),
       row("shift along x", "mm", "shift", 0), row("shift along y", "mm", "shift", 1), row("shift along z", "mm", "shift", 2),
-      row("tilt towards x", "deg", "tilt", null), ["tilt towards y", "deg", r.tilt_y ?? 0, half("tilt", null), f?.tilt_y],
+      row("tilt towards x", "deg", "tilt", null), ["tilt towards y", "deg", r.tilt_y, half("tilt", null), f?.tilt_y],
       ["contact radius", "mm", r.contact_radius, null, null],
     ];
   }
 
   function readings({ readings: r }) {
     if (!r?.elements) return [];
-    return r.elements.map((name, k) => [r.saturated?.[k] ? `${name} (at its rail)` : name, r.units?.[k] || "V", r.volts[k], r.half_width ? r.half_width[k] : NaN, r.volts[k] - r.rest[k]]);
+    return r.elements.map((name, k) => [r.saturated?.[k] ? `${name} (at its rail)` : name, r.units?.[k] || "V", r.volts[k], r.half_width ? r.half_width[k] : NaN, r.volts[k] === null ? null : r.volts[k] - r.rest[k]]);
   }
 
   function decoded({ decoded: d, readings: r }) {
@@ -73,5 +77,5 @@ const Numbers = (() => {
     };
   }
 
-  return { table, response, readings, decoded, stability };
+  return { EMPTY, table, response, readings, decoded, stability };
 })();

@@ -33,7 +33,7 @@ const Requests = (engine, { message, show, refuse, progress }) => {
       number += 1;
       Object.assign(side, { number, flying: number, since: performance.now(), dirty: false });
       for (const input of side.inputs) if (input[0] === Infinity) input[0] = number;
-      engine.ask({ number, side: name, parts: PARTS, ...request });
+      engine.ask({ number, side: name, ...request });
     }
   }
 
@@ -66,9 +66,10 @@ const Requests = (engine, { message, show, refuse, progress }) => {
 
   function closed() { open = false; for (const side of Object.values(sides)) side.flying = 0; }
   function forget(name) { sides[name] = { ...NEW(), drawn: Object.fromEntries(PARTS.map((part) => [part, { number: number + 0.5 }])) }; }
+  // Whether a part that the newest request asks for is older than this request.
   const behind = (name, part) => sides[name].dirty || (sides[name].drawn[part]?.number || 0) < sides[name].number;
   const resting = () => Object.values(sides).every((side) => !side.dirty && !side.flying);
 
   engine.onAnswer(receive);
-  return { change, drawn, opened, closed, forget, behind, resting, times, newest: (name) => sides[name].number, parts: PARTS };
+  return { change, receive, drawn, opened, closed, forget, behind, resting, times, newest: (name) => sides[name].number, parts: PARTS };
 };
