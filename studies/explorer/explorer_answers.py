@@ -1,34 +1,39 @@
 """The answers to a request of the page, part by part, in the order in which they are ready.
 
-The picture comes first, then everything that takes longer than it: error estimates, the decoded load, the 3D figure,
-curves and stability. What depends on the design alone is kept while only the load changes.
+The picture comes first, then everything that takes longer than it: error estimates, the decoded load, the curve and
+stability. What depends on the design alone is kept while only the load changes.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from fem.solution import Solution
 from geometry.design import BadInput, Design
-from studies.explorer import state_answers, surface_data
+from studies.explorer import (
+    curve_answers,
+    explorer_exports,
+    magnet_lines,
+    stability_answers,
+    state_answers,
+    surface_data,
+)
 from studies.explorer.explorer_state import ExplorerState, Request
 from studies.explorer.kept_paths import KeptPaths
 
 Data = dict[str, Any]
 Answer = tuple[str, str, Data]
 """A part, its level and its data."""
-MOST = 8
-"""Most results that depend on the design alone and are kept: the parts of two designs side by side."""
+MOST = 12
+"""Most results that depend on the design alone and are kept: decoder, curves and stability of two designs."""
+TETRAHEDRA = (
+    "this load is solved by tetrahedra, which takes minutes: press Solve, or use the command line that is shown"
+)
 
 
 class SlowLoad(BadInput):
     """A load whose solve takes minutes, which only a request that allows it starts."""
-
-
-TETRAHEDRA = (
-    "this load is solved by tetrahedra, which takes minutes: press Solve, or use the command line that is shown"
-)
 
 
 class Answers:
@@ -37,6 +42,7 @@ class Answers:
     def __init__(self) -> None:
         self.paths = KeptPaths()
         self._kept: dict[Any, Any] = {}
+        self._design: dict[str, Any] = {}
 
     def all_of(self, request: Request, level: str) -> Iterator[Answer]:
         """Yield the parts of a request at a level.
@@ -46,37 +52,83 @@ class Answers:
         SlowLoad
             The solve takes minutes, and the request does not allow that.
         """
-        state = request.state
-        if not {"state", "sensor3d"}.isdisjoint(request.parts):
+        state, parts = request.state, request.parts
+        if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
             if state_answers.scene_of(state, level).solid and not request.on_request:
                 raise SlowLoad(TETRAHEDRA)
-            yield from self._solved(state, level, request.parts)
+            yield from self._solved(state, level, parts)
+        # what depends on the design alone is not sent in a coarse form again while only the load changes
+        shown = mechanics(state.design), state.magnet, state.formula_level
+        if level == state.level or self._design.get(request.side) != shown:
+            if "curve" in parts:
+                yield "curve", level, self._curve(state, level)
+            if "stability" in parts:
+                yield from self._stability(state, level)
+            self._design[request.side] = shown
+        if "state" in parts and state.design.shape.has_magnet:
+            solution = state_answers.solve_with_estimates(self.paths, state, level)
+            yield "state", level, state_answers.answer(state, solution, self._decoder(state.design))
+
+    def export(self, name: str, state: ExplorerState) -> bytes:
+        """Return a file of a state at its own level."""
+        if name == "curve.csv":
+            return explorer_exports.of_curve(self._curve(state, state.level))
+        solution = state_answers.solve_with_estimates(self.paths, state, state.level)
+        return explorer_exports.of_solution(name, state, solution)
+
+    def forget(self) -> None:
+        """Free everything that is kept."""
+        self.paths.close()
+        self._kept.clear()
+        self._design.clear()
 
     def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer]:
-        """Yield the parts that belong to one solution: the state, again with its error estimates, and the figure."""
+        """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
+        decoder = self._kept.get(("decoder", state.design))
         solution = state_answers.solve(self.paths, state, level)
         if "state" in parts:
-            yield "state", level, state_answers.answer(state, solution)
+            yield "state", level, state_answers.answer(state, solution, decoder)
+        if "field_lines" in parts:
+            yield "field_lines", level, magnet_lines.field_lines(state.design, solution)
         if "sensor3d" in parts:
             yield "sensor3d", level, surface_data.surface(solution)
         if "state" in parts:
             solution = state_answers.solve_with_estimates(self.paths, state, level)
-            yield "state", level, self._with_decoder(state, solution)
+            yield "state", level, state_answers.answer(state, solution, decoder)
 
-    def _with_decoder(self, state: ExplorerState, solution: Solution) -> Data:
-        design = state.design
-        decoder = None
-        if design.shape.has_magnet:
-            decoder = self.keep(("decoder", design), lambda: state_answers.build_decoder(design))
-        return state_answers.answer(state, solution, decoder)
+    def _curve(self, state: ExplorerState, level: str) -> Data:
+        """Return the curve; at level quick its error estimates follow only if it is not refined."""
+        design, magnet, estimate = state.design, state.magnet, level == state.level
+        key = ("curve", mechanics(design), magnet, level, estimate)
+        data = self._keep(key, lambda: curve_answers.curve(design, magnet, level, estimate=estimate))
+        return curve_answers.with_formulas(data, design, state.formula_level)
 
-    def keep(self, key: tuple[str, Design, *tuple[Any, ...]], compute: Callable[[], Any]) -> Any:
+    def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
+        """Yield the stability by the surrogate, and by finite elements at the level of the state."""
+        design, magnet = state.design, state.magnet
+        key = ("stability", mechanics(design), magnet, level)
+        if key not in self._kept and level == "quick":
+            data = stability_answers.by_surrogate(design, magnet)
+            if data is not None:
+                yield "stability", "surrogate", data
+        if level == state.level:
+            compute = stability_answers.by_finite_elements
+            yield "stability", level, self._keep(key, lambda: compute(design, magnet, level))
+
+    def _decoder(self, design: Design) -> Any:
+        """Return the decoder of a design."""
+        return self._keep(("decoder", design), lambda: state_answers.build_decoder(design))
+
+    def _keep(self, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
         """Return a kept result, or compute and keep it."""
-        if key in self._kept:
-            self._kept[key] = self._kept.pop(key)
-        else:
-            result = compute()
-            while len(self._kept) >= MOST:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[key] = result
-        return self._kept[key]
+        result = self._kept.pop(key) if key in self._kept else compute()
+        while len(self._kept) >= MOST:
+            self._kept.pop(next(iter(self._kept)))
+        self._kept[key] = result
+        return result
+
+
+def mechanics(design: Design) -> tuple[Any, ...]:
+    """Return the fields of a design on which its curve and its stability depend."""
+    names = [spec.name for spec in dataclasses.fields(design) if not spec.name.startswith(("hall_", "chip_"))]
+    return tuple(getattr(design, name) for name in names if name not in ("f", "c", "l0", "remanence", "magnet_north"))

@@ -1,10 +1,10 @@
 """A worker process of the explorer: it does one job at a time and sends each answer as soon as it is ready.
 
-Jobs arrive as pickles on standard input, and texts leave as pickles on standard output: `(job number, kind, text)`
-with kind "answer" (a text for the page), "done" or "lost" (a text that says why). A thread reads the input, so that
-the message "abandon" reaches a job while it runs. A job is abandoned at the next load increment or part. Its first
-picture is still finished if that takes less than `GRACE`; otherwise a hand that never rests would see no picture. The
-process ends when its input closes, which happens however the server ends.
+Jobs arrive as pickles on standard input, and answers leave as pickles on standard output: `(job number, kind,
+content)` with kind "answer" (a text for the page), "file" (the bytes of an export) or "done". A thread reads the
+input, so that the number of a job to abandon reaches it while it runs. A job is abandoned at the next load increment
+or part. Its first picture is still finished if that takes less than `GRACE`; otherwise a hand that never rests would
+see no picture. The process ends when its input closes, which happens however the server ends.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ PAUSE = 0.05
 two moves of a hand."""
 PROGRESS = 0.3
 """Time between two messages of progress, and before the first, s."""
-Kind = Literal["answer", "done", "lost"]
+Kind = Literal["answer", "file", "done"]
 
 
 class Job(NamedTuple):
-    """One job: its number, the message of the page, and the level of its answers."""
+    """One job: its number, the message of the page, the level of its answers, and the name of an export or ""."""
 
     number: int
     message: dict[str, Any]
     level: str
+    export: str = ""
 
 
 class Abandoned(Exception):
@@ -65,10 +66,10 @@ class Worker:
         self._begin = self._last_progress = 0.0
         self._pictured = False
 
-    def send(self, kind: Kind, text: str = "") -> None:
-        """Send a text of the present job."""
+    def send(self, kind: Kind, content: str | bytes = "") -> None:
+        """Send an answer of the present job."""
         with self._lock:
-            pickle.dump((self._job.number, kind, text), self._stream)
+            pickle.dump((self._job.number, kind, content), self._stream)
             self._stream.flush()
 
     def abandon(self, number: int) -> None:
@@ -88,7 +89,10 @@ class Worker:
         try:
             request = request_of(job.message)
             with watched(self._watch):
-                self._answer(answers, request, job.level)
+                if job.export:
+                    self.send("file", answers.export(job.export, request.state))
+                else:
+                    self._answer(answers, request, job.level)
         except Abandoned:
             pass
         except BadInput as error:
@@ -96,7 +100,7 @@ class Worker:
             self.send("answer", encoded(number, side, error=str(error), field=None, slow=slow))
         except (RuntimeError, ArithmeticError, MemoryError) as error:
             # a mesher that failed, or a matrix that cannot be factorised: said, and the next job starts afresh
-            answers.paths.close()
+            answers.forget()
             text = str(error) or type(error).__name__
             self.send("answer", encoded(number, side, error=f"the solve failed: {text}", field=None))
         finally:

@@ -26,7 +26,7 @@ import tornado.web
 import tornado.websocket
 
 from geometry.design import BadInput, paper
-from studies.explorer import explorer_workers, state_commands
+from studies.explorer import explorer_exports, explorer_workers, state_commands
 from studies.explorer.explorer_fields import explorer_fields
 from studies.explorer.explorer_process import encoded
 from studies.explorer.explorer_state import request_of, wrong_field
@@ -112,7 +112,16 @@ def is_allowed(handler: tornado.web.RequestHandler) -> bool:
         or handler.get_cookie(cookie_name(shared))
         or ""
     )
-    return request.host.lower() in shared.hosts and hmac.compare_digest(given.encode(), shared.token.encode())
+    origin = request.headers.get("Origin")
+    if request.host.lower() not in shared.hosts or (origin is not None and not is_own(origin, shared)):
+        return False
+    return hmac.compare_digest(given.encode(), shared.token.encode())
+
+
+def is_own(origin: str, shared: Shared) -> bool:
+    """Return whether the Origin header of a request names this server."""
+    scheme, _, host = origin.partition("://")
+    return scheme == "http" and host.lower() in shared.hosts
 
 
 def cookie_name(shared: Shared) -> str:
@@ -161,8 +170,7 @@ class Live(tornado.websocket.WebSocketHandler):
             raise tornado.web.HTTPError(403)
 
     def check_origin(self, origin: str) -> bool:
-        scheme, _, host = origin.partition("://")
-        return scheme == "http" and host.lower() in self.shared.hosts
+        return is_own(origin, self.shared)
 
     def get_compression_options(self) -> None:
         return None
@@ -187,7 +195,7 @@ class Live(tornado.websocket.WebSocketHandler):
         if set(request.parts) - {"commands"}:
             self.shared.workers.ask((id(self), side), checked, self.send)
 
-    def send(self, text: str) -> None:
+    def send(self, text: str | bytes) -> None:
         """Send a text unless the page has been closed."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
             self.write_message(text)
@@ -207,11 +215,16 @@ def refusal(content: object, error: Exception) -> str:
     """Return the answer to a request that cannot be used: one sentence, and the field that it is about."""
     table = content if isinstance(content, dict) else {}
     number, side = table.get("number", 0), table.get("side", "a")
-    sentence = str(error) if isinstance(error, BadInput) else "the request is not valid JSON"
+    sentence = sentence_of(error)
     field = wrong_field(table) if isinstance(error, BadInput) else None
     return encoded(
         number if isinstance(number, int) else 0, side if side == "b" else "a", error=sentence, field=field
     )
+
+
+def sentence_of(error: Exception) -> str:
+    """Return the sentence about a request that cannot be used."""
+    return str(error) if isinstance(error, BadInput) else "the request is not valid JSON"
 
 
 def application(shared: Shared) -> tornado.web.Application:
@@ -223,6 +236,7 @@ def application(shared: Shared) -> tornado.web.Application:
             ("/page/fields.json", Controls, options),
             ("/page/(.*)", Files, options),
             ("/live", Live, options),
+            ("/export/([a-z.]+)", Export, options),
         ],
         default_handler_class=Missing,
         default_handler_args=options,
@@ -230,6 +244,31 @@ def application(shared: Shared) -> tornado.web.Application:
         websocket_max_message_size=MOST_BYTES,
         websocket_ping_interval=30,
     )
+
+
+class Export(Guarded):
+    """A file of the state that the page sends."""
+
+    async def post(self, name: str) -> None:
+        if name not in explorer_exports.TYPES:
+            raise tornado.web.HTTPError(404)
+        try:
+            message = explorer_workers.check(json.loads(self.request.body))
+            content = await self._content(name, message)
+        except (ValueError, RecursionError) as error:
+            self.set_status(400)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish(sentence_of(error))
+            return
+        self.set_header("Content-Type", explorer_exports.TYPES[name])
+        self.set_header("Content-Disposition", f'attachment; filename="magtip-{name}"')
+        self.finish(content)
+
+    async def _content(self, name: str, message: dict[str, Any]) -> bytes:
+        state = request_of(message).state
+        if name in explorer_exports.OF_WORKER:
+            return await self.shared.workers.export(name, message)
+        return await explorer_exports.mold(state) if name == "mold.zip" else explorer_exports.text_of(name, state)
 
 
 class Missing(Guarded):

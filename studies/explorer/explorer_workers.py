@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import pickle
 import signal
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Hashable
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry.design import BadInput
 from studies.exploration.worker_process import environment
@@ -30,8 +31,17 @@ MOST_STARTS = 3
 
 Key = Hashable
 """A page and a side: a newer request replaces an older one with the same key."""
-Send = Callable[[str], None]
-"""Sends a text to a page."""
+Send = Callable[[str | bytes], None]
+"""Takes an answer: a text for a page, or the bytes of an export."""
+
+
+class Asked(NamedTuple):
+    """A request that waits or runs: the page's message, the level, the name of an export or "", and the receiver."""
+
+    message: dict[str, Any]
+    level: str
+    export: str
+    send: Send
 
 
 class WorkerProcess:
@@ -42,25 +52,25 @@ class WorkerProcess:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._waiting: dict[Key, tuple[dict[str, Any], str, Send]] = {}
-        self._running: tuple[Key, int, Send] | None = None
+        self._waiting: dict[Key, Asked] = {}
+        self._running: tuple[Key, Asked] | None = None
         self._number = 0
         self._failures = 0
         self._closed = False
         self._ready = False
         self._start()
 
-    def ask(self, key: Key, message: dict[str, Any], level: str, send: Send) -> None:
-        """Queue a request in place of an older one of this key."""
+    def ask(self, key: Key, message: dict[str, Any], level: str, send: Send, export: str = "") -> None:
+        """Queue a request, or an export, in place of an older one of this key."""
         self.drop(key)
-        self._waiting[key] = (message, level, send)
+        self._waiting[key] = Asked(message, level, export, send)
         self._next()
 
     def drop(self, key: Key) -> None:
         """Forget the request of a key that waits, and abandon the one that runs."""
         self._waiting.pop(key, None)
         if self._running is not None and self._running[0] == key:
-            self._write(self._running[1])
+            self._write(self._number)
 
     def close(self) -> None:
         """End the process."""
@@ -87,17 +97,17 @@ class WorkerProcess:
         with contextlib.suppress(RuntimeError):  # the loop is closed
             with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError):
                 while True:
-                    number, kind, text = pickle.load(process.stdout)
-                    self._loop.call_soon_threadsafe(self._take, number, kind, text)
+                    number, kind, content = pickle.load(process.stdout)
+                    self._loop.call_soon_threadsafe(self._take, number, kind, content)
             self._loop.call_soon_threadsafe(self._lost, process)
 
-    def _take(self, number: int, kind: Kind, text: str) -> None:
+    def _take(self, number: int, kind: Kind, content: str | bytes) -> None:
         """Pass an answer on, or begin the next job."""
         if kind == "done":
             self._ready, self._running, self._failures = True, None, 0
             self._next()
-        elif self._running is not None and self._running[1] == number:
-            self._running[2](text)
+        elif self._running is not None and self._number == number:
+            self._running[1].send(content)
 
     def _lost(self, process: subprocess.Popen[bytes]) -> None:
         """Start another process after one has died, and say so to the page that waits for it."""
@@ -108,10 +118,9 @@ class WorkerProcess:
         code = process.wait()
         _close_pipes(process)
         if self._running is not None:
-            key, _, send = self._running
-            page = key[-1] if isinstance(key, tuple) else "a"
+            message, _, _, send = self._running[1]
             sentence = f"the process that solved this state ended ({_ending(code)}): change the state and try again"
-            send(encoded(0, str(page), error=sentence, field=None))
+            send(encoded(message.get("number", 0), message.get("side", "a"), error=sentence, field=None))
         self._failures += 1
         if self._failures > MOST_STARTS:
             self._closed = True
@@ -123,10 +132,10 @@ class WorkerProcess:
         if not self._ready or self._running is not None or not self._waiting:
             return
         key = next(iter(self._waiting))
-        message, level, send = self._waiting.pop(key)
+        asked = self._waiting.pop(key)
         self._number += 1
-        self._running = key, self._number, send
-        self._write(Job(self._number, message, level))
+        self._running = key, asked
+        self._write(Job(self._number, asked.message, asked.level, asked.export))
 
     def _write(self, content: Job | int) -> None:
         """Send a job, or the number of one to abandon."""
@@ -151,6 +160,32 @@ class Workers:
         self.quick.ask(key, message, "quick", send)
         if message.get("state", {}).get("level", "standard") == "standard":
             self._timers[key] = self._loop.call_later(REST, self._refine, key, message, send)
+
+    async def export(self, name: str, message: dict[str, Any]) -> bytes:
+        """Return the file of a checked request.
+
+        Raises
+        ------
+        BadInput
+            The state cannot be solved.
+        """
+        future: asyncio.Future[bytes] = self._loop.create_future()
+
+        def take(content: str | bytes) -> None:
+            if future.done():
+                return
+            if isinstance(content, bytes):
+                future.set_result(content)
+            elif "error" in (answer := json.loads(content)):
+                future.set_exception(BadInput(answer["error"]))
+
+        key = ("export", id(future))
+        level = message.get("state", {}).get("level", "standard")
+        self.refining.ask(key, message, level, take, name)
+        try:
+            return await future
+        finally:
+            self.refining.drop(key)
 
     def forget(self, key: Key) -> None:
         """Drop the requests of a page that has been closed."""

@@ -1,0 +1,396 @@
+"""The explorer's server: who may use it, what it answers, what it exports, and how it ends."""
+
+import asyncio
+import contextlib
+import csv
+import io
+import json
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+import zipfile
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
+
+from analytic import hall
+from fem.accuracy import LEVELS
+from fem.equilibrium import solve
+from geometry.design import BadInput, Design
+from studies.cli import commands
+from studies.explorer import explorer_server, explorer_state
+from studies.inputs import user_input
+
+PATIENCE = 60.0
+SHEARED = {"load": {"depth": 1.0, "shear": 0.4, "direction": 90}, "design": {"D": 9.0, "hall_noise": 0.001}}
+
+
+class Page:
+    """One page of a running server, as the browser opens it."""
+
+    def __init__(self, running):
+        self.running, self.address = running, urlsplit(running.address)
+        self.number = 0
+
+    def url(self, path, *, token=True):
+        return f"http://{self.address.netloc}{path}{f'?{self.address.query}' if token else ''}"
+
+    async def fetch(self, path, *, token=True, **options):
+        return await AsyncHTTPClient().fetch(HTTPRequest(self.url(path, token=token), **options), raise_error=False)
+
+    async def open(self, **headers):
+        url = self.url("/live").replace("http", "ws", 1)
+        given = {"Origin": f"http://{self.address.netloc}", **headers}
+        self.socket = await websocket_connect(HTTPRequest(url, headers=given), max_message_size=10**8)
+        return self
+
+    async def ask(self, state, parts=("state",), **more):
+        self.number += 1
+        message = {"number": self.number, "side": "a", "state": state, "parts": list(parts), **more}
+        await self.socket.write_message(json.dumps(message))
+        return self.number
+
+    async def next(self):
+        text = await asyncio.wait_for(self.socket.read_message(), PATIENCE)
+        assert text is not None, "the server has closed the connection"
+        return json.loads(text)
+
+    async def until(self, wanted):
+        """Return the first answer that is wanted, and all answers up to it."""
+        answers = []
+        while True:
+            answers.append(await self.next())
+            if wanted(answers[-1]):
+                return answers[-1], answers
+
+    async def export(self, name, state):
+        body = json.dumps({"state": state})
+        return await self.fetch(f"/export/{name}", method="POST", body=body, request_timeout=PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    loop = asyncio.new_event_loop()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture(scope="module")
+def running(loop):
+    async def begin():
+        return explorer_server.start({})
+
+    running = loop.run_until_complete(begin())
+    yield running
+    loop.run_until_complete(running.close())
+
+
+@pytest.fixture
+def page(running):
+    return Page(running)
+
+
+@pytest.fixture
+def live(loop, page):
+    loop.run_until_complete(page.open())
+    yield page
+    page.socket.close()
+
+
+def estimated(number, level):
+    """Whether an answer is the state of a request with its error estimates."""
+
+    def wanted(answer):
+        data = answer.get("data", {})
+        return (answer["number"], answer.get("part"), answer.get("level")) == (number, "state", level) and (
+            data["estimates"]["force"] is not None and data["decoded"] is not None
+        )
+
+    return wanted
+
+
+@pytest.mark.parametrize(
+    ("path", "token", "headers"),
+    [
+        ("/", False, {}),
+        ("/", False, {"Cookie": "magtip_token=guess"}),
+        ("/page/explorer.js", False, {"X-Token": "guess"}),
+        ("/", True, {"Host": "example.org"}),
+        ("/page/fields.json", True, {"Origin": "http://example.org"}),
+        ("/export/design.toml", True, {"Origin": "null"}),
+    ],
+)
+def test_refuses_requests_that_are_not_from_its_page(loop, page, path, token, headers):
+    post = {"method": "POST", "body": "{}"} if path.startswith("/export") else {}
+    answer = loop.run_until_complete(page.fetch(path, token=token, headers=headers, **post))
+    assert answer.code == 403
+
+
+@pytest.mark.parametrize("headers", [{"Origin": "http://example.org"}, {"Origin": "null"}, {"Host": "example.org"}])
+def test_refuses_connections_of_other_pages(loop, page, headers):
+    with pytest.raises(HTTPClientError, match="403"):
+        loop.run_until_complete(page.open(**headers))
+
+
+def test_page_and_its_files_are_served_to_the_token(loop, page):
+    index = loop.run_until_complete(page.fetch("/"))
+    cookie = index.headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert "http" not in index.headers["Content-Security-Policy"]
+    # the cookie replaces the token
+    script = loop.run_until_complete(
+        page.fetch("/page/explorer.js", token=False, headers={"Cookie": cookie.partition(";")[0]})
+    )
+    assert (script.code, script.headers["Content-Type"]) == (200, "text/javascript; charset=utf-8")
+
+
+@pytest.mark.parametrize("path", ["/page/../explorer_server.py", "/page/%2e%2e/explorer_server.py", "/page/none.js"])
+def test_other_files_are_not_served(loop, page, path):
+    assert loop.run_until_complete(page.fetch(path)).code in (400, 404)
+
+
+def test_state_is_the_solution_of_the_command_line(loop, live):
+    async def answers():
+        number = await live.ask(SHEARED, ("state", "sensor3d", "field_lines", "commands"))
+        return await live.until(estimated(number, "standard"))
+
+    answer, before = loop.run_until_complete(answers())
+    state = explorer_state.state_of(SHEARED)
+    quick = next(one["data"] for one in before if (one.get("part"), one.get("level")) == ("state", "quick"))
+    for data, level in ((quick, "quick"), (answer["data"], "standard")):
+        solution = solve(state.design, state.load, LEVELS[level])
+        assert data["response"]["force"] == pytest.approx(solution.response.force, rel=1e-9, abs=1e-12)
+        assert data["response"]["shift"] == pytest.approx(solution.response.shift, rel=1e-9, abs=1e-12)
+        assert data["response"]["tilt_y"] == pytest.approx(math.degrees(solution.response.tilt_y), rel=1e-9)
+        volts = hall.readings(state.design, solution.response).output
+        assert data["readings"]["volts"] == pytest.approx(volts, rel=1e-9)
+    assert answer["data"]["estimates"]["force"][2] == pytest.approx(
+        solution.estimates.force * math.hypot(*solution.response.force)
+    )
+    assert answer["data"]["message"] == solution.message
+    # S3 lies along y, in which the magnet moves
+    assert answer["data"]["readings"]["half_width"][2] > 0
+    assert all(noise > 0 for noise in answer["data"]["decoded"]["noise"])
+    assert {one["part"] for one in before if "part" in one} == {"state", "sensor3d", "field_lines", "commands"}
+
+
+def test_curve_and_stability(loop, live):
+    async def answers():
+        number = await live.ask({"load": {"depth": 1}, "level": "quick"}, ("curve", "stability"))
+        return await live.until(
+            lambda one: (one["number"], one.get("part"), one.get("level")) == (number, "stability", "quick")
+        )
+
+    answer, before = loop.run_until_complete(answers())
+    (curve,) = [one["data"] for one in before if one.get("part") == "curve"]
+    last = solve(Design(), explorer_state.state_of({"load": {"depth": curve["depth"][-1]}}).load, LEVELS["quick"])
+    assert curve["force"][-1] == pytest.approx(last.response.force[2], rel=1e-9)
+    assert curve["estimates"]["force"][-1] == pytest.approx(last.estimates.force * last.response.force[2], rel=1e-6)
+    assert all(low < high for low, high in zip(curve["force"], curve["force"][1:], strict=False))
+    (surrogate,) = [one["data"] for one in before if one.get("level") == "surrogate"]
+    assert surrogate["first_mode_hz"] == pytest.approx(answer["data"]["first_mode_hz"], rel=0.02)
+    assert answer["data"]["estimate"] > 0
+
+
+@pytest.mark.parametrize(
+    ("state", "field", "words"),
+    [
+        ({"design": {"L": 3}, "load": {"depth": 0.5}}, "L", ["--set", "L=3", "--depth", "0.5"]),
+        ({"design": {"D": "wide"}, "load": {"depth": 0.5}}, "D", ["--set", "D=wide", "--depth", "0.5"]),
+        ({"load": {"depth": -1}}, "depth", ["--depth=-1"]),
+        ({"load": {"depth": 1, "friction": "glue"}}, "friction", ["--depth", "1", "--friction", "glue"]),
+        ({"load": {"depth": 1, "plate_tilt": 80}}, "plate_tilt", ["--depth", "1", "--plate-tilt", "80"]),
+        ({"load": {"depth": 7.5}}, "depth", ["--depth", "7.5"]),
+    ],
+)
+def test_bad_input_has_the_sentence_of_the_command_line(loop, live, capsys, state, field, words):
+    async def answer():
+        number = await live.ask(state)
+        return (await live.until(lambda one: one["number"] == number and "error" in one))[0]
+
+    refused = loop.run_until_complete(answer())
+    assert commands.run(["solve", "paper", *words]) == 2
+    assert capsys.readouterr().err == f"magtip: {refused['error']}\n"
+    assert refused["field"] == field
+
+
+@pytest.mark.parametrize("text", ["{", "[1]", '{"number": "x"}', '{"state": 3}', '{"parts": ["none"]}', "NaN"])
+def test_nonsense_is_refused_in_a_sentence(loop, live, text):
+    async def answer():
+        await live.socket.write_message(text)
+        return await live.next()
+
+    assert loop.run_until_complete(answer())["error"].count("\n") == 0
+
+
+def test_newer_requests_replace_older_ones(loop, live):
+    async def answers():
+        numbers = [await live.ask({"load": {"depth": 1 + 0.01 * k}}) for k in range(30)]
+        return numbers, (await live.until(estimated(numbers[-1], "standard")))[1]
+
+    numbers, answers = loop.run_until_complete(answers())
+    answered = [one["number"] for one in answers if one.get("part") == "state"]
+    assert answered == sorted(answered)
+    # nearly all of these requests waited when a newer one came
+    assert len(set(answered)) < len(numbers) / 2
+    assert {one["number"] for one in answers if one.get("level") == "standard"} == {numbers[-1]}
+
+
+def test_two_pages_get_their_own_answers(loop, running, live):
+    async def answers():
+        other = await Page(running).open()
+        await live.ask({"load": {"depth": 0.5}})
+        await other.ask({"load": {"depth": 1.5}})
+        own = [(await page.until(estimated(page.number, "quick")))[0] for page in (live, other)]
+        other.socket.close()
+        return own
+
+    one, other = loop.run_until_complete(answers())
+    assert (one["data"]["load"]["depth"], other["data"]["load"]["depth"]) == (0.5, 1.5)
+
+
+def memory(pids):
+    """Resident memory of processes, MB."""
+    pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
+def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
+    draw = random.Random(3)
+    pids = [running.shared.workers.quick.pid, running.shared.workers.refining.pid]
+
+    ranges = {"depth": (-0.1, 3), "D": (6, 12), "L": (3, 14), "E": (0.1, 3), "f": (4, 9), "remanence": (0.8, 1.4)}
+    state = {"design": {}, "load": {"depth": 1.0}}
+
+    async def moves(count):
+        for k in range(count):
+            name = draw.choice(list(ranges))
+            state["load" if name == "depth" else "design"][name] = draw.uniform(*ranges[name])
+            state["load"]["shear"] = 0.0 if k % 20 else draw.uniform(-1, 1)
+            design, load = dict(state["design"]), dict(state["load"])
+            number = await live.ask({"design": design, "load": load, "level": "quick"})
+            answer, _ = await live.until(
+                lambda one: one["number"] == number and (one.get("part") == "state" or "error" in one)
+            )
+            if "error" in answer:
+                with pytest.raises(BadInput) as refused:
+                    explorer_state.state_of({"design": design, "load": load})
+                assert answer["error"] == str(refused.value)
+            else:
+                assert math.isfinite(answer["data"]["response"]["force"][2])
+
+    loop.run_until_complete(moves(40))
+    before = memory(pids)
+    loop.run_until_complete(moves(160))
+    assert memory(pids) < 1.15 * before
+    assert len(running.shared.pages) == 1
+
+
+def test_exports_open_again(loop, page, tmp_path):
+    async def files():
+        return {
+            name: await page.export(name, SHEARED)
+            for name in ("design.toml", "state.csv", "curve.csv", "fields.vtu", "commands.json")
+        }
+
+    answers = loop.run_until_complete(files())
+    assert {name: answer.code for name, answer in answers.items()} == dict.fromkeys(answers, 200)
+    for name, answer in answers.items():
+        (tmp_path / name).write_bytes(answer.body)
+    state = explorer_state.state_of(SHEARED)
+    assert user_input.read_design(str(tmp_path / "design.toml")) == state.design
+    solution = solve(state.design, state.load)
+    (row,) = csv.DictReader(io.StringIO(answers["state.csv"].body.decode()))
+    assert float(row["force_N_3"]) == pytest.approx(solution.response.force[2], rel=1e-9)
+    curve = list(csv.DictReader(io.StringIO(answers["curve.csv"].body.decode())))
+    assert float(curve[-1]["force_half_width_N"]) > 0
+    import pyvista as pv
+
+    grid = pv.read(tmp_path / "fields.vtu")
+    assert grid.point_data["displacement_mm"].max() > 0.3
+    assert "magtip solve" in json.loads(answers["commands.json"].body)["shell"]
+
+
+def test_mould_is_that_of_the_command_line(loop, page, tmp_path):
+    answer = loop.run_until_complete(page.export("mold.zip", {"design": {"D": 9}}))
+    assert answer.code == 200
+    with zipfile.ZipFile(io.BytesIO(answer.body)) as archive:
+        assert archive.testzip() is None
+        names = set(archive.namelist())
+    assert {"mold_a.stl", "mold_a.3mf", "mold.step", "README.md"} <= names
+
+
+def test_export_of_a_bad_state_is_refused_in_a_sentence(loop, page):
+    answer = loop.run_until_complete(page.export("state.csv", {"design": {"L": 3}}))
+    assert (answer.code, answer.body.decode()) == (400, "L must exceed the tip radius D/2 = 4 mm; got 3 mm")
+
+
+def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
+    async def answers():
+        number = await live.ask({"load": {"depth": 1.0, "shear": 1.0, "friction": 0.3}, "level": "quick"})
+        await asyncio.sleep(0.2)
+        os.kill(running.shared.workers.quick.pid, signal.SIGKILL)
+        refused, _ = await live.until(lambda one: "error" in one)
+        assert refused["number"] == number
+        number = await live.ask({"load": {"depth": 1.0}, "level": "quick"})
+        return refused, (await live.until(estimated(number, "quick")))[0]
+
+    refused, answer = loop.run_until_complete(answers())
+    assert "signal 9" in refused["error"]
+    assert answer["data"]["status"] == "ok"
+
+
+def children(pid):
+    """Processes whose parent is a process."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(folder.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
+def test_interrupt_ends_the_server_and_its_workers():
+    command = [sys.executable, "-m", "studies.cli", "explore", "--no-browser", "--set", "D=10"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        address = process.stdout.readline()
+        assert address.startswith("http://127.0.0.1:")
+        assert address.endswith("#preset=paper&D=10\n")
+        port = urlsplit(address).port
+        workers = children(process.pid)
+        assert len(workers) == 2
+        # a second server on this port says so
+        again = [*command, "--port", str(port)]
+        refused = subprocess.run(again, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        assert refused.returncode == 2
+        assert refused.stderr.startswith(f"magtip: port {port} cannot be used (")
+        assert refused.stderr.count("\n") == 1
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+    end = time.monotonic() + 5
+    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+
+
+def test_files_of_the_page_are_in_the_wheel():
+    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text("utf-8"))
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert "studies" in wheel["packages"]
+    assert not wheel.get("exclude")
+    assert (explorer_server.PAGE / explorer_server.INDEX).is_file()
