@@ -105,6 +105,11 @@ def live(loop, page):
     page.socket.close()
 
 
+def state_of(number):
+    """Whether an answer is the state of a request, or its refusal."""
+    return lambda one: one["number"] == number and (one.get("part") == "state" or "error" in one)
+
+
 def estimated(number, level):
     """Whether an answer is the state of a request with its error estimates."""
 
@@ -269,7 +274,7 @@ def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
     draw = random.Random(3)
     pids = [running.shared.workers.quick.pid, running.shared.workers.refining.pid]
 
-    ranges = {"depth": (-0.1, 3), "D": (6, 12), "L": (3, 14), "E": (0.1, 3), "f": (4, 9), "remanence": (0.8, 1.4)}
+    ranges = {"depth": (-0.1, 3), "D": (6, 12), "L": (5, 14), "E": (0.1, 3), "f": (4, 9), "remanence": (0.8, 1.4)}
     state = {"design": {}, "load": {"depth": 1.0}}
 
     async def moves(count):
@@ -279,9 +284,7 @@ def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
             state["load"]["shear"] = 0.0 if k % 20 else draw.uniform(-1, 1)
             design, load = dict(state["design"]), dict(state["load"])
             number = await live.ask({"design": design, "load": load, "level": "quick"})
-            answer, _ = await live.until(
-                lambda one: one["number"] == number and (one.get("part") == "state" or "error" in one)
-            )
+            answer, _ = await live.until(state_of(number))
             if "error" in answer:
                 with pytest.raises(BadInput) as refused:
                     explorer_state.state_of({"design": design, "load": load})
