@@ -18,6 +18,7 @@ from studies.benchmarks import (
     benchmark_cases,
     benchmark_statistics,
     benchmark_tables,
+    earlier_commit,
     peer_calculix,
     peers,
     solver_benchmark,
@@ -237,9 +238,11 @@ def test_a_process_beyond_its_limit_is_stopped():
 def alone(monkeypatch):
     """The bench without the solves of magtip."""
     monkeypatch.setattr(solver_benchmark, "CASES", ())
-    monkeypatch.setattr(solver_benchmark, "_linear", lambda _: None)
-    monkeypatch.setattr(solver_benchmark, "_first_call", lambda _: None)
-    monkeypatch.setattr(solver_benchmark, "_growth", lambda _: None)
+    for part in ("_small_shear", "_modes", "_first_call", "_growth"):
+        monkeypatch.setattr(solver_benchmark, part, lambda _: None)
+    for part in ("measure_machine", "compiled_functions", "section_meshes", "tilted_plate", "field_points"):
+        monkeypatch.setattr(solver_benchmark, part, lambda _: None)
+    monkeypatch.setattr(earlier_commit, "COMMIT", "no-such-commit")
 
 
 def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict, tmp_path):
@@ -255,18 +258,35 @@ def test_missing_peers_are_rows_that_say_how_to_install_them(alone, run, strict,
     assert all(row["met"] is None for row in rows)
     text = (tmp_path / "found" / "BENCH.md").read_text("utf-8")
     assert "0 of 2 goals are met" in text
+    assert "the comparison with commit no-such-commit is left out" in text
     assert "numpy" in text
     assert (tmp_path / "found" / "bench.csv").read_text("utf-8").count("\n") == 3
+
+
+def test_only_the_chosen_cases_run(alone, monkeypatch, run, strict):
+    monkeypatch.setattr(solver_benchmark, "field_points", lambda bench: bench.rows.append(FIELD))
+    status, out, _ = run("bench", "--cases", "field, modes", "--json")
+    assert (status, [row["case"] for row in strict(out)]) == (0, ["field"])
+    status, _, err = run("bench", "--cases", "fields")
+    assert (status, "--cases takes compiled, press-curve" in err, "got fields" in err) == (2, True, True)
+
+
+FIELD = solver_benchmark.row("field", "magtip", "one thread", {"cpu_s": 0.1})
+
+
+def test_the_help_names_all_cases(run):
+    _, out, _ = run("bench", "--help")
+    assert all(name in out for name in solver_benchmark.names())
 
 
 def test_goals_are_judged_and_misses_said(alone, monkeypatch, run, strict):
     fast, slow = answer(0.1, 0.2) | {"dofs": 9, "peak_MB": 50.0}, answer(0.1, 0.4) | {"dofs": 9, "peak_MB": 50.0}
     case = benchmark_cases.Case(
-        "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 0.3
+        "one", "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 0.3
     )
     for found, met in ((fast, True), (slow, False)):
         monkeypatch.setattr(solver_benchmark, "CASES", (case,))
-        monkeypatch.setattr(peers, "magtip", lambda spec, found=found: dict(found))
+        monkeypatch.setattr(peers, "magtip", lambda spec, found=found, **_: dict(found))
         status, out, err = run("bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
         assert status == 0
         assert strict(out)[0]["met"] is met
@@ -277,14 +297,15 @@ def test_goals_are_judged_and_misses_said(alone, monkeypatch, run, strict):
 def test_what_follows_from_a_tangent_is_held_against_its_goals(monkeypatch, shear, modes, met):
     cost = {"trace": 0.35, "small shear": shear, "modes": modes}
     monkeypatch.setattr(peers, "magtip", lambda task: answer(0, cost[task["task"]]))
-    found = solver_benchmark._Bench(True, Path("nowhere"), "no-such-ccx", None)
-    solver_benchmark._linear(found)
+    found = solver_benchmark.Bench(True, Path("nowhere"), "no-such-ccx", None)
+    solver_benchmark._small_shear(found)
+    solver_benchmark._modes(found)
     assert [row.met for row in found.rows] == [None, *met]
 
 
 def test_a_section_is_compared_with_the_half_model_of_its_scene():
     case = next(case for case in benchmark_cases.CASES if case.model == "harmonic" and case.reference is not None)
-    found = solver_benchmark._Bench(True, Path("nowhere"), "no-such-ccx", None)
+    found = solver_benchmark.Bench(True, Path("nowhere"), "no-such-ccx", None)
     assert solver_benchmark._over_half(found, case, answer(0, 1.5)) is None
     found.rows.append(solver_benchmark.row(case.name, "magtip", "solid_size 0.14 D", answer(0, 30.0)))
     assert solver_benchmark._over_half(found, case, answer(0, 1.5)) == 20
@@ -306,10 +327,10 @@ def test_a_tangent_in_a_process_of_its_own(task):
 
 def test_a_lost_reference_meets_no_goal(alone, monkeypatch, run, strict):
     case = benchmark_cases.Case(
-        "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 9.0
+        "one", "quick one", "axisymmetric", "ignored", ({"depth": 1.0},), ({},), 0.5, ("axisymmetric", {}), 9.0
     )
     monkeypatch.setattr(solver_benchmark, "CASES", (case,))
-    monkeypatch.setattr(peers, "magtip", lambda spec: {"status": "failed", "message": "lost"})
+    monkeypatch.setattr(peers, "magtip", lambda spec, **_: {"status": "failed", "message": "lost"})
     _, out, _ = run("bench", "--quick", "--peers", "nowhere", "--ccx", "no-such-ccx", "--json")
     row = strict(out)[0]
     assert (row["status"], row["met"]) == ("no reference", False)
@@ -318,7 +339,7 @@ def test_a_lost_reference_meets_no_goal(alone, monkeypatch, run, strict):
 def test_faster_leaves_the_mesher_out():
     own = solver_benchmark.row("c", "magtip", "", {"status": "ok", "cpu_s": 3.0, "mesh_s": 2.0})
     peer = solver_benchmark.row("c", "CalculiX", "", {"status": "ok", "cpu_s": 5.0})
-    found = solver_benchmark._beside(solver_benchmark._Bench(True, Path(), "", None, rows=[own]), peer)
+    found = solver_benchmark._beside(solver_benchmark.Bench(True, Path(), "", None, rows=[own]), peer)
     assert (found.faster, found.met) == (5.0, True)
 
 

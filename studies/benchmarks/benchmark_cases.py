@@ -25,14 +25,17 @@ class Case:
 
     Attributes
     ----------
+    key : name of the case for `--cases`.
     name, model, magnet, loads : the scene; a load holds the fields of `geometry.loads.Load`.
     ladder : accuracies to choose from, fields of `fem.accuracy.Accuracy`; the cheapest within tolerance counts.
     tolerance_percent : of the force at every load; infinite where it is only reported.
     reference : model and accuracy of the fine solution, or None.
     goal_s, goal_MB : limits of CPU seconds and peak memory, infinite if there is none.
-    quick : whether the reduced run has it, with its reference.
+    quick_reference : whether the reduced run has its reference.
+    times : goal, how many times as fast as the earlier commit; 0 if there is none.
     """
 
+    key: str
     name: str
     model: str
     magnet: Magnet
@@ -43,6 +46,7 @@ class Case:
     goal_s: float = math.inf
     goal_MB: float = math.inf
     quick_reference: bool = True
+    times: float = 0.0
 
 
 def _sizes(name: str, *values: float) -> tuple[Fields, ...]:
@@ -58,10 +62,32 @@ SOLIDS = _sizes("solid_size", 0.25, 0.2, 0.16, 0.14, 0.12)
 CURVE, HALF = "press curve to 3 mm", "half model, press 1 mm"
 
 CASES = (
-    Case(CURVE, "axisymmetric", "ignored", PRESS_CURVE, _sizes("section_size", *SECTIONS), 0.5, FINE, goal_s=0.3),
-    Case(HALF, "half", "ignored", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
-    Case("half model, press 1 mm, rigid magnet", "half", "rigid", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
     Case(
+        "press-curve",
+        CURVE,
+        "axisymmetric",
+        "ignored",
+        PRESS_CURVE,
+        _sizes("section_size", *SECTIONS),
+        0.5,
+        FINE,
+        goal_s=0.3,
+        times=3.0,
+    ),
+    Case("half-press", HALF, "half", "ignored", PRESS, SOLIDS, 1.0, FINE, goal_MB=1000),
+    Case(
+        "half-press-magnet",
+        "half model, press 1 mm, rigid magnet",
+        "half",
+        "rigid",
+        PRESS,
+        SOLIDS,
+        1.0,
+        FINE,
+        goal_MB=1000,
+    ),
+    Case(
+        "half-shear",
         "press 1 mm, shear 3 mm, rigid magnet",
         "half",
         "rigid",
@@ -71,8 +97,10 @@ CASES = (
         FINE_SHEAR,
         goal_s=30,
         quick_reference=False,
+        times=2.5,
     ),
     Case(
+        "shear",
         "press 1 mm, shear 3 mm, rigid magnet",
         "harmonic",
         "rigid",
@@ -87,8 +115,10 @@ CASES = (
         FINE_SHEAR,
         goal_s=1.5,
         quick_reference=False,
+        times=3.0,
     ),
     Case(
+        "friction",
         "press 1 mm, shear 5 mm, friction 0.5 to full slip",
         "harmonic",
         "rigid",
@@ -97,6 +127,7 @@ CASES = (
         math.inf,
         None,
         goal_s=10,
+        times=3.0,
     ),
 )
 """What is measured of magtip; a line more is a case more."""

@@ -25,6 +25,9 @@ class BenchRow:
     error_percent : of the worst load.
     exponent : of a fit over the unknowns.
     faster : how many times magtip is faster.
+    earlier_s, earlier_error_percent : CPU seconds and error of the earlier commit, run by turns.
+    times_as_fast : median over the turns of its CPU seconds over magtip's.
+    floor_s, times_floor : time that the operations of the linear algebra need at least, and CPU seconds over it.
     goal, met : what was promised, and whether it holds.
     """
 
@@ -47,6 +50,11 @@ class BenchRow:
     met: bool | None = None
     status: str = "ok"
     message: str = ""
+    earlier_s: float | None = None
+    earlier_error_percent: float | None = None
+    times_as_fast: float | None = None
+    floor_s: float | None = None
+    times_floor: float | None = None
 
     def row(self) -> FlatRow:
         """Return the columns of bench.csv and JSON."""
@@ -65,12 +73,25 @@ HEADS = {
     "wall_s": "wall s",
     "peak_MB": "peak MB",
     "faster": "magtip faster by a factor of",
+    "earlier_s": "CPU s of commit f83a532",
+    "earlier_error_percent": "its error %",
+    "times_as_fast": "times as fast as commit f83a532",
     "goal": "goal",
     "met": "met",
     "status": "status",
 }
 
-BRIEF = ("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "message", "exponent")
+FLOOR = """\
+The floor is the time that this machine needs at least for the linear algebra of a case on one thread: the operations
+of all its factorisations (by minimum degree) and assemblies at its size, over the rate of products of large
+matrices, or their bytes over the rate of sums of long arrays, whichever is longer. Nothing runs at the floor: small
+systems do not reach these rates, and the material, contact, mesh and Python come on top. A method with fewer
+factorisations has a lower floor. The floor of the field is that of reading the points and writing the field."""
+
+BRIEF = (
+    *("iterations", "runs", "import_s", "mesh_s", "wall_s", "force_N", "message", "exponent"),
+    *("earlier_s", "earlier_error_percent", "floor_s", "times_floor"),
+)
 """Left out of the printed table."""
 
 
@@ -146,10 +167,24 @@ def report(
         if any(row.case == case and row.setting in fits for row in rows):
             lines += [*(f"- {name}, n unknowns" for name in fits), "", "![Cost against size](size.png)"]
         lines.append("")
+    lines += _floors(rows)
     lines += ["## How it was measured", "", *text.splitlines(), ""]
     lines += [f"- command: `{command}`"] if command else []
     lines += [f"- {name}: {value}" for name, value in about.items() if value]
     return "\n".join(lines) + "\n"
+
+
+def _floors(rows: Sequence[BenchRow]) -> list[str]:
+    """Return the section with the floors; nothing if none was measured."""
+    own = [row for row in rows if row.floor_s is not None]
+    if not own:
+        return []
+    heads = ["case", "setting", "floor s", "CPU s", "times the floor"]
+    lines = ["## Floor", "", *FLOOR.splitlines(), "", _line(heads), "|---" * len(heads) + "|"]
+    for row in own:
+        numbers = (_text("floor_s", row.floor_s), _text("cpu_s", row.cpu_s), _text("times_floor", row.times_floor))
+        lines.append(_line([row.case, row.setting, *numbers]))
+    return [*lines, ""]
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -162,6 +197,7 @@ def _text(key: str, value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "**no**"
     if isinstance(value, float):
-        digits = 0 if key == "peak_MB" else 2
+        # tens of milliseconds have two digits too
+        digits = 0 if key == "peak_MB" else 4 if key in ("cpu_s", "floor_s", "earlier_s") and value < 0.1 else 2
         return f"{value:.{digits}f}"
     return str(value)

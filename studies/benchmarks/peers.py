@@ -105,10 +105,11 @@ def _stop(process: subprocess.Popen[str]) -> None:
     process.communicate()
 
 
-def magtip(spec: Answer, *, env: Mapping[str, str] | None = None) -> Answer:
-    """One solve of `studies.benchmarks.benchmark_worker` in a fresh process."""
-    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
-    command = [sys.executable, "-m", "studies.benchmarks.benchmark_worker", json.dumps(spec)]
+def magtip(spec: Answer, *, env: Mapping[str, str] | None = None, packages: Path = ROOT) -> Answer:
+    """One task of `studies.benchmarks.benchmark_worker` in a fresh process, by the packages in a folder."""
+    path = os.pathsep.join(filter(None, (str(packages), os.environ.get("PYTHONPATH", ""))))
+    # -P: the worker's own folder is no folder of packages
+    command = [sys.executable, "-P", str(ROOT / "studies/benchmarks/benchmark_worker.py"), json.dumps(spec)]
     return _answer(measure(command, env={"PYTHONPATH": path, **(env or {})}))
 
 

@@ -5,19 +5,20 @@ ABOUT, which the report prints, describes the measurements.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import statistics
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fem.accuracy import STANDARD
-from geometry.design import Design, paper
+from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.benchmarks import benchmark_tables, peers
+from studies.benchmarks import benchmark_tables, earlier_commit, peers
 from studies.benchmarks.benchmark_cases import (
     CASES,
     CCX_LADDERS,
@@ -27,11 +28,21 @@ from studies.benchmarks.benchmark_cases import (
     HALF,
     TRIANGLES,
     Case,
-    Fields,
 )
+from studies.benchmarks.benchmark_state import Bench, row, spec
 from studies.benchmarks.benchmark_statistics import Answer, compared, exponents, measured, median
 from studies.benchmarks.benchmark_tables import BenchRow
 from studies.benchmarks.peer_calculix import Press
+from studies.benchmarks.speed_comparison import (
+    beside_earlier,
+    beside_floor,
+    compiled_functions,
+    field_points,
+    measure_machine,
+    section_meshes,
+    small_shear_beyond,
+    tilted_plate,
+)
 
 ABOUT = """\
 Every solve runs in a separate process on one thread. Figures are medians of several runs: CPU seconds without
@@ -46,11 +57,19 @@ tetrahedra costs as much as the solve, so that the comparison with CalculiX leav
 speed of a machine changes within minutes. Therefore two programs that are compared run by turns if a solve takes
 less than a second. The median over the turns counts: of the ratio for FElupe, and of the difference for a small
 shear.
+
+"Times as fast as commit f83a532" is the median of ratios of CPU seconds by turns: today's packages, and those of that
+commit, unpacked from git. Both run the same scene at the same mesh sizes, in new processes on one thread, after the
+imports and after a small solve of another design, which loads the functions that numba has compiled. The wait for
+compiling them once after an installation, and for loading them, has its own table; it counts as imports. The sample
+of the section's meshes is that of `magtip range`, without impossible designs; the ratio is that of each design.
 """
 
-LEAST, MORE_S, MODES_S, TIMES = 4.0, 0.2, 0.5, 10.0
+LEAST, MORE_S, MODES_S, TIMES = {"FElupe": 12.0, "CalculiX": 4.0}, 0.2, 0.5, 10.0
 """Goals: peers' CPU seconds over magtip's; CPU seconds of a small shear beyond the press and of the modes; half over
 harmonic model under shear."""
+SMALL_SHEAR_TIMES, MODES_TIMES = 3.0, 3.0
+"""Goals: times as fast as the earlier commit."""
 
 GROWTH = (0.2, 0.14, 0.105, 0.08)
 GROWTH_FULL = (*GROWTH, 0.065, 0.053, 0.041)
@@ -58,33 +77,10 @@ GROWTH_FULL = (*GROWTH, 0.065, 0.053, 0.041)
 ones are run once."""
 
 
-@dataclass(slots=True)
-class _Bench:
-    """State of a run of the benchmark: its options, its rows so far, and the chosen accuracy of each case."""
-
-    quick: bool
-    peers: Path
-    ccx: str
-    progress: Progress | None
-    design: Design = field(default_factory=paper)
-    rows: list[BenchRow] = field(default_factory=list)
-    versions: dict[str, str] = field(default_factory=dict)
-    references: dict[str, list[Sequence[float]]] = field(default_factory=dict)
-    chosen: dict[str, Answer] = field(default_factory=dict)
-    done: float = 0.0
-
-    @property
-    def runs(self) -> int:
-        return 3 if self.quick else 5
-
-    def say(self, text: str) -> None:
-        if self.progress is not None:
-            self.progress(self.done, text)
-
-
 def run(
     *,
     quick: bool = False,
+    cases: Sequence[str] = (),
     folder: Path | None = None,
     peers_folder: Path = Path("out/peers"),
     ccx: str = "ccx",
@@ -96,54 +92,52 @@ def run(
     Parameters
     ----------
     quick : medians of 3 instead of 5, up to 50k unknowns, CalculiX without the sensor's own Poisson's ratio.
+    cases : names of the parts to run, see `names`; none for all.
     peers_folder : FElupe's environment.
     ccx : CalculiX.
     command : that this is run by.
+
+    Raises
+    ------
+    BadInput
+        A case has another name.
     """
-    bench = _Bench(quick, peers_folder, ccx, progress)
+    if unknown := [name for name in cases if name not in names()]:
+        raise BadInput(f"--cases takes {', '.join(names())}; got {unknown[0]}")
+    bench = Bench(quick, peers_folder, ccx, progress)
     about = benchmark_tables.machine()
-    parts: list[tuple[float, Callable[[], None]]] = [(0.1, partial(_case, bench, case)) for case in CASES]
-    parts[1:1] = [(0.1, partial(_felupe, bench))]
-    parts[3:3] = [(0.2, partial(_calculix, bench))]
-    parts += [(0.05, partial(_linear, bench)), (0.05, partial(_first_call, bench)), (0.15, partial(_growth, bench))]
-    for share, part in parts:
-        part()
-        bench.done += share
-        if folder is not None:
-            benchmark_tables.write(folder, bench.rows, about | bench.versions, command, ABOUT)
+    chosen = [part for part in _parts() if part[0] in cases or not cases]
+    whole = sum(share for _, share, _ in chosen)
+    with contextlib.ExitStack() as stack:
+        try:
+            bench.earlier = stack.enter_context(earlier_commit.unpacked(earlier_commit.COMMIT))
+        except BadInput as error:
+            about["comparison"] = str(error)
+        measure_machine(bench)
+        for _, share, part in chosen:
+            part(bench)
+            bench.done += share / whole
+            if folder is not None:
+                benchmark_tables.write(folder, bench.rows, about | bench.versions, command, ABOUT)
     return bench.rows
 
 
-def row(case: str, program: str, setting: str, answer: Answer | None = None, /, *, goal: str = "") -> BenchRow:
-    """A row of the table from the answer of a process; what is not known is None."""
-    answer = answer or {}
-    forces = answer.get("forces_N")
-    return BenchRow(
-        case,
-        program,
-        setting,
-        dofs=answer.get("dofs"),
-        iterations=answer.get("iterations"),
-        runs=answer.get("runs"),
-        import_s=answer.get("import_s"),
-        cpu_s=answer.get("cpu_s"),
-        mesh_s=answer.get("mesh_s"),
-        wall_s=answer.get("wall_s"),
-        peak_MB=answer.get("peak_MB"),
-        force_N=forces[-1] if forces else None,
-        error_percent=answer.get("error_percent"),
-        goal=goal,
-        status=answer.get("status", "ok"),
-        message=answer.get("message", ""),
-    )
+def names() -> list[str]:
+    """Return the names of the parts of the bench."""
+    return list(dict.fromkeys(name for name, _, _ in _parts()))
 
 
-def spec(model: str, magnet: str, loads: Sequence[Fields], accuracy: Fields) -> Answer:
-    """What `studies.benchmarks.benchmark_worker` is to solve."""
-    return {"task": "trace", "model": model, "magnet": magnet, "loads": list(loads), "accuracy": accuracy}
+def _parts() -> list[tuple[str, float, Callable[[Bench], None]]]:
+    """Return the parts of the bench: name, share of the time, function. A peer has the name of its case."""
+    parts: list[tuple[str, float, Callable[[Bench], None]]] = [("compiled", 0.05, compiled_functions)]
+    parts += [(case.key, 0.1, partial(_case, case=case)) for case in CASES]
+    parts[2:2] = [("press-curve", 0.05, _felupe), ("section", 0.05, section_meshes)]
+    parts[5:5] = [("half-press", 0.2, _calculix)]
+    parts += [("tilted-plate", 0.05, tilted_plate), ("small-shear", 0.05, _small_shear), ("modes", 0.03, _modes)]
+    return [*parts, ("field", 0.03, field_points), ("first-call", 0.02, _first_call), ("growth", 0.15, _growth)]
 
 
-def _case(bench: _Bench, case: Case) -> None:
+def _case(bench: Bench, case: Case) -> None:
     """magtip's row of one case, and its reference for the peers."""
     truth = None
     if case.reference is not None and (case.quick_reference or not bench.quick):
@@ -175,10 +169,12 @@ def _case(bench: _Bench, case: Case) -> None:
         goals.append((f"{TIMES:g} times faster than the half model", faster >= TIMES))
         met = met and faster >= TIMES
     goal = ", ".join([text for text, _ in goals] + ([f"within {case.tolerance_percent:g} %"] if truth else []))
-    bench.rows.append(replace(row(case.name, "magtip", setting, answer, goal=goal), met=met, faster=faster))
+    own = replace(row(case.name, "magtip", setting, answer, goal=goal), met=met, faster=faster)
+    task = bench.chosen[case.name]
+    bench.rows.append(beside_floor(bench, beside_earlier(bench, own, task, truth, case.times), task))
 
 
-def _over_half(bench: _Bench, case: Case, answer: Answer) -> float | None:
+def _over_half(bench: Bench, case: Case, answer: Answer) -> float | None:
     """How many times faster than the half model a section answers the same scene, if that one has been measured."""
     half = next((r for r in bench.rows if r.case == case.name and "solid_size" in r.setting), None)
     if half is None or half.cpu_s is None or half.status != "ok" or answer["status"] != "ok":
@@ -186,7 +182,7 @@ def _over_half(bench: _Bench, case: Case, answer: Answer) -> float | None:
     return float(half.cpu_s / answer["cpu_s"])
 
 
-def _felupe(bench: _Bench) -> None:
+def _felupe(bench: Bench) -> None:
     """FElupe's row of the press curve."""
     python = peers.felupe_python(bench.peers)
     if python is None:
@@ -211,11 +207,11 @@ def _felupe(bench: _Bench) -> None:
             # a run that fails counts as the slowest
             ratios.append(peer.get("cpu_s", 0.0) / own.get("cpu_s", math.inf))
         faster = statistics.median(ratios)
-        beside = replace(beside, faster=faster, met=faster >= LEAST)
+        beside = replace(beside, faster=faster, met=faster >= LEAST["FElupe"])
     bench.rows.append(beside)
 
 
-def _calculix(bench: _Bench) -> None:
+def _calculix(bench: Bench) -> None:
     """CalculiX' rows of the half model's press, one for each Poisson's ratio."""
     version = peers.have_calculix(bench.ccx)
     if version is None:
@@ -249,26 +245,26 @@ def _press_by_calculix(ccx: str, meshes: dict[float, Any], press: Press, size: f
     return peers.calculix(ccx, meshes[size], press)
 
 
-def _beside(bench: _Bench, peer: BenchRow) -> BenchRow:
+def _beside(bench: Bench, peer: BenchRow) -> BenchRow:
     """The peer's row with how many times faster magtip is; the mesher's time counts on neither side."""
     own = next((r for r in bench.rows if r.case == peer.case and r.program == "magtip"), None)
-    peer = replace(peer, goal=f"magtip at least {LEAST:g} times faster", met=None)
+    peer = replace(peer, goal=f"magtip at least {LEAST[peer.program]:g} times faster", met=None)
     if own is None or own.status != "ok" or peer.status != "ok":
         return peer
     if peer.cpu_s is None or own.cpu_s is None or own.mesh_s is None:
         return peer
     faster = peer.cpu_s / (own.cpu_s - own.mesh_s)
-    return replace(peer, faster=faster, met=faster >= LEAST)
+    return replace(peer, faster=faster, met=faster >= LEAST[peer.program])
 
 
-def _missing(bench: _Bench, case: str, program: str) -> None:
+def _missing(bench: Bench, case: str, program: str) -> None:
     message = f"{program} is not installed: {peers.INSTALL[program].format(peers=bench.peers)}"
-    goal = f"magtip at least {LEAST:g} times faster"
+    goal = f"magtip at least {LEAST[program]:g} times faster"
     bench.rows.append(row(case, program, "", {"status": "not installed", "message": message}, goal=goal))
 
 
-def _linear(bench: _Bench) -> None:
-    """Small shear about a press, beside the press alone, and natural frequencies; all at level standard."""
+def _small_shear(bench: Bench) -> None:
+    """Small shear about a press, beside the press alone, at level standard."""
     press = spec("axisymmetric", "rigid", ({"depth": DEPTH_MM},), {})
     shear, case = {"task": "small shear", "depth": DEPTH_MM}, "small shear about a press of 1 mm"
     bench.say(case)
@@ -279,14 +275,21 @@ def _linear(bench: _Bench) -> None:
         bench.rows.append(row(case, "magtip", setting, median(answers)))
     more = statistics.median(b.get("cpu_s", math.inf) - a.get("cpu_s", 0.0) for a, b in turns)
     bench.rows[-1] = replace(bench.rows[-1], goal=f"at most {MORE_S:g} s more", met=more <= MORE_S)
-    modes = _repeated(
-        bench, "first eight modes, rigid magnet", f"level {STANDARD.name}", {"task": "modes", "count": 8}
-    )
+    whole = bench.rows[-1] = beside_floor(bench, bench.rows[-1], shear)
+    if bench.earlier is not None:
+        bench.rows.append(small_shear_beyond(bench, whole, press, shear, SMALL_SHEAR_TIMES))
+
+
+def _modes(bench: Bench) -> None:
+    """Natural frequencies at level standard."""
+    task = {"task": "modes", "count": 8}
+    modes = _repeated(bench, "first eight modes, rigid magnet", f"level {STANDARD.name}", task)
     met = bool(modes.get("cpu_s", math.inf) <= MODES_S)
-    bench.rows[-1] = replace(bench.rows[-1], goal=f"at most {MODES_S:g} s", met=met)
+    own = replace(bench.rows[-1], goal=f"at most {MODES_S:g} s", met=met)
+    bench.rows[-1] = beside_floor(bench, beside_earlier(bench, own, task, None, MODES_TIMES), task)
 
 
-def _repeated(bench: _Bench, case: str, setting: str, task: Answer) -> Answer:
+def _repeated(bench: Bench, case: str, setting: str, task: Answer) -> Answer:
     """The median of several runs, which is also a row."""
     bench.say(f"{case}: {setting}")
     answer = median([peers.magtip(task) for _ in range(bench.runs)])
@@ -294,7 +297,7 @@ def _repeated(bench: _Bench, case: str, setting: str, task: Answer) -> Answer:
     return answer
 
 
-def _first_call(bench: _Bench, least: float = 5.0) -> None:
+def _first_call(bench: Bench, least: float = 5.0) -> None:
     """The first command after an installation, when Python has compiled nothing yet, and the second."""
     case, waits = "first call of solve, press 1 mm", []
     with tempfile.TemporaryDirectory() as cache:
@@ -309,7 +312,7 @@ def _first_call(bench: _Bench, least: float = 5.0) -> None:
     bench.rows[-2] = replace(bench.rows[-2], goal=goal, met=waits[0] - waits[1] <= least)
 
 
-def _growth(bench: _Bench) -> None:
+def _growth(bench: Bench) -> None:
     """Time and memory of the half model's press against its size, with fitted exponents."""
     case, found = "cost against size, half model, press 0.25 mm", []
     for size in GROWTH if bench.quick else GROWTH_FULL:

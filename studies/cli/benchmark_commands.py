@@ -15,13 +15,14 @@ from studies.output import atomic_files, console
 def bench(
     *,
     quick: bool = False,
+    cases: str | None = None,
     peers: Path = Path("out/peers"),
     ccx: str = "ccx",
     out: Path | None = None,
     wide: Wide = False,
     as_json: AsJson = False,
 ) -> int:
-    """Measure time and memory at a given error beside FElupe and CalculiX, and how cost grows with size.
+    """Measure time and memory at a given error beside FElupe, CalculiX and an earlier commit, and how cost grows.
 
     A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
     0.
@@ -30,6 +31,10 @@ def bench(
     ----------
     quick
         Use medians of 3 runs instead of 5, and at most 50 000 unknowns.
+    cases
+        Run only some cases, with commas between their names: compiled, press-curve, section, half-press,
+        half-press-magnet, half-shear, shear, friction, tilted-plate, small-shear, modes, field, first-call, growth;
+        default: all.
     peers
         Folder of a Python environment with FElupe: python3 -m venv DIR && DIR/bin/pip install felupe.
     ccx
@@ -43,7 +48,13 @@ def bench(
 
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = study.run(
-            quick=quick, folder=folder, command=command_line, peers_folder=peers, ccx=ccx, progress=progress
+            quick=quick,
+            cases=[] if cases is None else [name.strip() for name in cases.split(",")],
+            folder=folder,
+            command=command_line,
+            peers_folder=peers,
+            ccx=ccx,
+            progress=progress,
         )
     console.report(
         [row.row() for row in rows], as_json=as_json, title="Speed", brief=benchmark_tables.BRIEF, wide=wide
