@@ -72,6 +72,25 @@ def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     raise ValueError(f"there is no law {name} with {len(numbers)} numbers")
 
 
+NEO_HOOKEAN, MOONEY_RIVLIN, YEOH, OGDEN = range(4)
+"""Numbers of the laws, for loops that numba compiles."""
+
+
+def numbered(law: Law) -> tuple[int, Array] | None:
+    """Return number and constants (3,) of a law from `law`; None for any other function."""
+    constants = law.keywords if isinstance(law, functools.partial) else {}
+    function = law.func if isinstance(law, functools.partial) else law
+    if function is neo_hookean:
+        return NEO_HOOKEAN, np.zeros(3)
+    if function is mooney_rivlin:
+        return MOONEY_RIVLIN, np.array([constants["share"], 0, 0])
+    if function is yeoh:
+        return YEOH, np.array([constants["c2"], constants["c3"], 0])
+    if function is ogden and len(constants["alphas"]) == 2:
+        return OGDEN, np.array([*constants["alphas"], constants["shares"][1]])
+    return None
+
+
 class Strain(NamedTuple):
     """A displacement gradient (3, 3, ...), J - 1 (...) and cof F - J 1 (3, 3, ...), the last two to full relative
     precision.

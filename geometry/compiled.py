@@ -27,6 +27,8 @@ from types import ModuleType
 
 IMPORT_S = 0.4
 """CPU time for importing numba and for reading compiled functions, s."""
+COMPILE_S = 30.0
+"""Time for compiling all functions once after an installation, s."""
 
 _uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
 """Whether `uncompiled` is in effect."""
@@ -90,10 +92,31 @@ def threads() -> int:
 def load(module: str) -> ModuleType | None:
     """Import a module of compiled functions, once in a process; return None if numba is not usable."""
     try:
-        return importlib.import_module(module)
+        functions = importlib.import_module(module)
     except (ImportError, RuntimeError):
         # numba is not installed, does not support this version of NumPy, or finds no writable folder for its files
         return None
+    _announce_compilation()
+    return functions
+
+
+@functools.cache
+def _announce_compilation() -> None:
+    """Let a terminal show one line when numba begins to compile; it does so for functions that no file holds yet."""
+    from numba.core import event
+
+    class Announcement(event.Listener):  # type: ignore[misc]
+        shown = False
+
+        def on_start(self, event: object) -> None:
+            if not self.shown and sys.stderr.isatty():
+                print(f"Compiling for the first time, up to {COMPILE_S:g} s", file=sys.stderr)
+            self.shown = True
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    event.register("numba:compile", Announcement())
 
 
 @contextlib.contextmanager

@@ -7,10 +7,51 @@ fields first: displacements (f, a), then pressures (n, c). `fem.discretisation.e
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
+from fem import material
 from fem.discretisation.elements import Elements
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
+
+
+def integrate(
+    e: Elements,
+    parts: Sequence[slice],
+    strains: Sequence[material.Strain],
+    law: material.Law,
+    moduli: tuple[Array, Array],
+    p: Array,
+    *,
+    tangent: bool,
+) -> tuple[float, Array, Array, Array, Array]:
+    """Return energy, forces (m, f a), volumes (m, n c), and pieces of stiffness and coupling, of all elements.
+
+    Parameters
+    ----------
+    parts, strains : batches and the strains at their points.
+    moduli : shear moduli and inverse bulk moduli, (m, 1) each.
+    p : (m, c, n) pressures at the corners.
+    tangent : if not, the pieces are empty.
+    """
+    fu, fp = np.empty((len(p), e.angles.fields * e.cells.shape[1])), np.empty((len(p), p[0].size))
+    Kuu, Kup, energy = [np.empty(0)], [np.empty(0)], 0.0
+    for part, strain in zip(parts, strains, strict=True):
+        k = material.kinematics(strain, e.angles.components, tangent=tangent)
+        pressures, w, mu, soft = pressure(e, part, p), volumes(e, part), moduli[0][part], moduli[1][part]
+        # laws are linear in modulus and pressure: weighting these two is cheaper than weighting the tensors
+        W, P, A = law(k, w * mu, w * pressures)
+        energy += float(W.sum() - np.vdot(w * pressures * soft, pressures) / 2)
+        fu[part] = displacement_forces(e, part, P)
+        fp[part] = pressure_forces(e, part, w * (k.Jm1 - pressures * soft))
+        if tangent:
+            Kuu.append(displacement_stiffness(e, part, A))
+            Kup.append(coupling(e, part, w * material.cofactor(k)))
+    if not tangent:
+        return energy, fu, fp, Kuu[0], Kup[0]
+    return energy, fu, fp, np.concatenate(Kuu[1:]), np.concatenate(Kup[1:])
 
 
 def gradient(e: Elements, part: slice, u: Array) -> Array:
@@ -164,3 +205,9 @@ def pressure_stiffness(e: Elements, part: slice, v: Array) -> Array:
     products = (M[:, :, None] * M[:, None, :]).reshape(q, c * c)
     K = np.swapaxes(H.reshape(m, q, n * n), 1, 2) @ products
     return np.ascontiguousarray(np.swapaxes(K.reshape(m, n, n, c, c), 2, 3)).reshape(m, n * c, n * c)
+
+
+def sum_entries(places: Ints, values: Array, shape: tuple[int, ...]) -> Array:
+    """Return an array of a shape with values added at places, numbers in the flat array."""
+    total = np.bincount(places.ravel(), weights=values.ravel(), minlength=math.prod(shape))
+    return np.asarray(total.reshape(shape), dtype=np.float64)

@@ -16,6 +16,7 @@ the plate there is no potential, and the tangent is unsymmetric.
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 from dataclasses import dataclass, replace
 
@@ -26,7 +27,8 @@ from numpy.typing import NDArray
 from fem import material
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
-from fem.discretisation import element_integrals
+from fem.discretisation import element_integrals, element_loops
+from fem.discretisation.element_loops import FACETS, MOTION, Loops
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.rigid_inclusion import RigidBody
 from fem.solvers.sparse_pattern import Pattern, Side
@@ -51,12 +53,14 @@ class State:
     u : (nodes, fields) displacements.
     p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
     strains : strains at the integration points, one entry per batch of elements; empty where not yet computed.
+    least_J : least volume ratio J at the integration points; 1 where not computed.
     """
 
     q: Array
     u: Array
     p: Array
     strains: tuple[material.Strain, ...] = ()
+    least_J: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +193,6 @@ class System:
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
         self.pattern = Pattern(groups, sizes)
         self._p = pressures.unknowns[:, 0]
-        self._kept = self._p >= 0
         whole = slice(0, len(e.cells))
         self._compliance = -element_integrals.pressure_stiffness(
             e, whole, element_integrals.volumes(e, whole) * self.inverse_K
@@ -246,8 +249,12 @@ class System:
         if not np.isfinite(q).all():
             return None
         state = self.state(q)
+        if element_loops.usable(self.law, self.elements):
+            least = self._loops.least_volume_change(state.u)
+            return replace(state, least_J=1 + least) if least > -1 else None
         strains = self._strains(state)
-        return replace(state, strains=strains) if all(strain.Jm1.min() > -1 for strain in strains) else None
+        least = min((float(strain.Jm1.min()) for strain in strains), default=0.0)
+        return replace(state, strains=strains, least_J=1 + least) if least > -1 else None
 
     def _strains(self, state: State) -> tuple[material.Strain, ...]:
         return tuple(
@@ -256,45 +263,63 @@ class System:
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
-        e = self.elements
-        corner = state.p[self._corners]
-        m, fields, a = len(e.cells), e.angles.fields, e.cells.shape[1]
-        fu, fp = np.empty((m, fields * a)), np.empty(self._p.shape)
-        Kuu, Kup = [], []
-        energy = 0.0
-        for part, strain in zip(self._parts, state.strains or self._strains(state), strict=True):
-            k = material.kinematics(strain, e.angles.components, tangent=tangent)
-            p, w = element_integrals.pressure(e, part, corner), element_integrals.volumes(e, part)
-            # laws are linear in modulus and pressure: weighting these two is cheaper than weighting the tensors
-            W, P, A = self.law(k, w * self.mu[part], w * p)
-            soft = self.inverse_K[part]
-            energy += float(W.sum() - np.vdot(w * p * soft, p) / 2)
-            fu[part] = element_integrals.displacement_forces(e, part, P)
-            fp[part] = element_integrals.pressure_forces(e, part, w * (k.Jm1 - p * soft))
-            if tangent:
-                Kuu.append(element_integrals.displacement_stiffness(e, part, A))
-                Kup.append(element_integrals.coupling(e, part, w * material.cofactor(k)))
-        forces, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
-        forces += np.bincount(e.places.ravel(), weights=fu.ravel(), minlength=forces.size).reshape(forces.shape)
-        forces -= self.dead
-        energy += spring_energy - float(np.vdot(self.dead, state.u))
-        residual = np.zeros(self.size)
-        residual[:] = np.bincount(self._p[self._kept], weights=fp[self._kept], minlength=self.size)
-        residual[: self.n_free] = forces[self.free]
+        compiled = element_loops.usable(self.law, self.elements)
         T = self._motion_derivative(state)
+        if compiled:
+            energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, tangent=tangent)
+        else:
+            energy, forces, volumes, groups = self._integrate(state, T, tangent)
+        springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
+        forces += springs - self.dead
+        energy += spring_energy - float(np.vdot(self.dead, state.u))
+        residual = np.concatenate([forces[self.free], np.zeros(self.n_rigid), volumes[self._carried]])
         if self.rigid:
             residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
             return Assembly(residual, energy, forces, None)
-        n = self._free_cells
-        K, C = np.concatenate(Kuu), np.concatenate(Kup)
-        outer = self._with_motion(T, K[n:], C[n:])
         # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
         own = self.rigid.curvature(self.motion(state.q), forces[self.glued]) if self.rigid else None
-        matrix = self.pattern.assemble([K[:n], C[:n], *outer, self._compliance, own, *blocks])
+        if compiled:
+            self._add_small_groups(own, blocks, data)
+            matrix = self.pattern.with_data(data)
+        else:
+            matrix = self.pattern.assemble([*groups, own, *blocks])
         if not symmetric and blocks[0] is not None:
             matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
+
+    def _integrate(self, state: State, T: Array, tangent: bool) -> tuple[float, Array, Array, list[Array | None]]:
+        """Return energy, nodal forces and volumes, and matrices of the elements, by NumPy."""
+        e, inner, moduli = self.elements, self._free_cells, (self.mu, self.inverse_K)
+        strains = state.strains or self._strains(state)
+        energy, fu, fp, K, C = element_integrals.integrate(
+            e, self._parts, strains, self.law, moduli, state.p[self._corners], tangent=tangent
+        )
+        forces = element_integrals.sum_entries(e.places, fu, state.u.shape)
+        rows = np.arange(state.p.size).reshape(state.p.shape)[self._corners]
+        volumes = element_integrals.sum_entries(np.swapaxes(rows, 1, 2), fp, state.p.shape)
+        if not tangent:
+            return energy, forces, volumes, []
+        outer = self._with_motion(T, K[inner:], C[inner:])
+        return energy, forces, volumes, [K[:inner], C[:inner], *outer, self._compliance]
+
+    @functools.cached_property
+    def _loops(self) -> Loops:
+        """The compiled loops over the elements."""
+        numbers = self._reduced, self._pressures
+        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
+        return Loops(
+            self.elements, self.law, mu, inverse_K, self._corners, *numbers, self.pattern, self._free_cells,
+            self.n_free, self._compliance,
+        )  # fmt: skip
+
+    def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:
+        """Add matrices of the magnet's motion (r, r) and of the skin's facets (k, f a, f a) to entries (nnz,)."""
+        if motion is not None:
+            rows = np.arange(self.n_free, self.n_free + self.n_rigid)[None]
+            self._loops.add_matrices(motion[None], np.zeros((1, 1), dtype=np.int64), MOTION, rows, data)
+        if self.surface is not None and facets[0] is not None:
+            self._loops.add_matrices(facets[0], self.surface.nodes, FACETS, self._reduced, data)
 
     def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
         """Return the consistent mass matrix about the undeformed state (upper triangle); pressures have no mass.

@@ -191,7 +191,7 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
 
 def least_J(answer: Equilibrium) -> float:
     """Return the least volume ratio J at the integration points."""
-    return 1 + min((float(strain.Jm1.min()) for strain in answer.state.strains), default=0.0)
+    return answer.state.least_J
 
 
 def _set_direction(state: PathState, direction: Array) -> PathState:

@@ -119,6 +119,12 @@ class Pattern:
     ----------
     groups : rows and columns of each group of elements.
     sizes : (blocks,) numbers of unknowns of the blocks, which are numbered consecutively.
+
+    Attributes
+    ----------
+    size, entries : numbers of unknowns, and of entries of the upper triangle.
+    diagonal, inside : see `_Layout`.
+    offsets : (m, b, c) start of each pair of blocks, for each group, see `_Layout`.
     """
 
     def __init__(self, groups: list[tuple[Side, Side]], sizes: Ints) -> None:
@@ -126,28 +132,48 @@ class Pattern:
         pairs = [_pair_keys(row.blocks[:, :, None], column.blocks[:, None, :], count) for row, column in groups]
         # every block is coupled with itself, so that no row of the matrix is empty
         layout = _build_layout(np.concatenate([np.arange(count) * (count + 1), *map(np.ravel, pairs)]), sizes)
-        self._empty, self.size = layout.empty, len(layout.inside)
-        self._places: list[Ints] = []
-        entries, done = [], count
-        for (row, column), pair in zip(groups, pairs, strict=True):
-            offset = layout.offset[done : done + pair.size].reshape(pair.shape)
-            done += pair.size
-            places, numbers = _place_entries(row, column, offset, layout)
-            self._places.append(places)
-            entries.append(numbers)
-        self._entries = np.concatenate(entries)
+        self._empty, self.size, self.entries = layout.empty, len(layout.inside), layout.empty.nnz
+        self.diagonal, self.inside = layout.diagonal, layout.inside
+        ends = count + np.cumsum([pair.size for pair in pairs])
+        self.offsets = [
+            layout.offset[end - pair.size : end].reshape(pair.shape) for pair, end in zip(pairs, ends, strict=True)
+        ]
+        self._layout, self._groups = layout, groups
+
+    @functools.cached_property
+    def _placed(self) -> list[tuple[Ints, Ints]]:
+        """Which entries of each group's element matrices are added, and where; compiled loops need neither."""
+        return [
+            _place_entries(row, column, offset, self._layout)
+            for (row, column), offset in zip(self._groups, self.offsets, strict=True)
+        ]
+
+    @functools.cached_property
+    def _last_placed(self) -> tuple[Ints, Ints]:
+        """`_placed` of the last group alone."""
+        return _place_entries(*self._groups[-1], self.offsets[-1], self._layout)
+
+    @functools.cached_property
+    def _positions(self) -> Ints:
+        """Positions of the entries of all groups, in one array."""
+        return np.concatenate([positions for _, positions in self._placed])
+
+    def with_data(self, data: Array) -> sp.csr_matrix:
+        """Return the upper triangle with entries (nnz,)."""
+        upper = copy.copy(self._empty)  # the structure is shared: building it again would take longest
+        upper.data = data
+        return upper
 
     def assemble(self, blocks: list[Array | None]) -> sp.csr_matrix:
         """Assemble element matrices, one array (m, s, k, l) per group or None for zeros, into the upper triangle."""
         values = np.concatenate(
             [
                 np.zeros(len(at)) if block is None else block.ravel()[at]
-                for block, at in zip(blocks, self._places, strict=True)
+                for block, (at, _) in zip(blocks, self._placed, strict=True)
             ]
         )
-        upper = copy.copy(self._empty)  # the structure is shared: building it again would take longest
-        upper.data = np.bincount(self._entries, weights=values, minlength=self._empty.nnz)
-        return upper
+        data = np.bincount(self._positions, weights=values, minlength=self.entries)
+        return self.with_data(np.asarray(data, dtype=np.float64))
 
     def unfold(self, upper: sp.csr_matrix, last: Array) -> sp.csr_matrix:
         """Return the whole matrix from its upper triangle, where the matrices of the last group are unsymmetric.
@@ -159,8 +185,9 @@ class Pattern:
         """
         source, below, columns, pointers = self._mirror
         # `upper` mirrors their upper triangles; below the diagonal the difference lower - upper is added
-        skew = (np.swapaxes(last, 1, 2) - last).ravel()[self._places[-1]]
-        excess = np.bincount(self._entries[len(self._entries) - len(skew) :], weights=skew, minlength=len(upper.data))
+        places, positions = self._last_placed
+        skew = (np.swapaxes(last, 1, 2) - last).ravel()[places]
+        excess = np.bincount(positions, weights=skew, minlength=len(upper.data))
         data = upper.data[source]
         data[below] += excess[source[below]]
         return sp.csr_matrix((data, columns, pointers), shape=upper.shape)

@@ -1,0 +1,287 @@
+"""Forces and stiffness of the elements by compiled loops, in batches that fit the processor's cache.
+
+The loops compute what `nonlinear_system` computes with NumPy, to rounding, two to ten times as fast. `usable` is the
+rule for when they are used; see `geometry.compiled`.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.discretisation.elements import Angles, Elements
+from fem.material import Law, numbered
+from fem.solvers.sparse_pattern import Pattern
+from geometry import compiled
+from geometry.arrays import Array, Ints
+
+BATCH = 384
+"""Integration points and angles in a batch: few enough for the processor's cache, many enough for its vectors."""
+INNER, NEAR, PRESSURES, MOTION, FACETS = 0, 2, 4, 5, 6
+"""Numbers of the groups of matrices in the pattern: elements apart from the magnet and at it, each followed by their
+coupling with the pressures; pressures; motion of the magnet; facets of the skin."""
+SAVING_S, CALL_S = 1e-6, 5e-4
+"""CPU time that the loops save for each integration point and angle, and for each call, s: measured on sections of
+100 to 400 elements."""
+
+
+def usable(law: Law, elements: Elements) -> bool:
+    """Return whether to use the compiled loops, which do not have laws other than those of `material.law`."""
+    points = elements.weights.size * len(elements.angles.theta)
+    return (
+        numbered(law) is not None
+        and compiled.worthwhile(CALL_S + SAVING_S * points)
+        and compiled.load("fem.discretisation.elements_compiled") is not None
+    )
+
+
+class Loops:
+    """Compiled loops over the elements of one system.
+
+    Parameters
+    ----------
+    mu, inverse_K : (m,) moduli of the elements.
+    corners : (m, c) rows of the pressures.
+    number, pressure_number : numbers of the unknown displacements and pressures; -1 where eliminated.
+    pattern : sparse pattern; its groups are those of `System`.
+    inner : number of elements that do not touch the magnet; they come first.
+    first : number of the first unknown of the magnet's motion.
+    compliance : (m, n c, n c) constant matrices of the pressures.
+    """
+
+    def __init__(
+        self,
+        elements: Elements,
+        law: Law,
+        mu: Array,
+        inverse_K: Array,
+        corners: Ints,
+        number: Ints,
+        pressure_number: Ints,
+        pattern: Pattern,
+        inner: int,
+        first: int,
+        compliance: Array,
+    ) -> None:
+        from fem import laws_compiled
+        from fem.discretisation import elements_compiled
+
+        self._laws, self._kernels = laws_compiled, elements_compiled
+        form = numbered(law)
+        assert form is not None
+        self._law, self._constants = form
+        self._mu, self._inverse_K = np.ascontiguousarray(mu), np.ascontiguousarray(inverse_K)
+        self._elements, self._corners, self._pattern, self._first = elements, corners, pattern, first
+        self._number, self._pressure_number = number, pressure_number
+        self._carried = _carried_fields(elements.angles)
+        self._products = _field_pairs(elements.angles, elements.cells.shape[1])
+        # no batch has elements of both kinds, as the magnet's neighbours have more unknowns
+        self._inner = [slice(a, b) for a, b in _cuts(elements, 0, inner)]
+        self._near = [slice(a, b) for a, b in _cuts(elements, inner, len(elements.cells))]
+        self._buffers: dict[tuple[str, tuple[int, ...]], Array] = {}
+        self._constant = np.zeros(pattern.entries)
+        self.add_matrices(compliance, corners, PRESSURES, self._pressure_number, self._constant)
+
+    def least_volume_change(self, u: Array) -> float:
+        """Return the least J - 1 at the integration points; nan where any is nan."""
+        changes = [self._kinematics(part, u, np.empty((0, 0)))[1].min() for part in (*self._inner, *self._near)]
+        return float(np.min(changes))
+
+    def assemble(self, u: Array, p: Array, T: Array, *, tangent: bool) -> tuple[float, Array, Array, Array]:
+        """Return energy, nodal forces (nodes, f), volumes (corners, n), and entries (nnz,) of the tangent, or none.
+
+        T : (nodes, f, r) derivative of the displacements by the magnet's motion.
+        """
+        forces, volumes, energy = np.zeros(u.shape), np.zeros(p.shape), 0.0
+        data = self._constant.copy() if tangent else np.empty(0)
+        for part in (*self._inner, *self._near):
+            energy += self._add_batch(part, u, p, T, forces, volumes, data, tangent=tangent)
+        return energy, forces, volumes, data
+
+    def add_matrices(self, matrices: Array, nodes: Ints, group: int, number: Ints, data: Array) -> None:
+        """Add the upper triangles of matrices (k, f a, f a), fields first, to entries of the tangent.
+
+        Parameters
+        ----------
+        nodes : (k, a) rows of `number`, which holds the unknowns (-1 for an eliminated one).
+        group : number of the group in the pattern.
+        """
+        pattern = self._pattern
+        self._kernels.add_matrices(
+            np.ascontiguousarray(matrices),
+            nodes,
+            pattern.offsets[group],
+            number,
+            pattern.diagonal,
+            pattern.inside,
+            data,
+        )
+
+    def _buffer(self, name: str, *shape: int) -> Array:
+        """Return an array for results of one batch; fresh memory would cost as much time as filling it."""
+        key = name, shape
+        if key not in self._buffers:
+            self._buffers[key] = np.empty(shape)
+        return self._buffers[key]
+
+    def _kinematics(self, part: slice, u: Array, Hm1: Array) -> tuple[Array, Array]:
+        """Return G (9, t, points) and J - 1 (t points,) of a batch, and write F^-T - 1 (9, t points).
+
+        Hm1 : array for F^-T - 1; an empty one is not written to.
+        """
+        e = self._elements
+        (m, q), (t, _, _, fields) = e.weights[part].shape, e.angles.V.shape
+        g, G, Jm1 = (
+            self._buffer("g", 3, fields, m * q),
+            self._buffer("G", 9, t, m * q),
+            self._buffer("Jm1", t * m * q),
+        )
+        self._kernels.evaluate_gradients(e.cells[part], e.D[part], e.angles.V, self._carried, u, g, G)
+        self._laws.kinematics(G.reshape(9, -1), Jm1, Hm1)
+        return G, Jm1
+
+    def _add_batch(
+        self, part: slice, u: Array, p: Array, T: Array, forces: Array, volumes: Array, data: Array, *, tangent: bool
+    ) -> float:
+        """Add forces, volumes and tangent of a batch to arrays; return its energy."""
+        e = self._elements
+        a, cells, corners, (m, q), t = (
+            e.angles,
+            e.cells[part],
+            self._corners[part],
+            e.weights[part].shape,
+            len(e.angles.V),
+        )
+        shape, n = (t, m * q), t * m * q
+        Hm1 = self._buffer("Hm1", 9, n)
+        G, Jm1 = self._kinematics(part, u, Hm1)
+        w, modulus, pressure, weighted = self._buffer("weights", 4, *shape)
+        soft = self._buffer("soft", m * q)
+        self._kernels.weigh_points(
+            self._mu[part], self._inverse_K[part], corners, e.weights[part], a.weights, e.pressure_shape, a.C, p,
+            w, modulus, pressure, weighted, soft,
+        )  # fmt: skip
+        W, P, A = self._buffer("W", n), self._buffer("P", 9, n), self._buffer("A", 9, 9, n if tangent else 0)
+        self._laws.stress(
+            self._law, self._constants, G.reshape(9, -1), Jm1, Hm1, modulus.ravel(), weighted.ravel(), W, P, A,
+            tangent=tangent,
+        )  # fmt: skip
+        energy = self._kernels.integrate_forces(
+            cells, corners, e.D[part], e.pressure_shape, a.V, a.C, self._carried, w, pressure, soft,
+            Jm1.reshape(shape), W.reshape(shape), P.reshape(9, *shape), forces, volumes,
+        )  # fmt: skip
+        if tangent:
+            Y = self._buffer("Y", 3, a.fields * a.pressures, m * q)
+            self._kernels.integrate_coupling(
+                a.V, a.C, self._carried, w, Jm1.reshape(shape), Hm1.reshape(9, *shape), Y
+            )
+            self._add_tangent(part, self._stiffness(part, A.reshape(9, 9, *shape)), Y, T, data)
+        return float(energy)
+
+    def _stiffness(self, part: slice, A: Array) -> Array:
+        """Return the stiffness (m, entries) of the elements of a batch, for weighted tangents A (9, 9, t, points)."""
+        D, pairs = self._elements.D[part], self._products
+        (m, _, _, a), (t, points) = D.shape, A.shape[2:]
+        K = self._buffer("K", m, pairs.size)
+        for group in pairs.groups:
+            if t == 1:
+                H = self._buffer("H", 9, points, group.count)
+                self._kernels.combine_tangents(A, group.terms, group.factors, H)
+            else:
+                rows = self._buffer("rows", 9, group.products.shape[1], points)
+                self._kernels.select_tangents(A, group.i.start, group.i.stop, group.k.start, group.k.stop, rows)
+                H = self._buffer("H", 9, points, group.count)
+                np.matmul(np.swapaxes(rows, 1, 2), group.products, out=H)
+            self._kernels.stiffness(D, H, group.first * a * a, K)
+        return K
+
+    def _add_tangent(self, part: slice, K: Array, Y: Array, T: Array, data: Array) -> None:
+        """Add stiffness K (m, entries) and coupling Y of a batch to the entries of the tangent."""
+        e, pattern, near = self._elements, self._pattern, part in self._near
+        cells, corners, where, M = e.cells[part], self._corners[part], self._products.where, e.pressure_shape
+        B = self._buffer("B", *cells.shape, M.shape[1], Y.shape[1])
+        self._kernels.coupling(e.D[part], M, Y, B)
+        offset, coupled = pattern.offsets[NEAR if near else INNER], pattern.offsets[NEAR + 1 if near else INNER + 1]
+        first = self._near[0].start if near else 0
+        own = slice(part.start - first, part.stop - first)
+        matrix = pattern.diagonal, pattern.inside, data
+        self._kernels.add_symmetric(K, where, cells, offset[own], self._number, *matrix)
+        self._kernels.add_coupling(B, cells, corners, coupled[own], self._number, self._pressure_number, *matrix)
+        if near:
+            self._kernels.add_motion(
+                K, B, T, where, cells, corners, offset[own], coupled[own], self._number, self._pressure_number,
+                self._first, *matrix,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PairGroup:
+    """Pairs of fields that carry the components i and k of the displacement.
+
+    Attributes
+    ----------
+    first, count : number of the first pair, and of all.
+    i, k : the components.
+    products : (9, i k t, count) products V_iJf V_kLg for each J L.
+    terms, factors : the products that are not zero, as rows J L, pair, i J, k L; empty with several angles.
+    """
+
+    first: int
+    count: int
+    i: slice
+    k: slice
+    products: Array
+    terms: Ints
+    factors: Array
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPairs:
+    """All pairs of fields f <= g in groups, and positions (a, f, a, f) in the `size` entries of an element matrix."""
+
+    groups: list[PairGroup]
+    where: Ints
+    size: int
+
+
+def _cuts(e: Elements, begin: int, end: int) -> list[tuple[int, int]]:
+    """Return where the batches of the elements from `begin` to `end` begin and end; they are of nearly one size."""
+    points = (end - begin) * e.weights.shape[1] * len(e.angles.theta)
+    cuts = np.linspace(begin, end, -(-points // BATCH) + 1).astype(int).tolist()
+    return list(itertools.pairwise(cuts))
+
+
+def _carried_fields(angles: Angles) -> Ints:
+    """Return the range of fields (3, 2) that have a component i."""
+    ranges = np.zeros((3, 2), dtype=np.int64)
+    for i in range(3):
+        fields = np.flatnonzero(angles.V[:, i].any(axis=(0, 1)))
+        if len(fields):
+            ranges[i] = fields[0], fields[-1] + 1
+    return ranges
+
+
+def _field_pairs(angles: Angles, a: int) -> FieldPairs:
+    """Return the pairs of fields of elements with a nodes."""
+    where = np.zeros((a, angles.fields, a, angles.fields), dtype=np.int64)
+    t, first, groups, node = len(angles.theta), 0, [], np.arange(a)
+    for pairs in angles.pairs:
+        count, i, k = len(pairs.first), pairs.i, pairs.k
+        product = pairs.products.reshape(9, -1, count)
+        terms, factors = np.zeros((0, 4), dtype=np.int64), np.zeros(0)
+        if t == 1:
+            JL, ik, pair = np.nonzero(product)
+            own_i, own_k = i.start + ik // (k.stop - k.start), k.start + ik % (k.stop - k.start)
+            terms, factors = (
+                np.stack([JL, pair, 3 * own_i + JL // 3, 3 * own_k + JL % 3], axis=1),
+                product[JL, ik, pair],
+            )
+        groups.append(PairGroup(first, count, i, k, np.ascontiguousarray(product), terms, factors))
+        for s, (f, g) in enumerate(zip(pairs.first, pairs.second, strict=True)):
+            # entries of a group: node of f, node of g, pair
+            entries = first * a * a + (node[:, None] * a + node) * count + s
+            where[:, f, :, g], where[:, g, :, f] = entries, entries.T
+        first += count
+    return FieldPairs(groups, where, first * a * a)

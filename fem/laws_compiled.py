@@ -1,0 +1,358 @@
+"""The laws of `fem.material` in loops that numba compiles; `fem.material` defines them.
+
+All arrays end with one axis over n points, which the innermost loops run along: the processor then works on four to
+eight points at once. Tensors have nine components in row-major order, (9, n), and tangents the shape (9, 9, n). As in
+`fem.material`, the formulas keep their digits at small strains, and results include those of the pressure.
+
+`stress` is plain Python. It calls compiled functions one after the other, each of which is compiled by itself, when a
+law first needs it: numba compiles what a function calls again together with that function.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from fem.material import MOONEY_RIVLIN, NEO_HOOKEAN, YEOH
+from geometry.arrays import Array
+
+SWEEPS = 12
+"""Largest number of Jacobi sweeps for the eigenvalues of a 3 x 3 matrix; four to six are enough for all digits."""
+
+compiled = njit(cache=True, error_model="numpy")
+
+
+@compiled
+def kinematics(G, Jm1, Hm1):
+    """Write J - 1 (n,) and, unless that is empty, F^-T - 1 (9, n) of displacement gradients."""
+    n = len(Jm1)
+    full = len(Hm1) > 0
+    minors = Hm1 if full else np.empty((9, n))
+    for i in range(3):
+        for j in range(3):
+            i1, i2, j1, j2 = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            a, b, c, d = G[3 * i1 + j1], G[3 * i2 + j2], G[3 * i1 + j2], G[3 * i2 + j1]
+            row = minors[3 * i + j]
+            for x in range(n):
+                row[x] = a[x] * b[x] - c[x] * d[x]
+    higher = np.empty(n)
+    a, b, c = minors[0], minors[4], minors[8]
+    for x in range(n):
+        higher[x] = a[x] + b[x] + c[x]
+    for j in range(3):
+        a, b = G[j], minors[j]
+        for x in range(n):
+            higher[x] += a[x] * b[x]
+    a, b, c = G[0], G[4], G[8]
+    for x in range(n):
+        Jm1[x] = a[x] + b[x] + c[x] + higher[x]
+    if full:
+        for i in range(3):
+            for j in range(3):
+                row, a = Hm1[3 * i + j], G[3 * j + i]
+                for x in range(n):
+                    row[x] = (row[x] - a[x] - (higher[x] if i == j else 0.0)) / (1 + Jm1[x])
+
+
+@compiled
+def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent):
+    """Write `fem.material.neo_hookean` from G, J - 1 and F^-T - 1."""
+    n = len(mu)
+    s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    a, b, c = G[0], G[4], G[8]
+    for x in range(n):
+        excess[x] = 2 * (a[x] + b[x] + c[x])
+    for e in range(9):
+        a = G[e]
+        for x in range(n):
+            excess[x] += a[x] * a[x]
+    for x in range(n):
+        less = math.expm1(-2 / 3 * math.log1p(Jm1[x]))
+        s[x] = mu[x] * (1 + less)
+        excess[x] *= s[x] / 3
+        W[x] = 1.5 * (excess[x] + mu[x] * less) + p[x] * Jm1[x]
+        rest[x] = p[x] * (1 + Jm1[x])
+        by_F[x], by_H[x] = -2 / 3 * s[x], (s[x] + excess[x]) / 3 + rest[x] / 2
+        rest[x] -= excess[x]
+    F, H = _add_unit(G), _add_unit(Hm1)
+    for e in range(9):
+        row, a, b, c = P[e], G[e], Hm1[e], H[e]
+        for x in range(n):
+            row[x] = s[x] * (a[x] - b[x]) + rest[x] * c[x]
+    if tangent:
+        for e in range(9):
+            row, c = F[e], H[e]
+            for x in range(n):
+                row[x] = by_F[x] * row[x] + by_H[x] * c[x]
+        for x in range(n):
+            rest[x] = s[x] - rest[x]
+        _write_tangent(F, H, rest, A)
+        for e in range(9):
+            row = A[e, e]
+            for x in range(n):
+                row[x] += s[x]
+
+
+@compiled
+def _add_unit(T):
+    """Return 1 + T."""
+    out = np.empty_like(T)
+    for e in range(9):
+        one, row, a = 1.0 if e % 4 == 0 else 0.0, out[e], T[e]
+        for x in range(len(row)):
+            row[x] = a[x] + one
+    return out
+
+
+@compiled
+def _write_tangent(X, H, cross, A):
+    """Write A = X H + H X + cross H_iL H_kJ."""
+    n, crossed = len(cross), np.empty_like(H)
+    for e in range(9):
+        row, a = crossed[e], H[e]
+        for x in range(n):
+            row[x] = cross[x] * a[x]
+    for e in range(9):
+        a, b = X[e], H[e]
+        for d in range(e, 9):
+            row, c, f, g, h = A[e, d], X[d], H[d], crossed[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
+            for x in range(n):
+                row[x] = a[x] * f[x] + b[x] * c[x] + g[x] * h[x]
+            if d > e:
+                mirrored = A[d, e]
+                for x in range(n):
+                    mirrored[x] = row[x]
+
+
+@compiled
+def _add_pressure(Jm1, Hm1, p, W, P, A, tangent):
+    """Add energy, stress and tangent of p (J - 1)."""
+    n, H, pJ = len(p), _add_unit(Hm1), np.empty(len(p))
+    for x in range(n):
+        pJ[x] = p[x] * (1 + Jm1[x])
+        W[x] += p[x] * Jm1[x]
+    for e in range(9):
+        row, a = P[e], H[e]
+        for x in range(n):
+            row[x] += pJ[x] * a[x]
+    if tangent:
+        for e in range(9):
+            for d in range(9):
+                row, a, b, c, f = A[e, d], H[e], H[d], H[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
+                for x in range(n):
+                    row[x] += pJ[x] * (a[x] * b[x] - c[x] * f[x])
+
+
+@compiled
+def _transform(first, second, A, B):
+    """Write B_iJkL = first_ia second_Jb first_kc second_Ld A_abcd for matrices (9, n); B may be A."""
+    n = A.shape[2]
+    half, partial = np.empty_like(A), np.empty((3, n))
+    # the row pair is transformed and exchanged with the column pair, twice
+    for side in range(2):
+        source, target = (A, half) if side == 0 else (half, B)
+        for d in range(9):
+            for J in range(3):
+                for a in range(3):
+                    row, c0, c1, c2 = partial[a], second[3 * J], second[3 * J + 1], second[3 * J + 2]
+                    s0, s1, s2 = source[3 * a, d], source[3 * a + 1, d], source[3 * a + 2, d]
+                    for x in range(n):
+                        row[x] = c0[x] * s0[x] + c1[x] * s1[x] + c2[x] * s2[x]
+                s0, s1, s2 = partial[0], partial[1], partial[2]
+                for i in range(3):
+                    row, c0, c1, c2 = target[d, 3 * i + J], first[3 * i], first[3 * i + 1], first[3 * i + 2]
+                    for x in range(n):
+                        row[x] = c0[x] * s0[x] + c1[x] * s1[x] + c2[x] * s2[x]
+
+
+@compiled
+def _add_inverse_law(Hm1, Q, B, P, A, tangent):
+    """Add the terms of `fem.material.mooney_rivlin` in F^-T, whose stress and tangent by F^-T are Q and B."""
+    n, H, T, own = Hm1.shape[1], _add_unit(Hm1), np.empty_like(Hm1), np.zeros_like(Hm1)
+    for e in range(9):
+        a, b, row, total = H[e % 3 * 3 + e // 3], T[e], own[e], P[e]
+        for x in range(n):
+            b[x] = a[x]
+        for i in range(3):
+            for j in range(3):
+                c, f, g = H[e // 3 * 3 + i], Q[3 * j + i], H[3 * j + e % 3]
+                for x in range(n):
+                    row[x] -= c[x] * f[x] * g[x]
+        for x in range(n):
+            total[x] += row[x]
+    if tangent:
+        # dH_aB = -H_aJ dF_iJ H_iB: J belongs to a and i to B, so the indices of each pair change places
+        C = np.empty_like(B)
+        for e in range(9):
+            for d in range(9):
+                row, a = C[e, d], B[e % 3 * 3 + e // 3, d % 3 * 3 + d // 3]
+                for x in range(n):
+                    row[x] = a[x]
+        _transform(H, T, C, C)
+        for e in range(9):
+            for d in range(9):
+                iL, kJ = e // 3 * 3 + d % 3, d // 3 * 3 + e % 3
+                row, a, b, c, f, g = A[e, d], C[e, d], H[iL], own[kJ], H[kJ], own[iL]
+                for x in range(n):
+                    row[x] += a[x] - b[x] * c[x] - f[x] * g[x]
+
+
+@compiled
+def _yeoh(mu, c2, c3, W, P, A, tangent):
+    """Turn the neo-Hookean law with modulus 1 into `fem.material.yeoh`, a polynomial of its energy."""
+    n = len(mu)
+    first, second = np.empty(n), np.empty(n)
+    for x in range(n):
+        y = 2 * W[x]
+        first[x] = mu[x] * (1 + 2 * c2 * y + 3 * c3 * y * y)
+        second[x] = 2 * mu[x] * (2 * c2 + 6 * c3 * y)
+        W[x] = mu[x] / 2 * y * (1 + c2 * y + c3 * y * y)
+    if tangent:
+        for e in range(9):
+            for d in range(9):
+                row, a, b = A[e, d], P[e], P[d]
+                for x in range(n):
+                    row[x] = first[x] * row[x] + second[x] * a[x] * b[x]
+    for e in range(9):
+        row = P[e]
+        for x in range(n):
+            row[x] *= first[x]
+
+
+@compiled
+def eigenvectors(S, values, N):
+    """Write eigenvalues (3,) and eigenvectors (3, 3), in columns, of a symmetric matrix by Jacobi's method.
+
+    S is overwritten. LAPACK would take ten times as long on so small a matrix.
+    """
+    for i in range(3):
+        for j in range(3):
+            N[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        if S[0, 1] == 0.0 and S[0, 2] == 0.0 and S[1, 2] == 0.0:
+            break
+        for i in range(2):
+            for j in range(i + 1, 3):
+                if S[i, j] == 0.0:
+                    continue
+                half = (S[j, j] - S[i, i]) / (2 * S[i, j])
+                t = math.copysign(1.0, half) / (abs(half) + math.hypot(half, 1.0))
+                c = 1 / math.sqrt(t * t + 1)
+                s, k = t * c, 3 - i - j
+                S[i, i], S[j, j] = S[i, i] - t * S[i, j], S[j, j] + t * S[i, j]
+                S[i, j] = S[j, i] = 0.0
+                S[k, i], S[k, j] = c * S[k, i] - s * S[k, j], s * S[k, i] + c * S[k, j]
+                S[i, k], S[j, k] = S[k, i], S[k, j]
+                for r in range(3):
+                    N[r, i], N[r, j] = c * N[r, i] - s * N[r, j], s * N[r, i] + c * N[r, j]
+    for i in range(3):
+        values[i] = S[i, i]
+
+
+@compiled
+def _quotient(beta, d, around):
+    """`fem.material._quotient`: divided difference of exponentials."""
+    ratio = beta / 2 if d == 0 else math.sinh(beta * d / 2) / math.sinh(d)
+    return 2 * math.exp((beta / 2 - 1) * around) * ratio
+
+
+@compiled
+def _ogden(G, mu, constants, W, P, A, spatial, material, tangent):
+    """Write energy and stress of `fem.material.ogden` with two terms, without pressure, point by point.
+
+    With `tangent`, A receives the tangents in the principal frame, and spatial and material the matrices (9, n) that
+    turn these to the frame of F.
+    """
+    n = len(mu)
+    F, S, N, e = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    h, t, s, stress, theta = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for x in range(n):
+        for i in range(9):
+            F[i // 3, i % 3] = G[i, x]
+        for i in range(3):
+            for j in range(3):
+                S[i, j] = F[i, j] + F[j, i] + F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j]
+        eigenvectors(S, e, N)
+        for a in range(3):
+            h[a] = math.log1p(max(e[a], 1e-15 - 1)) / 2
+        middle, energy, constant = (h[0] + h[1] + h[2]) / 3, 0.0, 0.0
+        t[:], s[:], theta[:] = 0.0, 0.0, 0.0
+        for term in range(2):
+            alpha, share = constants[term], constants[2] if term else 1 - constants[2]
+            constant += 2 * share / alpha
+            weight = 2 * share / alpha * math.exp(-alpha * middle)
+            for a in range(3):
+                power = math.expm1(alpha * (h[a] - middle))
+                energy += 2 * share / alpha**2 * power
+                t[a] += 2 * share / alpha * power
+                s[a] += 2 * share * (1 + power)
+                for b in range(3):
+                    if tangent and a != b:
+                        theta[a, b] += weight * _quotient(alpha - 2, h[a] - h[b], h[a] + h[b])
+        W[x] = mu[x] * energy
+        mean = (t[0] + t[1] + t[2]) / 3
+        for a in range(3):
+            stress[a] = mu[x] * (t[a] - mean) * math.exp(-2 * h[a])
+            for i in range(3):
+                material[3 * i + a, x] = N[i, a]
+                spatial[3 * i + a, x] = N[i, a] + F[i, 0] * N[0, a] + F[i, 1] * N[1, a] + F[i, 2] * N[2, a]
+        for i in range(9):
+            P[i, x] = 0.0
+            for a in range(3):
+                P[i, x] += spatial[i // 3 * 3 + a, x] * stress[a] * material[i % 3 * 3 + a, x]
+        if tangent:
+            _write_principal_tangent(x, mu[x], stress, s, theta, constant + mean, h, A)
+
+
+@compiled
+def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
+    """Write `fem.material._principal_tangent` of point x to A; `stress` includes mu."""
+    for e in range(9):
+        for d in range(9):
+            A[e, d, x] = 0.0
+    total = (s[0] + s[1] + s[2]) / 9
+    for a in range(3):
+        own = math.exp(-2 * h[a])
+        for b in range(3):
+            D = total - (s[a] + s[b]) / 3 + (s[a] if a == b else 0.0)
+            A[4 * a, 4 * b, x] += mu * D * own * math.exp(-2 * h[b])
+            A[3 * a + b, 3 * a + b, x] += stress[b] * own
+            if a == b:
+                A[4 * a, 4 * a, x] -= 2 * stress[a] * own
+            else:
+                half = mu / 2 * (theta[a, b] - constant * _quotient(-2.0, h[a] - h[b], h[a] + h[b]))
+                A[3 * a + b, 3 * a + b, x] += half
+                A[3 * a + b, 3 * b + a, x] += half
+
+
+def stress(
+    law: int, constants: Array, G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array,
+    *, tangent: bool,
+) -> None:  # fmt: skip
+    """Write energies (n,), stresses (9, n) and, with `tangent`, tangents (9, 9, n) of a law.
+
+    Parameters
+    ----------
+    law, constants : number of the law and its (3,) constants, from `fem.material.numbered`.
+    G, Jm1, Hm1 : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
+    mu, p : (n,) shear moduli and pressures, both times the weights of the points.
+    """
+    if law == NEO_HOOKEAN:
+        _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent)
+        return
+    if law == MOONEY_RIVLIN:
+        share, W2, Q, B = constants[0], np.empty_like(W), np.empty_like(P), np.empty_like(A)
+        _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent)
+        _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent)
+        W += W2
+        _add_inverse_law(Hm1, Q, B, P, A, tangent)
+        return
+    if law == YEOH:
+        _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent)
+        _yeoh(mu, constants[0], constants[1], W, P, A, tangent)
+    else:
+        spatial, material = np.empty_like(P), np.empty_like(P)
+        _ogden(G, mu, constants, W, P, A, spatial, material, tangent)
+        if tangent:
+            _transform(spatial, material, A, A)
+    _add_pressure(Jm1, Hm1, p, W, P, A, tangent)

@@ -1,0 +1,43 @@
+"""Loading the elements' compiled loops before they are needed, in long-running processes and benchmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+import skfem
+
+from fem.discretisation import element_loops, elements, rigid_inclusion
+from fem.discretisation.nonlinear_system import System
+from fem.material import Law, lame, law
+from geometry import compiled
+
+EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogden": (2.0, -2.0, 0.5)}
+"""Each law with some constants."""
+
+
+def prepare() -> bool:
+    """Load the compiled loops for all models and laws; return whether they are usable, which requires numba.
+
+    This takes about half a second. The first time after an installation it compiles them, in about 20 s. Otherwise a
+    process imports numba when it has solved enough (`geometry.compiled`), and compiles each loop at its first use.
+    """
+    if not compiled.prepare():
+        return False
+    for name, constants in EXAMPLES.items():
+        for harmonics in (0, 1):
+            system = small_section(law(name, constants), harmonics)
+            if not element_loops.usable(system.law, system.elements):
+                return False
+            state = system.admissible(np.zeros(system.size))
+            assert state is not None
+            system.assemble(state, None)
+    return True
+
+
+def small_section(isochoric: Law, harmonics: int) -> System:
+    """Return a section of two triangles, whose inner side is a rigid magnet."""
+    mesh = skfem.MeshTri2.from_mesh(skfem.MeshTri.init_tensor(np.array([1.0, 2.0]), np.array([0.0, 1.0])))
+    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics)
+    inner = np.flatnonzero(e.nodes[:, 0] < 1 + 1e-9)
+    body = rigid_inclusion.section(e.nodes[inner], e.angles)
+    fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
+    return System(e, None, *lame(1.0, 0.49), fixed, inner, body, law=isochoric)
