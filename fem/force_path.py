@@ -13,7 +13,7 @@ from fem.equilibrium import sideways_model, start_path
 from fem.results.postprocess import read, tip_force
 from fem.scene import Scene
 from fem.solution import Solution
-from fem.solvers.depth_ranges import graded_depth
+from fem.solvers.depth_ranges import mesh_range
 from fem.solvers.loading_curve import CurvePoint, LoadingCurve
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
@@ -114,7 +114,9 @@ class ForcePath:
         )  # fmt: skip
         if own.bonds_contact:
             return alike and math.isclose(load.depth, own.depth, rel_tol=SAME_MESH)
-        return alike and (self.scene.solid or graded_depth(load.depth / D) == graded_depth(own.depth / D))
+        if self.scene.solid:
+            return alike
+        return alike and mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, own.depth / D)
 
     def close(self) -> None:
         """Free the memory of the factorisations."""

@@ -84,9 +84,15 @@ class Scene:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """Unit vector in the user's (x, y) of the model's x axis: the direction of the shear, x for full."""
+        """Unit vector in the user's (x, y) of the model's x axis: the direction of the shear; x without a plane of
+        symmetry, and for full."""
         sheared = self.sheared
-        return (1.0, 0.0) if sheared is None or self.model == "full" else sheared.direction
+        return (1.0, 0.0) if sheared is None or self.model == "full" or self.turns else sheared.direction
+
+    @property
+    def turns(self) -> bool:
+        """Whether the loads have no common plane of symmetry."""
+        return turns(self.loads)
 
     @property
     def sideways(self) -> bool:
@@ -162,19 +168,30 @@ def choose_model(loads: Sequence[Load], model: Model) -> Model:
     """
     sideways = any(load.shears_tip or load.imperfection for load in loads)
     tilted = any(load.plate_tilt for load in loads)
-    fixed = {0.0} if tilted or any(load.imperfection for load in loads) else set()
-    turns = len({load.axis for load in loads if load.shears_tip} | fixed) > 1
     if model not in ("auto", "axisymmetric", "harmonic", "half", "full"):
         raise BadInput(f"model must be auto, axisymmetric, harmonic, half or full; got {model!r}")
     if model == "axisymmetric" and sideways:
         raise BadInput("model axisymmetric cannot carry a shear or an imperfection: choose auto or harmonic")
-    if model in ("axisymmetric", "harmonic") and tilted:
-        raise BadInput(f"model {model} cannot carry a tilted plate: choose auto, half or full")
-    if model in ("harmonic", "half") and turns:
-        raise BadInput(f"model {model} carries shear and tilt in one plane only: choose auto or full")
+    if model == "axisymmetric" and tilted:
+        raise BadInput("model axisymmetric cannot carry a tilted plate: choose auto or harmonic")
+    if model == "half" and turns(loads):
+        raise BadInput("model half carries shear and tilt in one plane only: choose auto, harmonic or full")
     if model == "auto":
-        return "full" if turns else "half" if tilted else "harmonic" if sideways else "axisymmetric"
+        return "harmonic" if sideways or tilted else "axisymmetric"
     return model
+
+
+def turns(loads: Sequence[Load]) -> bool:
+    """Return whether loads have no common plane of symmetry.
+
+    Their shears are along two lines, or not along the tilt or the imperfection.
+
+    >>> tilted = Load(depth=1.0, shear_y=0.5, friction="stick", plate_tilt=0.1)
+    >>> turns([tilted]), turns([Load(depth=1.0, shear_y=0.5, friction="stick")])
+    (True, False)
+    """
+    fixed = {0.0} if any(load.plate_tilt or load.imperfection for load in loads) else set()
+    return len({load.axis for load in loads if load.shears_tip} | fixed) > 1
 
 
 def _check_path(loads: Sequence[Load]) -> None:

@@ -33,6 +33,8 @@ CASES = {
     "grip": (paper(), [Load(shear_x=0.5, grip=2.0)], "rigid"),
     "coulomb": (paper(), [Load(depth=0.3, shear_x=0.3, friction=0.3)], "rigid"),
     "tilted": (paper(), [Load(depth=0.3, plate_tilt=0.1)], "ignored"),
+    "turned": (paper(), [Load(depth=0.3, shear_y=0.3, friction="stick", plate_tilt=0.1)], "ignored"),
+    "tetrahedra": (paper(), [Load(depth=0.3, plate_tilt=0.1)], "ignored"),
 }
 ANSWERS = {
     "press": ("axisymmetric", 2, 1e-6, (0.0, 4.22735933346326, 0.0, -0.3091196100140188)),
@@ -48,7 +50,7 @@ ANSWERS = {
         1e-6,
         (0.14253024554943355, 0.623969230809307, 0.09483507362440799, -0.04826342298427718),
     ),
-    "tilted": (
+    "tetrahedra": (
         "half",
         2,
         1e-2,
@@ -61,7 +63,7 @@ ANSWERS = {
 def test_answers_change_only_with_the_version(name):
     design, loads, magnet = CASES[name]
     model, version, tolerance, answer = ANSWERS[name]
-    state = trace(design, loads, ROUGH, magnet=magnet, estimate=False)[-1]
+    state = trace(design, loads, ROUGH, magnet=magnet, model=model, estimate=False)[-1]
     force, shift = state.response.force, state.response.shift
     assert (state.status, state.model) == ("ok", model)
     assert PHYSICS[state.model] == version, "write the answers of the new version into ANSWERS"

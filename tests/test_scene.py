@@ -20,7 +20,7 @@ SHEAR = Load(depth=1.0, shear_x=1.0, friction="stick")
     [
         ([Load(depth=7.0)], "auto", "silicone"),
         ([Load(depth=1, shear_x=1, friction="stick")], "axisymmetric", "shear"),
-        ([Load(depth=1, plate_tilt=0.1)], "harmonic", "tilted"),
+        ([Load(depth=1, plate_tilt=0.1)], "axisymmetric", "tilted"),
         ([Load(depth=1, plate_tilt=0.1, shear_y=0.1, friction="stick")], "half", "one plane"),
         ([Load(depth=1)], "solid", "model must be"),
         ([Load(shear_x=1, friction="stick")], "auto", "in contact"),
@@ -72,13 +72,30 @@ def test_the_conveniences_make_the_same_checks():
         ((Load(depth=1.0),), "axisymmetric"),
         ((Load(depth=1.0), SHEAR), "harmonic"),
         ((Load(depth=1.0, imperfection=1e-3),), "harmonic"),
-        ((Load(depth=1.0, plate_tilt=0.1),), "half"),
-        ((SHEAR, replace(SHEAR, shear_y=1.0)), "full"),
+        ((Load(depth=1.0, plate_tilt=0.1),), "harmonic"),
+        ((SHEAR, replace(SHEAR, shear_y=1.0)), "harmonic"),
+        ((replace(SHEAR, plate_tilt=0.1, shear_y=1.0),), "harmonic"),
     ],
 )
 def test_the_smallest_model_is_chosen(loads, model):
     loads = tuple(replace(load, friction=loads[-1].friction) for load in loads)
     assert Scene(paper(), loads).model == model == choose_model(loads, "auto")
+
+
+@pytest.mark.parametrize(
+    ("loads", "direction"),
+    [
+        ((replace(SHEAR, shear_x=0.6, shear_y=0.8),), (0.6, 0.8)),
+        ((replace(SHEAR, shear_x=0.6, shear_y=0.8, plate_tilt=0.1),), None),
+        ((replace(SHEAR, plate_tilt=0.1),), (1.0, 0.0)),
+        ((SHEAR, replace(SHEAR, shear_y=1.0)), None),
+        ((replace(SHEAR, shear_x=0.0, shear_y=1.0, imperfection=1e-3),), None),
+    ],
+)
+def test_loads_without_a_plane_of_symmetry_need_the_users_axes(loads, direction):
+    scene = Scene(paper(), tuple(replace(load, imperfection=loads[0].imperfection) for load in loads))
+    assert scene.turns is (direction is None)
+    assert scene.direction == pytest.approx(direction or (1.0, 0.0))
 
 
 def test_parts_and_companions_of_a_scene_keep_its_model():

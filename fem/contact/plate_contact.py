@@ -230,17 +230,21 @@ def assemble_springs(
     return forces, blocks, energy, not slips
 
 
-def average_over_facets(values: Array) -> Array:
-    """Return values (k, q) with each point's value replaced by the mean over its facet.
+def average_over_facets(surface: Surface, values: Array) -> Array:
+    """Return values (k, q) with each point's value replaced by the mean over its facet, at each angle of a section.
 
     Facets must be tied as a whole. A facet tied at some points only would follow the plate almost as a whole, so the
     tied area would be too large.
     """
-    return np.broadcast_to(values.mean(axis=1, keepdims=True), values.shape)
+    lines = values.reshape(len(values), -1, surface.angles)
+    return np.broadcast_to(lines.mean(axis=1, keepdims=True), lines.shape).reshape(values.shape)
 
 
 def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: float) -> Plate:
     """Return the plate with the facets glued to it whose mean distance from the axis is below `radius`.
+
+    Under a tilted plate a section's facets are glued, at each angle, where their mean overlap is positive: a few
+    orders cannot follow the plate exactly in the whole contact area, and gluing all of it makes the tip too stiff.
 
     Parameters
     ----------
@@ -248,11 +252,17 @@ def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: 
     above : only points above this undeformed height, over D, are glued.
     """
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
-    if radius is None:
+    if plate.tilt and surface.angles > 1:
+        out, radius = -overlap(surface, u, plate), 0.0
+    elif radius is None:
         out, radius = distance_from_pressure_centre(surface, u, plate), contact_radius(surface, u, plate)
-    tied = (average_over_facets(out) < radius) & (surface.points[..., 2] > above)
-    gap = np.maximum(-overlap(surface, u, plate), 0.0)
-    return replace(plate, tied=tied, targets=positions_along_plate(surface, u, plate), gap=gap)
+    tied = (average_over_facets(surface, out) < radius) & (surface.points[..., 2] > above)
+    return replace(plate, tied=tied, targets=positions_along_plate(surface, u, plate), gap=gaps(surface, u, plate))
+
+
+def gaps(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the distances of the skin's points to the plate, shape (k, q); 0 where they are pressed."""
+    return np.maximum(-overlap(surface, u, plate), 0.0)
 
 
 def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> Array:
@@ -294,8 +304,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     if not pressed.any():
         return 0.0
     r = distance_from_pressure_centre(surface, u, plate)
-    radius, load = float(r[pressed].max()), surface.weights * np.maximum(g, 0.0)
-    by_moment = math.sqrt(2.5 * np.vdot(load, r**2) / load.sum())
+    radius, by_moment = float(r[pressed].max()), hertz_radius(surface, u, plate)
     out = np.hypot(surface.points[..., 0], surface.points[..., 1])
     reach = float(out.max())
     ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
@@ -315,6 +324,19 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         if abs(root) < SETTLED:
             break
     return radius
+
+
+def hertz_radius(surface: Surface, u: Array, plate: Plate) -> float:
+    """Return the radius of a Hertz contact with the second moment of the pressure, see `contact_radius`.
+
+    It serves under a tilted plate, where the contact area lies off the axis and is not quite round: there the points
+    around it are too few in any one direction to extrapolate the gap.
+    """
+    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+    if not load.any():
+        return 0.0
+    r = distance_from_pressure_centre(surface, u, plate)
+    return math.sqrt(2.5 * float(np.vdot(load, r**2)) / float(load.sum()))
 
 
 def equal_area_radius(surface: Surface, u: Array, plate: Plate) -> float:

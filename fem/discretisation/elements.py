@@ -18,6 +18,11 @@ the field k = -2 is added, so that the space contains finite rotations of a rigi
 the components of G are those along r, theta, z. On the axis only w_-1, z_0 and p_0 differ from zero. The integral
 over theta is a midpoint rule with 2 N + 1 angles (at least 4) in (0, pi). It is exact for products of four functions
 of the space, such as a pressure times the determinant of F. With fewer angles the displacements do not converge.
+
+Loads without a plane of symmetry need the sine orders too. Then w_k is complex, w_k = a_k + i b_k, and u_z and p gain
+z'_n sin n theta and p'_n sin n theta, n = 1 .. N. The fields are in the order a_k, b_k, z_n, z'_n. The angles lie in
+(0, 2 pi), twice as many: those in (0, pi) and their mirror images. So a load that is symmetric about y = 0 gives the
+same answer in both models, and a rotation of the load about z by a multiple of their distance rotates the answer.
 """
 
 from __future__ import annotations
@@ -64,6 +69,7 @@ class Angles:
     ----------
     theta, weights : (t,) angles, and their weights in an integral around the axis (1 in a solid).
     harmonics : number N of harmonics.
+    sines : whether there are sine orders: fields that are not symmetric about the plane y = 0.
     E : (t, 3, f) displacement components r, theta, z (x, y, z in a solid) of each field.
     V : (t, 3, 3, f) displacement gradient G_iJ of each derivative J of a field.
     C : (t, n) pressure of each pressure field.
@@ -78,6 +84,7 @@ class Angles:
     V: Array
     C: Array
     components: tuple[int, ...] | None = None
+    sines: bool = False
 
     @property
     def fields(self) -> int:
@@ -180,6 +187,7 @@ class Surface:
     weights : (k, q) areas, over D^2.
     points : (k, q, 3) reference positions x, y, z, over D.
     E : (q, 3, fields) Cartesian displacement of each field.
+    angles : number of angles t; the q points are those of a facet's line, t angles each.
     """
 
     nodes: Ints
@@ -187,6 +195,7 @@ class Surface:
     weights: Array
     points: Array
     E: Array
+    angles: int = 1
 
     @functools.cached_property
     def spread(self) -> Array:
@@ -235,16 +244,25 @@ def orders(harmonics: int) -> range:
     return range(-2 if harmonics == 1 else -harmonics, harmonics + 1)
 
 
-def fourier_fields(harmonics: int, count: int | None = None) -> Angles:
+def fourier_fields(harmonics: int, count: int | None = None, *, sines: bool = False) -> Angles:
     """Return the fields of a section of revolution.
 
-    count : number of angles; default: 2 N + 1, at least 4, and 1 for N = 0.
+    Parameters
+    ----------
+    count : number of angles in (0, pi); default: 2 N + 1, at least 4, and 1 for N = 0.
+    sines : add the sine orders, with as many angles again in (pi, 2 pi).
     """
     t = count or (1 if harmonics == 0 else max(2 * harmonics + 1, 4))
-    theta = np.zeros(1) if t == 1 else (np.arange(t) + 0.5) * np.pi / t
-    E, V, C = _field_functions(theta, np.array(orders(harmonics)), np.arange(harmonics + 1))
-    few = (0, 2, 4, 6, 8) if t == 1 else None
-    return Angles(theta, np.full(t, 2 * np.pi / t), harmonics, E, V, C, few)
+    theta = np.zeros(1) if t == 1 else (np.arange(2 * t if sines else t) + 0.5) * np.pi / t
+    return fields_at(theta, harmonics, sines=sines)
+
+
+def fields_at(theta: Array, harmonics: int, *, sines: bool = False) -> Angles:
+    """Return the fields of a section of revolution at equally weighted angles (t,)."""
+    k, n = np.array(orders(harmonics)), np.arange(harmonics + 1)
+    E, V, C = _field_functions(theta, k, n, sines=sines)
+    few = (0, 2, 4, 6, 8) if len(theta) == 1 else None
+    return Angles(theta, np.full(len(theta), 2 * np.pi / len(theta)), harmonics, E, V, C, few, sines)
 
 
 def order_fields(order: int) -> Angles:
@@ -254,17 +272,33 @@ def order_fields(order: int) -> Angles:
     return Angles(theta, np.full(2, np.pi), order, E, V, C)
 
 
-def _field_functions(theta: Array, k: Ints, n: Ints) -> tuple[Array, Array, Array]:
+def _field_functions(theta: Array, k: Ints, n: Ints, *, sines: bool = False) -> tuple[Array, Array, Array]:
     """Return E, V and C of `Angles` for the fields w_k, z_n and p_n."""
-    E = np.zeros((len(theta), 3, len(k) + len(n)))
-    V = np.zeros((len(theta), 3, 3, len(k) + len(n)))
     ck, sk = np.cos(np.outer(theta, k)), np.sin(np.outer(theta, k))
     cn, sn = np.cos(np.outer(theta, n)), np.sin(np.outer(theta, n))
-    E[:, 0, : len(k)], E[:, 1, : len(k)], E[:, 2, len(k) :] = ck, sk, cn
-    V[:, :, 0], V[:, :, 2] = E, E
-    V[:, 0, 1, : len(k)], V[:, 1, 1, : len(k)] = -(k + 1) * sk, (k + 1) * ck
-    V[:, 2, 1, len(k) :] = -n * sn
-    return E, V, cn
+    # u_r, u_theta, u_z of the fields, and what their derivatives by theta add along r, theta, z
+    E, along = _components(ck, sk, cn), _components(-(k + 1) * sk, (k + 1) * ck, -n * sn)
+    if sines:
+        # i w_k exp(i k theta) has u_r = -sin k theta and u_theta = cos k theta; the sine of order 0 is zero
+        C, N = np.concatenate([cn, sn[:, 1:]], axis=1), n[1:]
+        E = _joined(E, _components(-sk, ck, sn[:, 1:]), len(k))
+        along = _joined(along, _components(-(k + 1) * ck, -(k + 1) * sk, N * cn[:, 1:]), len(k))
+    else:
+        C = cn
+    return E, np.stack([E, along, E], axis=2), C
+
+
+def _components(radial: Array, around: Array, axial: Array) -> Array:
+    """Return functions of the angle (t, 3, f): fields of u_r and u_theta (t, k), then fields of u_z (t, n)."""
+    k = radial.shape[1]
+    fields = np.zeros((len(radial), 3, k + axial.shape[1]))
+    fields[:, 0, :k], fields[:, 1, :k], fields[:, 2, k:] = radial, around, axial
+    return fields
+
+
+def _joined(even: Array, odd: Array, k: int) -> Array:
+    """Return the fields of both kinds, all of u_r and u_theta (k of each kind) before those of u_z."""
+    return np.concatenate([even[..., :k], odd[..., :k], even[..., k:], odd[..., k:]], axis=-1)
 
 
 def rotations(theta: Array) -> Array:
@@ -299,6 +333,7 @@ def build(
     *,
     axisymmetric: bool,
     harmonics: int = 0,
+    sines: bool = False,
     order: int | None = None,
     angles: Angles | None = None,
     points: Array | None = None,
@@ -307,7 +342,7 @@ def build(
 
     Parameters
     ----------
-    harmonics : number of harmonics of a section of revolution.
+    harmonics, sines : number of harmonics of a section of revolution, and whether they include sine orders.
     order : order up to which integrals are exact; default: 4 in triangles (6 points) and 2 in tetrahedra (4 points).
         With order 2 in triangles deep presses find spurious unstable directions and jump between branches.
     angles : fields; default: those of the harmonics, or Cartesian ones.
@@ -339,7 +374,7 @@ def build(
         weights=weights,
         pressure_shape=np.stack([linear.lbasis(X, i)[0] for i in range(dim + 1)], axis=-1),
         shape=shape,
-        angles=angles or (fourier_fields(harmonics) if axisymmetric else cartesian_fields(dim)),
+        angles=angles or (fourier_fields(harmonics, sines=sines) if axisymmetric else cartesian_fields(dim)),
     )
 
 
@@ -351,7 +386,7 @@ def surface(
     Parameters
     ----------
     order : order up to which integrals over a facet are exact.
-    angles : number of angles on a section of revolution; default: those of the elements.
+    angles : number of angles in (0, pi) on a section of revolution; default: those of the elements.
     """
     dim = elements.dim
     facets = np.asarray(mesh.boundaries[name])
@@ -371,7 +406,12 @@ def surface(
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     positions = shape @ X
-    a = fourier_fields(elements.angles.harmonics, angles) if axisymmetric and angles else elements.angles
+    own_angles = elements.angles
+    a = (
+        fourier_fields(own_angles.harmonics, angles, sines=own_angles.sines)
+        if axisymmetric and angles
+        else own_angles
+    )
     turned = rotations(a.theta)
     t = len(a.theta)
     if dim == 2:
@@ -385,6 +425,7 @@ def surface(
         weights=(weights[..., None] * a.weights).reshape(len(nodes), -1),
         points=points,
         E=np.tile(np.einsum("ijt,tjf->tif", turned, a.E), (len(shape), 1, 1)),
+        angles=t,
     )
 
 

@@ -61,13 +61,14 @@ def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
     Parameters
     ----------
     height : over D.
-    mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0.
+    mirrored : whether a solid is one half, y >= 0, of a body that is symmetric about the plane y = 0. Sections are so
+        without sine orders.
     """
     if e.dim == 2:
         nodes, points, turned = _revolved_nodes(e)
     else:
         nodes, points, turned = np.arange(len(e.nodes)), e.nodes, np.broadcast_to(np.eye(3), (len(e.nodes), 3, 3))
-    if mirrored or e.dim == 2:
+    if mirrored if e.dim == 3 else not e.angles.sines:
         other = points[:, 1] > ON_PLANE
         mirror = np.array([1.0, -1.0, 1.0])
         points = np.concatenate([points, points[other] * mirror])
@@ -105,13 +106,13 @@ def fit(points: Array, radius: float) -> tuple[Ints, Array]:
 
 
 def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
-    """Return a section's nodes in planes through the axis at y > 0, shape (n,).
+    """Return a section's nodes in planes through the axis, at y > 0 without sine orders, shape (n,).
 
     Also return their positions (n, 3) and their displacements by their fields (n, 3, fields). There are enough planes
     to separate all harmonics of the section from those of the polynomial.
     """
     N, count = e.angles.harmonics, len(e.nodes)
-    angles = elements.fourier_fields(N, 2 * N + DEGREE + 1)
+    angles = elements.fourier_fields(N, 2 * N + DEGREE + 1, sines=e.angles.sines)
     turns = elements.rotations(angles.theta)
     places = np.stack([e.nodes[:, 0], np.zeros(count), e.nodes[:, 1]], axis=1)
     points = np.einsum("ijt,nj->tni", turns, places).reshape(-1, 3)

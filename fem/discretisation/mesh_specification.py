@@ -31,6 +31,7 @@ class MeshSpecification:
     push : dead force along x, distributed over the dome, over E D^2.
     harmonics : number of harmonics on a section; 0 is axisymmetric.
     skin_harmonics : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
+    sines : whether the harmonics include sine orders, for a load without a plane of symmetry.
     mesh : tetrahedral mesh in units of D to use instead of a new one; sizes and rim are then ignored.
     """
 
@@ -46,6 +47,7 @@ class MeshSpecification:
     push: float = 0.0
     harmonics: int = 0
     skin_harmonics: int = 0
+    sines: bool = False
     mesh: skfem.MeshTet2 | None = None
 
     def build(self) -> Discretisation:
@@ -55,6 +57,7 @@ class MeshSpecification:
             return symmetry_models.section(
                 *of_beam,
                 harmonics=self.harmonics,
+                sines=self.sines,
                 rim=self.rim,
                 push=self.push,
                 around=self.skin_harmonics,

@@ -5,9 +5,10 @@ and functions phi_j of the few unknowns q:
 
 - axial: q = U_z; with torsion also the angle about z, which moves X by u_r = r (cos q2 - 1), u_theta = r sin q2;
 - sideways: q = U_x and the rotation about y, about an axisymmetric state with a given U_z (`single_order`);
-- planar (mirror plane y = 0; solids and harmonics): q = U_x, U_z and the rotation about y that carries z towards x, Q
-  = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
-- spatial: q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4 carries z towards -y.
+- planar (mirror plane y = 0; solids and cosine orders): q = U_x, U_z and the rotation about y that carries z towards
+  x, Q = [[c, 0, s], [0, 1, 0], [-s, 0, c]];
+- spatial (solids and sine orders): q = U_x, U_y, U_z and three angles, Q = Qy(q3) Qx(q4) Qz(q5), where a positive q4
+  carries z towards -y.
 """
 
 from __future__ import annotations
@@ -74,6 +75,8 @@ def section(arms: Array, angles: Angles) -> RigidBody:
         B = np.zeros((1, len(arms), angles.fields))
         B[0, :, rise] = 1
         return RigidBody(B, 1)
+    if angles.sines:
+        return _spatial_section(arms, angles)
     B = np.zeros((4, len(arms), angles.fields))
     along, out, double = k.index(-1), k.index(0), k.index(-2)
     B[0, :, along], B[1, :, rise] = 1, 1
@@ -90,6 +93,28 @@ def sideways(arms: Array, angles: Angles) -> RigidBody:
     B[1, :, 2], B[1, :, 4] = z, -r
     B[2, :, 0], B[2, :, 3] = r / 2, z
     return RigidBody(B, 2)
+
+
+def _spatial_section(arms: Array, angles: Angles) -> RigidBody:
+    """Return the motion of a section's nodes with six unknowns, in the fields a_k, b_k, z_n, z'_n.
+
+    A displacement along x by a real function f(theta) is f = sum_m f_m exp(i m theta) with complex f_m = w_(m-1); one
+    along y is i f. Here f is 1, x = r cos theta, y = r sin theta or z.
+    """
+    k, N = list(orders(angles.harmonics)), angles.harmonics
+    r, z = arms.T
+    a = {m: k.index(m - 1) for m in (-1, 0, 1)}
+    b = {m: len(k) + i for m, i in a.items()}
+    rise = 2 * len(k)
+    B = np.zeros((3, 4, len(arms), angles.fields))
+    for i, (real, imaginary, sign) in enumerate(((a, b, 1.0), (b, a, -1.0))):
+        B[i, 0, :, real[0]] = 1
+        B[i, 1, :, real[1]], B[i, 1, :, real[-1]] = r / 2, r / 2
+        B[i, 2, :, imaginary[1]], B[i, 2, :, imaginary[-1]] = -sign * r / 2, sign * r / 2
+        B[i, 3, :, real[0]] = z
+    B[2, 0, :, rise], B[2, 3, :, rise] = 1, z
+    B[2, 1, :, rise + 1], B[2, 2, :, rise + N + 1] = r, r
+    return RigidBody(np.concatenate([B[:, 0], B[:, 1:].reshape(9, len(arms), angles.fields)]), 6)
 
 
 def _functions(q: Array) -> tuple[Array, Array, Array]:

@@ -1,7 +1,8 @@
 """The models of a scene: mesh, symmetries and unknowns of each. All lengths are over D.
 
 axisymmetric : press of a body of revolution; (r, z) section.
-harmonic : load in the plane y = 0 on a body of revolution; Fourier elements on the section. N = 0 is axisymmetric.
+harmonic : any load on a body of revolution; Fourier elements on the section. N = 0 is axisymmetric. A load in the
+    plane y = 0 needs cosine orders only, any other load sine orders too.
 half : load in the plane y = 0; tetrahedra in y >= 0.
 full : any load; tetrahedra.
 """
@@ -56,7 +57,12 @@ class Discretisation:
     @functools.cached_property
     def centre(self) -> Recovery:
         """Recovery of displacement and gradient at the magnet's centre, for a beam that is all silicone."""
-        return build_recovery(self.elements, self.shape.H, mirrored=self.model != "full")
+        return build_recovery(self.elements, self.shape.H, mirrored=self.mirrored)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the states are symmetric about the plane y = 0."""
+        return self.model != "full" and not self.elements.angles.sines
 
     @property
     def revolved(self) -> bool:
@@ -73,6 +79,7 @@ def section(
     law: Law = neo_hookean,
     *,
     harmonics: int = 0,
+    sines: bool = False,
     rim: tuple[float, float] | None = None,
     push: float = 0.0,
     around: int = 0,
@@ -83,6 +90,7 @@ def section(
     Parameters
     ----------
     size, tip_size : edge lengths of the mesh and at its tip, over D.
+    sines : whether the harmonics include sine orders.
     rim : radius and edge length where the contact area will end, see `geometry.section.section`.
     push : dead force along x, distributed over the dome, over E D^2; requires harmonics.
     around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
@@ -90,10 +98,10 @@ def section(
     """
     rigid = magnet == "rigid"
     mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none")
-    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics)
+    e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=sines)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
-    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics))] = True
+    fixed[np.ix_(elements.boundary_nodes(mesh, "axis"), ~on_axis(harmonics, sines=sines))] = True
     skin = elements.surface(
         mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
@@ -153,25 +161,37 @@ def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: floa
     return dead
 
 
-def on_axis(harmonics: int) -> NDArray[np.bool_]:
+def on_axis(harmonics: int, *, sines: bool = False) -> NDArray[np.bool_]:
     """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
-    k = list(elements.orders(harmonics))
-    return np.array([order == -1 for order in k] + [n == 0 for n in range(harmonics + 1)])
+    across = [order == -1 for order in elements.orders(harmonics)] * (2 if sines else 1)
+    along = [n == 0 for n in range(harmonics + 1)] + [False] * (harmonics if sines else 0)
+    return np.array(across + along)
 
 
 def raise_harmonics(low: System, high: System, q: Array) -> Array:
-    """Return the unknowns q of a section in a system with more harmonics on the same mesh."""
-    state, a, b = low.state(q), low.elements.angles.harmonics, high.elements.angles.harmonics
-    k, k2 = elements.orders(a), elements.orders(b)
+    """Return the unknowns q of a section in a system with more harmonics, or sine orders too, on the same mesh."""
+    state, from_fields, to_fields = low.state(q), field_names(low.elements.angles), field_names(high.elements.angles)
     u = np.zeros(high.fixed.shape)
-    u[:, [k2.index(order) for order in k]] = state.u[:, : len(k)]
-    u[:, len(k2) : len(k2) + a + 1] = state.u[:, len(k) :]
-    p = np.zeros((len(state.p), b + 1))
-    p[:, : a + 1] = state.p
-    motion = low.motion(q)
-    if len(motion) == 1:
-        motion = np.array([0.0, motion[0], 0.0])
+    u[:, [to_fields.index(name) for name in from_fields]] = state.u
+    from_p, to_p = ([name for name in names if name[0] in "zs"] for names in (from_fields, to_fields))
+    p = np.zeros((len(state.p), len(to_p)))
+    p[:, [to_p.index(name) for name in from_p]] = state.p
+    motion = np.zeros(high.n_rigid)
+    own = {1: (2,), 3: (0, 2, 3), 6: (0, 1, 2, 3, 4, 5)}
+    if high.n_rigid:
+        places = {place: i for i, place in enumerate(own[high.n_rigid])}
+        motion[[places[place] for place in own[low.n_rigid]]] = low.motion(q)
     return high.unknowns(u, p, motion)
+
+
+def field_names(angles: elements.Angles) -> list[tuple[str, int]]:
+    """Return kind and order of each field: a and b, real and imaginary part of w_k; z and s, cosine and sine of u_z.
+
+    The pressures have the kinds and orders of the fields z and s.
+    """
+    k, n, both = elements.orders(angles.harmonics), range(angles.harmonics + 1), angles.sines
+    names = [("a", order) for order in k] + [("b", order) for order in k if both]
+    return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if both]
 
 
 @functools.lru_cache(maxsize=8)

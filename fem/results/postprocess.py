@@ -88,10 +88,12 @@ def _read_response(state: PathState, nodal: State, turn: Array, design: Design) 
     # components that symmetry forbids contain only rounding errors
     if d.model == "axisymmetric":
         shift[0] = tilt[0] = 0.0
-    if d.model != "full":
+    if d.mirrored:
         shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    radius = plate_contact.equal_area_radius if state.sheared else plate_contact.contact_radius
+    tilted = d.revolved and state.tilt
+    upright = plate_contact.hertz_radius if tilted else plate_contact.contact_radius
+    radius = plate_contact.equal_area_radius if state.sheared else upright
     return Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
@@ -107,7 +109,7 @@ def tip_force(state: PathState) -> Array:
     residual = plate_contact.springs(state.skin, state.u, state.plate).traction
     x, y, z = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual)
     # components that symmetry forbids contain only sums of radial tractions and rounding errors
-    return np.array([0.0 if d.model == "axisymmetric" else -x, -y if d.model == "full" else 0.0, z])
+    return np.array([0.0 if d.model == "axisymmetric" else -x, 0.0 if d.mirrored else -y, z])
 
 
 def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
-"""A section with harmonics as a solid body of second-order tetrahedra in y >= 0, for files and pictures.
+"""A section with harmonics as a solid body of second-order tetrahedra, for files and pictures.
 
-The fields of all models except the full one belong to a load along the model's own x axis; see `Load.direction`.
+The body is the half y >= 0, or the whole one if the fields have sine orders. All other fields except those of the
+full model belong to a load along the model's own x axis; see `Load.direction`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,12 @@ class Body:
 def place(solution: Solution) -> Body:
     """Return the body of a solution in the user's frame."""
     solid = revolve(solution.field)
-    return solid if solution.model == "full" else turn(solid, solution.load.direction)
+    return turn(solid, solution.load.direction) if mirrored(solution) else solid
+
+
+def mirrored(solution: Solution) -> bool:
+    """Return whether the fields of a solution are symmetric about the plane y = 0 of its model."""
+    return solution.model != "full" and not solution.field.angles.sines
 
 
 def turn(solid: Body, direction: tuple[float, float]) -> Body:
@@ -53,46 +59,46 @@ def revolve(field: Field) -> Body:
     """
     if field.angles.harmonics == 0:
         return Body(field.mesh, field.u, field.p[:, 0], field.vertices)
-    section, half = field.mesh, 2 * SECTORS
+    section, half, whole = field.mesh, 2 * SECTORS, field.angles.sines
+    rays = _rays(whole)
     corners = len(section.p[0])
     on_axis = section.doflocs[0] < 1e-9 * section.doflocs.max()
     # a corner of the solid is a corner of the section on a ray: the half plane at the angle pi ray / half
-    straight = _wedges(section, on_axis[:corners])
+    straight = _wedges(section, on_axis[:corners], whole)
     used, t = np.unique(straight, return_inverse=True)
-    node, ray = used // (half + 1), used % (half + 1)
+    node, ray = used // rays, used % rays
     x = section.doflocs
     angle = np.pi * ray / half
     flat = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
     mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet(flat, np.ascontiguousarray(t.reshape(straight.shape).T)))
     node, ray = _edges(field, mesh, node, ray, on_axis)
+    ray %= rays
     angle = np.pi * ray / half
-    # the series at the angles of the nodes: cosines of u_r, u_z and p, sines of u_theta
-    k, n = np.array(elements.orders(field.angles.harmonics)), np.arange(field.angles.harmonics + 1)
-    w, z = field.u[node, : len(k)], field.u[node, len(k) :]
-    cn = np.cos(np.outer(angle, n))
-    u = np.stack(
-        [
-            np.sum(w * np.cos(np.outer(angle, k + 1)), axis=1),
-            np.sum(w * np.sin(np.outer(angle, k + 1)), axis=1),
-            np.sum(z * cn, axis=1),
-        ],
-        axis=1,
-    )
+    # the series at the angles of the rays
+    series = elements.fields_at(np.pi * np.arange(rays) / half, field.angles.harmonics, sines=whole)
+    E = np.einsum("ijt,tjf->tif", elements.rotations(series.theta), series.E)
+    u = np.einsum("nif,nf->ni", E[ray], field.u[node])
     where = np.full(len(x[0]), -1)
     where[field.vertices] = np.arange(len(field.vertices))
     vertices = np.arange(len(used))
-    p = np.sum(field.p[where[node[vertices]]] * cn[vertices], axis=1)
+    p = np.sum(field.p[where[node[vertices]]] * series.C[ray[vertices]], axis=1)
     places = np.stack([x[0, node] * np.cos(angle), x[0, node] * np.sin(angle), x[1, node]])
     return Body(skfem.MeshTet2(places, mesh.t), u, p, vertices)
 
 
-def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the corners (m, 4) of the tetrahedra, section node times (2 SECTORS + 1) plus ray; no flat ones."""
+def _rays(whole: bool) -> int:
+    """Return the number of rays, two to a wedge; on the whole body the last one is followed by the first."""
+    return 4 * SECTORS if whole else 2 * SECTORS + 1
+
+
+def _wedges(section: skfem.Mesh, on_axis: NDArray[np.bool_], whole: bool) -> NDArray[np.int64]:
+    """Return the corners (m, 4) of the tetrahedra, section node times the number of rays plus ray; no flat ones."""
     a, b, c = np.sort(section.t, axis=0)[:, :, None]
-    lower, upper = 2 * np.arange(SECTORS), 2 * np.arange(1, SECTORS + 1)
+    wedges, rays = 2 * SECTORS if whole else SECTORS, _rays(whole)
+    lower, upper = 2 * np.arange(wedges), 2 * np.arange(1, wedges + 1) % rays
 
     def at(node: NDArray[np.int64], ray: NDArray[np.int64]) -> NDArray[np.int64]:
-        return node * (2 * SECTORS + 1) + np.where(on_axis[node], 0, ray)
+        return node * rays + np.where(on_axis[node], 0, ray)
 
     cells = np.concatenate(
         [
@@ -127,4 +133,6 @@ def _edges(
     # a node on the axis is on every ray: an edge from it lies on the ray of its other end
     a = np.where(on_axis[first], ray[other], ray[one])
     b = np.where(on_axis[second], ray[one], ray[other])
-    return np.concatenate([node, between]), np.concatenate([ray, (a + b) // 2])
+    # between the last ray and the first one of a whole body
+    around = np.where(np.abs(a - b) > 2, 4 * SECTORS, 0)
+    return np.concatenate([node, between]), np.concatenate([ray, (a + b + around) // 2])

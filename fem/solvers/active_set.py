@@ -33,9 +33,10 @@ from fem.discretisation.nonlinear_system import State, System
 from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array, Ints
 
-MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 4, 50
+MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 600, 4, 50
 """Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
-costs as much as one or two plain steps; rounds, and exchanges of the set in each round."""
+costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all angles
+switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round."""
 
 
 def settle_contact(
@@ -66,6 +67,7 @@ def settle_contact(
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
     points, compliance = np.empty(0, dtype=np.int64), None
     settled, now = step, plain
+    most = MOST_SOLID if system.elements.dim == 3 else MOST_TILTED if plate.tilt else MOST_POINTS
     for _ in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
         flips = loose & ((now > 0) != acting)
@@ -74,7 +76,7 @@ def settle_contact(
         if not len(new):
             break
         points = np.append(points, new)
-        if len(points) > (MOST_POINTS if system.elements.dim == 2 else MOST_SOLID):
+        if len(points) > most:
             return step
         compliance = _extend(compliance, system, solver, points, plate)
         S, C = compliance.S, compliance.C

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import math
 
-from fem.scene import Scene
+from fem.scene import MOST_HARMONICS, Scene
 from fem.solvers.path_state import FIRST_TOUCH
 from geometry.loads import Load
 
+OFF_AXIS = 3.0
+"""Additional harmonics over sin t sqrt(R / d), see `harmonics_at`."""
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
 """SHALLOW: depth over D beyond which all presses share one mesh, graded to this depth (0.2 mm for the paper's
 sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds. SAME_DEPTH:
@@ -38,12 +40,14 @@ def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
     """
     D = scene.design.D
     parts: list[list[Load]] = []
-    present = deepest = 0.0
+    present: tuple[float, int] | None = None
+    deepest = 0.0
     path_dependent = scene.coulomb is not None
     straight = not scene.solid and scene.grip is None
     for load in scene.loads:
         straight = straight and not (path_dependent and load.depth < deepest)
-        graded = graded_depth(load.depth / D) if load.depth > FIRST_TOUCH * D else present
+        depth = load.depth / D
+        graded = mesh_range(scene, depth) if depth > FIRST_TOUCH else present
         if parts and (not straight or graded == present or not present):
             parts[-1].append(load)
         else:
@@ -51,6 +55,30 @@ def split_by_mesh(scene: Scene) -> list[tuple[Load, ...]]:
         present, deepest = graded, load.depth
         straight = straight and not (path_dependent and load.shears_tip)
     return [tuple(part) for part in parts]
+
+
+def mesh_range(scene: Scene, depth: float) -> tuple[float, int]:
+    """Return what two depths over D share if they share a mesh: its graded depth, and its number of harmonics."""
+    return graded_depth(depth), harmonics_at(scene, depth)
+
+
+def harmonics_at(scene: Scene, depth: float) -> int:
+    """Return the number of harmonics for a load at a depth over D: those of the accuracy, and more off the axis.
+
+    A plate tilted by an angle t touches the dome at R sin t from the axis. There a contact of radius a = sqrt(R d)
+    fills an angle of about a / (R sin t) to each side, so the number of orders that resolve it grows like x = sin t
+    sqrt(R / d). See `OFF_AXIS`.
+
+    >>> from geometry.design import paper
+    >>> scene = Scene(paper(), (Load(depth=0.8, plate_tilt=0.14),))
+    >>> harmonics_at(scene, 0.1), harmonics_at(scene, 0.02)
+    (4, 6)
+    """
+    own = scene.accuracy.harmonics
+    if not scene.plate_tilt or depth <= FIRST_TOUCH:
+        return own
+    away = math.sin(abs(scene.plate_tilt)) * math.sqrt(scene.shape.R / depth)
+    return max(own, min(own + math.ceil(OFF_AXIS * away), MOST_HARMONICS))
 
 
 def graded_depth(depth: float) -> float:

@@ -12,12 +12,15 @@ from fem.accuracy import QUICK
 from fem.contact.contact_extent import find_contact_edge
 from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.scene import Scene
-from fem.solvers.depth_ranges import graded_depth
+from fem.solvers.depth_ranges import graded_depth, harmonics_at
 from fem.solvers.path_state import FIRST_TOUCH
 
 TIP = 1.0
 """Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would
 cut the tip. At 1 the contact radius has as many elements as the diameter D."""
+RIM_SHARE = 0.25
+"""Edge length where an area glued to a tilted plate ends, over the distance of its centre from the axis or over its
+radius, whichever is less: the radius at which it ends changes around the axis by twice that distance."""
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
 larger elements would be inverted there; a shear would gain nothing from smaller ones."""
@@ -47,6 +50,8 @@ def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
     """Return the models for the loads of a scene; `mesh` holds tetrahedra in units of D to use instead."""
     if scene.solid:
         return tetrahedra(scene, mesh)
+    if scene.plate_tilt:
+        return tilted_plate(scene)
     if not scene.sideways:
         return press(scene)
     if scene.grip is not None:
@@ -59,6 +64,22 @@ def press(scene: Scene) -> PathModels:
     section = replace(_section(scene, scene.accuracy.section_size), fillet=PRESS_FILLET)
     if scene.model == "axisymmetric":
         return PathModels(section, raised=replace(section, harmonics=1))
+    high = _harmonic(scene, section)
+    return PathModels(high, predictor=_predictor(high) if scene.coulomb is None else None)
+
+
+def tilted_plate(scene: Scene) -> PathModels:
+    """Return the models of a tilted plate, which touches the tip off the axis: all harmonics from the start.
+
+    The edge of a glued area lies at several radii, between |off - a| and off + a. The section is refined at the one
+    that it has across the tilt.
+    """
+    section, sheared = _section(scene, scene.accuracy.section_size), scene.sheared
+    if sheared is not None and scene.coulomb is None:
+        R, depth = scene.shape.R, sheared.depth / scene.design.D
+        off, a = R * math.sin(abs(scene.plate_tilt)), math.sqrt(R * depth)
+        edge = max(scene.accuracy.section_patch, RIM_SHARE * min(off, a))
+        section = replace(section, rim=(min(math.hypot(off, a), 0.95 * R), min(edge, section.size)))
     high = _harmonic(scene, section)
     return PathModels(high, predictor=_predictor(high) if scene.coulomb is None else None)
 
@@ -82,7 +103,7 @@ def grip(scene: Scene) -> PathModels:
 def friction_plate(scene: Scene) -> PathModels:
     """Return the models of a plate with Coulomb friction: axisymmetric first, then with all harmonics."""
     section = _section(scene, scene.accuracy.section_size)
-    return PathModels(section, raised=replace(section, harmonics=scene.accuracy.harmonics))
+    return PathModels(section, raised=_harmonic(scene, section))
 
 
 def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
@@ -114,8 +135,10 @@ def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
 
 
 def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:
-    """Return the section with the harmonics of the scene's accuracy."""
-    return replace(section, harmonics=scene.accuracy.harmonics, push=scene.push)
+    """Return the section with the harmonics of the scene's accuracy and loads."""
+    depths = [load.depth / scene.design.D for load in scene.loads]
+    harmonics = max(harmonics_at(scene, depth) for depth in depths)
+    return replace(section, harmonics=harmonics, push=scene.push, sines=scene.turns)
 
 
 def _predictor(high: MeshSpecification) -> MeshSpecification | None:

@@ -136,12 +136,13 @@ def at_rest(
     skin, bond, friction = d.system.surface, None, None
     assert skin is not None
     if grip is not None:
-        tied = plate_contact.average_over_facets(skin.points[..., 2]) >= d.shape.L - grip
+        tied = plate_contact.average_over_facets(skin, skin.points[..., 2]) >= d.shape.L - grip
         bond = Bond(tied, skin.points[..., :2])
     if mu is not None:
         friction = coulomb_friction.at_rest(mu, skin.weights.shape)
-    # the stiffer springs suit only sections: tetrahedra are too large, and friction would need too many increments
-    if not d.revolved or mu is not None:
+    # the stiffer springs suit only sections under an upright plate: tetrahedra are too large, friction would need too
+    # many increments, and off the axis many points of the skin touch and separate in every iteration
+    if not d.revolved or mu is not None or tilt:
         kappa = KAPPA
     elif kappa is None:
         kappa = SECTION_KAPPA
@@ -186,5 +187,13 @@ def glue(state: PathState, radius: float | None) -> PathState:
     """Return the state with the area within an undeformed radius glued to the plate; None: the contact radius."""
     plate = plate_contact.glue(state.skin, state.u, state.plate, radius, state.d.shape.H)
     assert plate.tied is not None
-    assert plate.targets is not None
-    return replace(state, bond=Bond(plate.tied, plate.targets - state.position[1:], plate.gap))
+    reduced = state.reduced
+    if reduced is not None:
+        reduced = replace(reduced, bond=_bond(reduced, plate.tied))
+    return replace(state, bond=_bond(state, plate.tied), reduced=reduced)
+
+
+def _bond(state: PathState, tied: NDArray[np.bool_]) -> Bond:
+    """Return the points tied where they are now; a predictor has its own displacements, and so its own targets."""
+    targets = plate_contact.positions_along_plate(state.skin, state.u, state.plate)
+    return Bond(tied, targets - state.position[1:], plate_contact.gaps(state.skin, state.u, state.plate))

@@ -37,7 +37,9 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     if before is None or not np.array_equal(before.position, state.position):
         return state, 0
     added = state.q - raise_harmonics(before.d.system, state.d.system, before.q)
-    ahead = follow_segment(reduced_solver, replace(before, bond=state.bond), goal, passing=True)
+    if before.bond is None:
+        before = replace(before, bond=state.bond)
+    ahead = follow_segment(reduced_solver, before, goal, passing=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
     if ahead.stop or (ahead.state.unstable or 0) != (state.unstable or 0):

@@ -39,12 +39,12 @@ class Cut(NamedTuple):
 def cut_of(solution: Solution, quantity: Quantity) -> Cut:
     """Return the section of the deformed body in the plane of its shear (without a shear y = 0), rotated to y = 0.
 
-    The section of an axisymmetric body is mirrored; the tetrahedra of a full body are cut.
+    The section of an axisymmetric body is mirrored; the tetrahedra of a body without a plane of symmetry are cut.
     """
     from fem.results import revolved_body
 
     solid = revolved_body.revolve(solution.field)
-    if solution.model == "full":
+    if not revolved_body.mirrored(solution):
         x, y = solution.load.direction
         return _sliced(revolved_body.turn(solid, (x, -y)), quantity)
     u = spatial(solid.u)

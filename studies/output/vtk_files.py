@@ -38,9 +38,9 @@ def write_field(path: str | Path, solution: Solution) -> None:
     """Write the deformed body as .vtu, with displacement_mm, pressure_MPa and region.
 
     The file holds the section of an axisymmetric solution, half the body (on one side of the plane of the shear) of a
-    harmonic or half solution, and the whole body of a full one. The points are the deformed ones: subtract
-    displacement_mm for the undeformed place. Pressure is positive in compression; at the middle of an edge it is the
-    mean of the pressures at both ends, because the pressure is linear in each element.
+    harmonic or half solution, and the whole body where the load has no plane of symmetry. The points are the deformed
+    ones: subtract displacement_mm for the undeformed place. Pressure is positive in compression; at the middle of an
+    edge it is the mean of the pressures at both ends, because the pressure is linear in each element.
     """
     _save(path, field_grid(solution))
 
