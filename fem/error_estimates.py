@@ -16,6 +16,7 @@ from fem.error_estimate_rules import (
     FRICTION_SHEAR,
     LEAST_RADIUS,
     ON_LIMIT,
+    ORDER_POWER,
     RESPONSE_RULES,
     STICK_SHEAR,
     SURE_SHARE,
@@ -26,6 +27,7 @@ from fem.error_estimate_rules import (
 )
 from fem.scene import Scene
 from fem.solution import Estimates
+from fem.solvers.depth_ranges import harmonics_at, orders_needed
 from geometry.loads import Load, Response
 
 NOTHING = 1e-12
@@ -63,7 +65,8 @@ def estimate_response(one: Response, other: Response, load: Load, scene: Scene, 
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
     sideways, along = None, _force_along_shear(one, load)
     if along:
-        rule = RESPONSE_RULES[case if load.coulomb is None else "friction", scene.magnet].sideways
+        own = load.coulomb is None or case == "tilted friction"
+        rule = RESPONSE_RULES[case if own else "friction", scene.magnet].sideways
         assert rule is not None  # all cases with a shear have one
         sideways = estimate(rule, (along,), (_force_along_shear(other, load),), abs(along) / math.hypot(*one.force))
     return Estimates(
@@ -98,6 +101,10 @@ def load_case(load: Load, scene: Scene) -> LoadCase:
     """
     if scene.solid:
         return "solid" if load.plate_tilt or scene.sideways else "solid press"
+    if load.plate_tilt:
+        return (
+            "tilted friction" if load.coulomb is not None else "tilted stick" if load.shears_tip else "tilted press"
+        )
     if load.coulomb is not None:
         return "friction"
     if not scene.sideways:
@@ -115,7 +122,11 @@ def _growth_beyond_study(case: LoadCase, load: Load, scene: Scene) -> float:
     depth = load.depth / (deepest if case == "deep" else first)
     farthest = FAR_SHEAR if case == "far" else STICK_SHEAR if load.coulomb is None else FRICTION_SHEAR
     shear = load.shear / (farthest * scene.design.D) if load.shears_tip else 0.0
-    return math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
+    growth = math.pow(max(depth, 1.0), DEPTH_POWER) * max(shear, 1.0)
+    if case in ("tilted press", "tilted stick", "tilted friction") and load.depth:
+        depth = load.depth / scene.design.D
+        growth *= math.pow(orders_needed(scene, depth) / harmonics_at(scene, depth), ORDER_POWER)
+    return growth
 
 
 def _mirrored(response: Response) -> Response:

@@ -35,8 +35,8 @@ from geometry.arrays import Array, Ints
 
 MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 600, 4, 50
 """Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
-costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all angles
-switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round."""
+costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all
+angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round."""
 
 
 def settle_contact(
