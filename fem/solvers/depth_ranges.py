@@ -18,9 +18,9 @@ from fem.solvers.path_state import FIRST_TOUCH
 from geometry.loads import Load
 
 OFF_AXIS = 3.0
-"""Additional harmonics over sin t sqrt(R / d), see `orders_needed`. On the paper's sensor the force of a press then
-differs from its limit by 0.05 % at standard under 8 degrees at a tenth of D (4 orders), 0.3 % under 20 degrees (6) and
-0.6 % under 40 degrees (8), and at D/40 by 0.1 % under 8 degrees (6) and under 20 degrees (8)."""
+"""Additional harmonics over sin t sqrt(R / d), see `orders_needed`. At standard the force of a press on the paper's
+sensor then differs from its limit by 0.05 % under 8 degrees at a tenth of D (4 orders), 0.3 % under 20 degrees (6)
+and 0.6 % under 40 degrees (8), and at D/40 by 0.1 % under 8 degrees (6) and under 20 degrees (8)."""
 SHALLOW, SPAN, SAME_DEPTH = 0.025, 1.25, 1e-9
 """SHALLOW: depth over D beyond which all presses share one mesh, graded to this depth (0.2 mm for the paper's
 sensor). SPAN: ratio of the bounds of the shallower ranges, whose meshes are graded to their lower bounds. SAME_DEPTH:
