@@ -13,7 +13,7 @@ from fem.discretisation import elements, rigid_inclusion
 from fem.discretisation.symmetry_models import field_names, raise_harmonics
 from fem.results.postprocess import read_pose, tip_force
 from fem.scene import Scene
-from fem.solvers.load_case_models import path_models
+from fem.solvers.load_case_models import PRESS_FILLET, path_models
 from fem.solvers.load_stepping import Path
 from geometry.design import paper
 from geometry.loads import Load
@@ -31,7 +31,10 @@ def answer(load, *, sines):
     models = path_models(scene)
     # one order is enough to see a symmetry
     first, raised = (
-        model and replace(model, harmonics=min(model.harmonics, 1), sines=sines and model.harmonics > 0)
+        model
+        and replace(
+            model, harmonics=min(model.harmonics, 1), sines=sines and model.harmonics > 0, fillet=PRESS_FILLET
+        )
         for model in (models.first, models.raised)
     )
     path = Path(
