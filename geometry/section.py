@@ -24,13 +24,16 @@ from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 from skfem.quadrature import get_quadrature
 
+from geometry import compiled
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
 from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
-from geometry.meshing.section_outline import Curve, outline, room
+from geometry.meshing.section_outline import Curve, modulus, outline, room
 
 Points = NDArray[np.complex128]
 
+SAVED_S = 0.02
+"""CPU time that compiled functions save in a mesh, s."""
 SPACING, STEPS = 0.85, 10
 """Least distance of points inside as a fraction of the edge length, and number of smoothing steps."""
 NEAR_END = np.geomspace(1e-10, 0.5, 200)
@@ -40,6 +43,17 @@ BATCH = 64
 """Number of points that `_thinned` compares at once."""
 SLOPES = np.array([skfem.ElementTriP2().lbasis(get_quadrature(skfem.ElementTriP2, 6)[0], i)[1] for i in range(6)])
 """Derivatives of a triangle's quadratic shape functions at quadrature points, shape (6, 2, q)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What to mesh and how finely, in units of D: see `section`. `ring` is its `rim`."""
+
+    size: float
+    tip_size: float
+    ring: tuple[float, float] | None
+    fillet: float
+    magnet: Literal["hole", "meshed", "none"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,17 +114,24 @@ def section(
         shape, magnet = shape.without_magnet(), "none"
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
-    domain = unit.without_magnet() if magnet == "meshed" else unit
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
-    curves = outline(unit, magnet, ring and ring[0])
-    sizing = grading(unit, curves, size_D, tip_D, ring, fillet, magnet == "meshed")
+    settings = Settings(size_D, tip_D, ring, fillet, magnet)
+    if compiled.worthwhile(SAVED_S) and (kernels := compiled.load("geometry.meshing.section_compiled")):
+        return kernels.mesh(shape, unit, settings)
+    return _numpy_mesh(shape, unit, settings)
+
+
+def _numpy_mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
+    """Return the mesh of `section` as NumPy makes it; `unit` is the shape in units of D, rounded."""
+    domain = unit.without_magnet() if s.magnet == "meshed" else unit
+    curves = outline(unit, s.magnet, s.ring and s.ring[0])
+    sizing = grading(unit, curves, s.size, s.tip_size, s.ring, s.fillet, s.magnet == "meshed")
     cuts = _cuts(curves, sizing)
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)
     silicone, core = _triangles(domain, border, inner, sizing)
-    return _second_order(
-        _border(outline(shape, magnet, ring and ring[0] * shape.D), cuts), inner * shape.D, silicone, core
-    )
+    curves = outline(shape, s.magnet, s.ring and s.ring[0] * shape.D)
+    return _second_order(_border(curves, cuts), inner * shape.D, silicone, core)
 
 
 def _cuts(curves: list[Curve], sizing: Grading) -> list[Array]:
@@ -250,7 +271,7 @@ def _sprung(domain: Shape, border: _Border, inner: Points, sizing: Grading) -> t
             break
         start, end = x[free]
         along = end - start
-        length, want = np.abs(along), sizing((start + end) / 2)
+        length, want = modulus(along), sizing((start + end) / 2)
         ratio = np.sort(length / want)
         median = (ratio[len(ratio) // 2] + ratio[(len(ratio) - 1) // 2]) / 2
         push = along / length * np.maximum(1.2 * median * want - length, 0)
@@ -283,6 +304,10 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -
     t = _delaunay(x, sizing)
     t = t[_within(x[t].mean(axis=1), ends[np.isin(border.name, ["base", "skin"])])]
     core = _within(x[t].mean(axis=1), ends[border.name == "magnet"])
+    # in a fixed order, which does not depend on the way to the triangles
+    t = np.take_along_axis(t, (np.argmin(t, axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    order = np.lexsort((t[:, 1], t[:, 0]))
+    t, core = t[order], core[order]
     silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
     if not np.isin(_keys(*border.segment.T), _sides(np.concatenate([silicone, magnet]))).all():
         raise RuntimeError("the section's outline could not be meshed: take a smaller size")

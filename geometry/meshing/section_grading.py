@@ -46,6 +46,9 @@ and its growth inwards.
 The edge of the contact area then always lies in small elements. In larger elements, forces would scatter with the
 position of this edge.
 """
+_BEARINGS = np.linspace(0, DOME_REACH, 61)[1:]
+DOME_POINTS = np.sin(_BEARINGS) + 1j * np.cos(_BEARINGS)
+"""Sources along the dome of unit radius about 0."""
 BLOCK = 32
 """Number of successive points that `Grading.along` looks up together."""
 
@@ -129,10 +132,8 @@ def grading(
     All lengths are in units of D. The parameters are those of `geometry.section.section`; `meshed` is True if the
     magnet is meshed too.
     """
-    source, least = (
-        [np.array([1j * shape.L, shape.R])],
-        [np.array([tip_size, min(size, max(LEAST_CLAMP, CLAMP * size))])],
-    )
+    fixed, fixed_least, fixed_growth = fixed_sources(shape, size, tip_size, rim)
+    source, least = [fixed[:2]], [fixed_least[:2]]
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
         want = np.full(len(x), min(size, curve.length))
@@ -148,15 +149,29 @@ def grading(
                 want = np.minimum(want, min(shape.magnet_height, shape.magnet_diameter / 2) / 2)
         source.append(x[want < size])
         least.append(want[want < size])
+    features = np.full(sum(map(len, source)) - 2, fixed_growth[1])
+    growth = np.concatenate([fixed_growth[:2], features, fixed_growth[2:]])
+    source, least = [*source, fixed[2:]], [*least, fixed_least[2:]]
+    return Grading(size, np.concatenate(source), np.concatenate(least), growth).reduced()
+
+
+def fixed_sources(
+    shape: Shape, size: float, tip_size: float, rim: tuple[float, float] | None
+) -> tuple[Points, Array, Array]:
+    """Return the sources that every section has, their edge lengths and their growths, each of shape (n,).
+
+    The first one is the tip, the second one the clamped corner; then come the dome and the ring. The parameters are
+    those of `grading`.
+    """
     from_tip, from_others = TIP_GROWTH * min(1, size / FULL_TIP_GROWTH), GROWTH * min(1, size / FULL_GROWTH)
-    growth = np.append(from_tip, np.full(sum(map(len, source)) - 1, from_others))
-    bearing = np.linspace(0, DOME_REACH, 61)[1:]
-    source.append(1j * shape.H + shape.R * (np.sin(bearing) + 1j * np.cos(bearing)))
-    least.append(np.minimum(tip_size + TIP_GROWTH * shape.R * np.sin(bearing), DOME * size))
-    growth = np.append(growth, np.full(len(bearing), DOME_GROWTH))
+    dome = 1j * shape.H + shape.R * DOME_POINTS
+    source = np.concatenate([[1j * shape.L, shape.R], dome])
+    corner = min(size, max(LEAST_CLAMP, CLAMP * size))
+    along_dome = np.minimum(tip_size + TIP_GROWTH * shape.R * DOME_POINTS.real, DOME * size)
+    least = np.concatenate([[tip_size, corner], along_dome])
+    growth = np.concatenate([[from_tip, from_others], np.full(len(dome), DOME_GROWTH)])
     if rim is not None:
         r = min(rim[0], shape.R)
-        source.append(np.array([r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2))]))
-        least.append(np.array([min(rim[1], size)]))
-        growth = np.append(growth, TIP_GROWTH)
-    return Grading(size, np.concatenate(source), np.concatenate(least), growth).reduced()
+        source = np.append(source, r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2)))
+        least, growth = np.append(least, min(rim[1], size)), np.append(growth, TIP_GROWTH)
+    return source, least, growth

@@ -89,12 +89,19 @@ def _dome(shape: Shape, rim: float | None) -> list[Curve]:
     return [Curve("skin", x, y, centre, (a, b)) for (a, x), (b, y) in itertools.pairwise(stops)]
 
 
+def modulus(x: Points) -> Array:
+    """Return the absolute values of complex numbers, with the same digits on every processor."""
+    absolute: Array = np.sqrt(x.real * x.real + x.imag * x.imag)
+    return absolute
+
+
 def room(shape: Shape, x: Points) -> Array:
     """Return the least distance of points, shape (n,), from base, skin and magnet; negative outside the silicone."""
-    dome = shape.R - np.abs(x - 1j * shape.H)
+    dome = shape.R - modulus(x - 1j * shape.H)
     room: Array = np.minimum(x.imag, np.where(x.imag > shape.H, dome, shape.R - x.real))
     if not shape.has_magnet:
         return room
     a, b, rho = shape.magnet_diameter / 2, shape.magnet_height / 2, shape.magnet_edge_radius
     dr, dz = x.real - (a - rho), np.abs(x.imag - shape.H) - (b - rho)
-    return np.minimum(room, np.hypot(np.maximum(dr, 0), np.maximum(dz, 0)) + np.minimum(np.maximum(dr, dz), 0) - rho)
+    outside = modulus(np.maximum(dr, 0) + 1j * np.maximum(dz, 0))
+    return np.minimum(room, outside + np.minimum(np.maximum(dr, dz), 0) - rho)

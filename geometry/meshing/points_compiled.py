@@ -1,0 +1,265 @@
+"""The points inside the section and its triangles, compiled by numba.
+
+The same steps as in `geometry.section`, in the same order of operations, so that both make the same mesh. The
+triangulation is not made anew for each step of the smoothing: its sides are flipped until they are Delaunay again.
+All lengths are in units of D; points are (r, z), shape (n, 2).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from geometry.arrays import Array, Ints
+from geometry.meshing.delaunay_compiled import repair, triangulate
+from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, edge_length, room
+
+SPACING, STEPS = 0.85, 10
+"""As in `geometry.section`."""
+
+
+@njit(cache=True)
+def leaves(tree: tuple[Array, Ints, Ints, Array], node: Array) -> Array:
+    """Return the leaves (r, z, edge length, distance from the border over edge length), shape (n, 4).
+
+    Leaves too close to a node of the border are left out.
+    """
+    cells = tree[0]
+    found, count = np.empty((len(cells), 4)), 0
+    for c in range(len(cells)):
+        if cells[c, 3] > 0:
+            r, z, wanted = cells[c, 0], cells[c, 1], cells[c, 2]
+            far = math.sqrt(nearest(node, len(node), r, z)) / wanted
+            if far > SPACING:
+                found[count, 0], found[count, 1], found[count, 2], found[count, 3] = r, z, wanted, far
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True)
+def nearest(node: Array, count: int, r: float, z: float) -> float:
+    """Return the square of the distance from the nearest of the first nodes."""
+    least = np.inf
+    for i in range(count):
+        dr, dz = r - node[i, 0], z - node[i, 1]
+        square = dr * dr + dz * dz
+        if square < least:
+            least = square
+    return least
+
+
+@njit(cache=True)
+def thinned(x: Array, order: Ints) -> Array:
+    """Return those points (r, z), in order, that keep the least distance from all points returned before them.
+
+    x : points and the edge length there, shape (n, 3) or more.
+    """
+    kept, count = np.empty((len(order), 2)), 0
+    for j in order:
+        square, clear = SPACING * x[j, 2], True
+        square *= square
+        # the latest points are the most likely to be near
+        for i in range(count - 1, -1, -1):
+            dr, dz = x[j, 0] - kept[i, 0], x[j, 1] - kept[i, 1]
+            if dr * dr + dz * dz <= square:
+                clear = False
+                break
+        if clear:
+            kept[count, 0], kept[count, 1] = x[j, 0], x[j, 1]
+            count += 1
+    return kept[:count]
+
+
+@njit(cache=True)
+def _project(image: Array, first: int, x: Array, pole: Array) -> None:
+    """Write the logarithm of positions relative to a pole, a conformal image of the plane, from a point on."""
+    for i in range(first, len(x)):
+        r, z = x[i, 0] - pole[0], x[i, 1] - pole[1]
+        image[i, 0], image[i, 1] = math.log(r * r + z * z) / 2, math.atan2(z, r)
+
+
+@njit(cache=True)
+def upright(x: Array, a: int, b: int, c: int) -> bool:
+    """Return whether a triangle is counter-clockwise and not flat in the plane of the section."""
+    br, bz, cr, cz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[c, 0] - x[b, 0], x[c, 1] - x[b, 1]
+    dr, dz = x[a, 0] - x[c, 0], x[a, 1] - x[c, 1]
+    longest = max(br * br + bz * bz, cr * cr + cz * cz, dr * dr + dz * dz)
+    return br * cz - bz * cr > 1e-6 * longest
+
+
+@njit(cache=True)
+def _bars(x: Array, corner: Ints, twin: Ints) -> Ints:
+    """Return the sides of upright triangles, shape (m, 2), each once, in ascending order of both ends."""
+    good = np.empty(len(corner) // 3, np.bool_)
+    for k in range(len(good)):
+        good[k] = upright(x, corner[3 * k], corner[3 * k + 1], corner[3 * k + 2])
+    bars, count = np.empty((len(corner), 2), np.int64), 0
+    for e in range(len(corner)):
+        if twin[e] < e and (good[e // 3] or (twin[e] >= 0 and good[twin[e] // 3])):
+            i, j = corner[e], corner[e - e % 3 + (e + 1) % 3]
+            bars[count, 0], bars[count, 1] = min(i, j), max(i, j)
+            count += 1
+    return ordered(bars, count, len(x))
+
+
+@njit(cache=True)
+def ordered(rows: Ints, count: int, most: int) -> Ints:
+    """Return the first rows in ascending order of their first two numbers, which are below `most`."""
+    for column in (1, 0):
+        place, sorted_rows = np.zeros(most + 1, np.int64), np.empty((count, rows.shape[1]), np.int64)
+        for i in range(count):
+            place[rows[i, column] + 1] += 1
+        for k in range(most):
+            place[k + 1] += place[k]
+        for i in range(count):
+            k = rows[i, column]
+            for j in range(rows.shape[1]):
+                sorted_rows[place[k], j] = rows[i, j]
+            place[k] += 1
+        rows = sorted_rows
+    return rows
+
+
+@njit(cache=True)
+def _select(values: Array, rank: int) -> float:
+    """Return the number of a rank (Hoare's selection); reorder the numbers."""
+    low, high = 0, len(values) - 1
+    while low < high:
+        pivot, i, j = values[rank], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if j < rank:
+            low = i
+        if rank < i:
+            high = j
+    return values[rank]
+
+
+@njit(cache=True)
+def _push(x: Array, fixed: int, bars: Ints, tree: tuple[Array, Ints, Ints, Array], size: float) -> tuple[Array, int]:
+    """Return the sum of the forces of the springs on each point, shape (n, 2), and the number of springs.
+
+    Springs between two points of the border have none.
+    """
+    n, push = 0, np.zeros((len(x), 2))
+    length, want, ratio = np.empty(len(bars)), np.empty(len(bars)), np.empty(len(bars))
+    for k in range(len(bars)):
+        i, j = bars[k, 0], bars[k, 1]
+        if j >= fixed:
+            dr, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
+            length[k] = math.sqrt(dr * dr + dz * dz)
+            want[k] = edge_length(tree, size, (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2)
+            ratio[n] = length[k] / want[k]
+            n += 1
+    if n == 0:
+        return push, 0
+    ratio = ratio[:n]
+    median = (_select(ratio, n // 2) + _select(ratio, (n - 1) // 2)) / 2
+    # ends with the lower number first: the sums have the same order as in `geometry.section`
+    for end in range(2):
+        for k in range(len(bars)):
+            i, j = bars[k, 0], bars[k, 1]
+            if j >= fixed:
+                scale, force = 1 / length[k], max(1.2 * median * want[k] - length[k], 0.0)
+                sign, to = (1.0, j) if end else (-1.0, i)
+                push[to, 0] += sign * ((x[j, 0] - x[i, 0]) * scale * force)
+                push[to, 1] += sign * ((x[j, 1] - x[i, 1]) * scale * force)
+    return push, n
+
+
+@njit(cache=True)
+def triangulation(image: Array, fixed: int, corner: Ints, twin: Ints) -> tuple[Ints, Ints]:
+    """Return the Delaunay triangulation of points, from that of the same points in other places if possible.
+
+    It is possible if only fixed points are on the hull, which then stays the same.
+    """
+    known = len(corner) > 0
+    for e in range(len(corner)):
+        known = known and (twin[e] >= 0 or corner[e] < fixed)
+    return (corner, twin) if known and repair(image, corner, twin) else triangulate(image)
+
+
+@njit(cache=True)
+def sprung(
+    beam: Array, fixed: int, x: Array, tree: tuple[Array, Ints, Ints, Array], size: float, pole: Array
+) -> tuple[Ints, Ints, Ints]:
+    """Move the points inside as if edges were springs; return the last edges and triangulation before the last step.
+
+    fixed : number of points of the border, which come first in x.
+    """
+    corner = twin = np.empty(0, np.int64)
+    bars, image = np.empty((0, 2), np.int64), np.empty((len(x), 2))
+    for step in range(STEPS):
+        _project(image, fixed if step else 0, x, pole)
+        corner, twin = triangulation(image, fixed, corner, twin)
+        bars = _bars(x, corner, twin)
+        push, count = _push(x, fixed, bars, tree, size)
+        if count == 0:
+            break
+        for i in range(fixed, len(x)):
+            r, z = x[i, 0] + 0.2 * push[i, 0], x[i, 1] + 0.2 * push[i, 1]
+            # a point that would come too close to the border or the axis keeps its place
+            clear = min(room(beam, r, z), r)
+            if clear > 0.3 * size or clear > 0.3 * edge_length(tree, size, x[i, 0], x[i, 1]):
+                x[i, 0], x[i, 1] = r, z
+    return bars, corner, twin
+
+
+@njit(cache=True)
+def bridges(
+    bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: tuple[Array, Ints, Ints, Array], size: float
+) -> Array:
+    """Return the middles (r, z, edge length) of edges from the magnet to the skin or the base, shape (n, 3)."""
+    outer, core = np.zeros(fixed, np.bool_), np.zeros(fixed, np.bool_)
+    for k in range(len(segment)):
+        for end in range(2):
+            outer[segment[k, end]] |= name[k] == BASE or name[k] == SKIN
+            core[segment[k, end]] |= name[k] == MAGNET
+    found, count = np.empty((len(bars), 3)), 0
+    for k in range(len(bars)):
+        i, j = bars[k, 0], bars[k, 1]
+        if j < fixed and (outer[i] or outer[j]) and (core[i] or core[j]):
+            r, z = (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2
+            found[count, 0], found[count, 1], found[count, 2] = r, z, edge_length(tree, size, r, z)
+            count += 1
+    return found[:count]
+
+
+@njit(cache=True)
+def clear_of(segment: Ints, fixed: int, x: Array) -> NDArray[np.bool_]:
+    """Return which points are nodes of the border, or outside all circles that have a segment as diameter."""
+    clear = np.empty(len(x), np.bool_)
+    for i in range(len(x)):
+        clear[i] = True
+    for k in range(len(segment)):
+        a, b = segment[k, 0], segment[k, 1]
+        r, z = (x[a, 0] + x[b, 0]) / 2, (x[a, 1] + x[b, 1]) / 2
+        square = ((x[b, 0] - x[a, 0]) ** 2 + (x[b, 1] - x[a, 1]) ** 2) / 4
+        for i in range(fixed, len(x)):
+            dr, dz = x[i, 0] - r, x[i, 1] - z
+            clear[i] &= dr * dr + dz * dz > square
+    return clear
+
+
+@njit(cache=True)
+def triangles(x: Array, fixed: int, corner: Ints, twin: Ints, pole: Array) -> Ints:
+    """Return the upright triangles of the Delaunay triangulation of the points' image, shape (n, 3)."""
+    image = np.empty((len(x), 2))
+    _project(image, 0, x, pole)
+    corner, twin = triangulation(image, fixed, corner, twin)
+    t, count = np.empty((len(corner) // 3, 3), np.int64), 0
+    for k in range(len(t)):
+        if upright(x, corner[3 * k], corner[3 * k + 1], corner[3 * k + 2]):
+            for s in range(3):
+                t[count, s] = corner[3 * k + s]
+            count += 1
+    return t[:count]

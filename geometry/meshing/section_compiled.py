@@ -1,0 +1,128 @@
+"""The mesh of the section by functions that numba compiles: the same mesh as that of `geometry.section`.
+
+Sines and cosines come from NumPy, because those of compiled functions may differ in the last digit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import skfem
+
+from geometry.arrays import Array, Ints
+from geometry.design import Shape
+from geometry.meshing import points_compiled, sizing_compiled, triangles_compiled
+from geometry.meshing.section_grading import fixed_sources, pairs
+from geometry.meshing.section_outline import Curve, outline
+from geometry.section import FRACTIONS, SLOPES, Settings
+
+NAMES = "axis", "base", "magnet", "skin"
+"""Names of boundaries; their numbers are those of `sizing_compiled`."""
+SAMPLED = np.concatenate([np.linspace(0, 1, n) for n in (sizing_compiled.SAMPLES, sizing_compiled.FEW_SAMPLES)])
+BOTH = np.concatenate([SAMPLED, FRACTIONS])
+
+
+def mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
+    """Return the mesh, see `geometry.section.section`.
+
+    unit : the shape in units of D, rounded.
+    """
+    beam, curves = _beam(unit, s.magnet != "meshed"), _table(outline(unit, s.magnet, s.ring and s.ring[0]))
+    turns = np.zeros((2, len(curves), len(BOTH)))
+    arcs = curves[:, 6] > 0
+    turns[:, arcs] = _turns(curves[arcs, None], BOTH)
+    at, least, growth = fixed_sources(unit, s.size, s.tip_size, s.ring)
+    source = sizing_compiled.sources(
+        curves,
+        SAMPLED,
+        turns[:, :, : len(SAMPLED)],
+        beam,
+        s.size,
+        s.fillet,
+        s.magnet == "meshed",
+        np.column_stack([pairs(at), least, growth]),
+    )
+    tree = sizing_compiled.quadtree(beam, source, s.size)
+    t, first = sizing_compiled.cuts(curves, FRACTIONS, turns[:, :, len(SAMPLED) :], tree, s.size)
+    place, segment, curve, middle = sizing_compiled.numbered(curves, t, first)
+    owner, t = np.repeat(np.arange(len(curves)), np.diff(first))[place], t[place]
+    border = sizing_compiled.points(curves, owner, t, _turns(curves[owner], t))
+    name = curves[curve, 10].astype(np.int64)
+    x, cells = _delaunay(beam, border, segment, name, tree, source[0], s.size)
+    silicone, core = triangles_compiled.parts(x, cells, segment, name, s.magnet == "meshed")
+    real = _table(outline(shape, s.magnet, s.ring and s.ring[0] * shape.D))
+    x *= shape.D
+    x[: len(border)] = sizing_compiled.points(real, owner, t, _turns(real[owner], t))
+    middles = sizing_compiled.points(real, curve, middle, _turns(real[curve], middle))
+    return _second_order(x, silicone, core, segment, name, middles)
+
+
+def _beam(unit: Shape, hollow: bool) -> Array:
+    lengths = unit.R, unit.H, unit.magnet_diameter / 2, unit.magnet_height / 2, unit.magnet_edge_radius
+    return np.array([*lengths, float(hollow and unit.has_magnet)])
+
+
+def _table(curves: list[Curve]) -> Array:
+    """Return the table of curves, shape (n, 11), see `sizing_compiled`."""
+    rows = []
+    for curve in curves:
+        a, b, c = curve.start, curve.end, curve.centre
+        centre = (0.0, 0.0, 0.0) if c is None else (c.real, c.imag, abs(a - c))
+        name = float(NAMES.index(curve.name))
+        rows.append((a.real, a.imag, b.real, b.imag, *centre, curve.length, *curve.bearing, name))
+    return np.array(rows)
+
+
+def _turns(curves: Array, t: Array) -> Array:
+    """Return sine and cosine of the angles at fractions t of curves, which broadcast, shape (2, ...)."""
+    angle = curves[..., 8] + (curves[..., 9] - curves[..., 8]) * t
+    return np.stack([np.sin(angle), np.cos(angle)])
+
+
+def _delaunay(
+    beam: Array,
+    border: Array,
+    segment: Ints,
+    name: Ints,
+    tree: tuple[Array, Ints, Ints, Array],
+    tip: Array,
+    size: float,
+) -> tuple[Array, Ints]:
+    """Return all points, those of the border first, and the Delaunay triangles of their image."""
+    offset = tip[2] / tip[3] / math.sqrt(2)
+    pole = np.array([tip[0] - offset, tip[1] + offset])
+    leaves = points_compiled.leaves(tree, border)
+    inner = points_compiled.thinned(leaves, np.argsort(leaves[:, 3], kind="stable"))
+    x = np.concatenate([border, inner])
+    for _ in range(3):
+        bars, corner, twin = points_compiled.sprung(beam, len(border), x, tree, size, pole)
+        across = points_compiled.bridges(bars, x, len(border), segment, name, tree, size)
+        if not len(across):
+            break
+        x, corner = np.concatenate([x, points_compiled.thinned(across, np.arange(len(across)))]), corner[:0]
+    clear = points_compiled.clear_of(segment, len(border), x)
+    if not clear.all():
+        x, corner = x[clear], corner[:0]
+    return x, points_compiled.triangles(x, len(border), corner, twin, pole)
+
+
+def _second_order(x: Array, silicone: Ints, core: Ints, segment: Ints, name: Ints, middle: Array) -> Any:
+    """Return the second-order mesh with middle nodes on the curves and named parts; check that it is valid."""
+    t = np.concatenate([silicone, core])
+    doflocs, facets, t2f, f2t, facet, upright = triangles_compiled.second_order(x, t, segment, middle, SLOPES)
+    if facet.min() < 0:
+        raise RuntimeError("the section's outline could not be meshed: take a smaller size")
+    outer = facet[name != sizing_compiled.MAGNET] if len(core) else facet
+    if not np.array_equal(np.sort(outer), np.flatnonzero(f2t[1] < 0)):
+        raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
+    if not upright:
+        raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
+    boundaries = {NAMES[k]: np.sort(facet[name == k]) for k in range(4) if np.any(name == k)}
+    parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
+    parts = {part: cells for part, cells in parts.items() if len(cells)}
+    mesh = skfem.MeshTri2(doflocs, np.ascontiguousarray(t.T), boundaries, parts, validate=False)
+    # scikit-fem would find the same again
+    mesh._facets, mesh._t2f, mesh._f2t = facets, t2f, f2t
+    return mesh
