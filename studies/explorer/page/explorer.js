@@ -81,15 +81,19 @@ const Explorer = (() => {
     if (hash === current) return;
     current = hash; index += 1; top = index; oldest = Math.max(oldest, top - MOST_UNDO);
     history.pushState({ index }, "", hash);
-    touch("controls");
+    buttons();
   }
+  function buttons() { $("#undo").disabled = index <= oldest; $("#redo").disabled = index >= top; }
   function undo() { commit(); if (index > oldest) history.back(); }
   function redo() { commit(); if (index < top) history.forward(); }
   window.addEventListener("popstate", (event) => {
     clearTimeout(pending);
     if (event.state && isFinite(event.state.index)) index = event.state.index; else { index += 1; top = index; history.replaceState({ index }, ""); }
-    top = Math.max(top, index); current = location.hash;
+    top = Math.max(top, index);
     apply(location.hash);
+    // an address from elsewhere may have its parts in another order
+    current = address();
+    buttons();
   });
 
   // ---- answers
@@ -141,7 +145,6 @@ const Explorer = (() => {
     const side = view.edit, refusal = refusals[side];
     controls.show(value(side));
     controls.refuse(refusal?.field, refusal?.error);
-    $("#undo").disabled = index <= oldest; $("#redo").disabled = index >= top;
     const names = shownSides().map((one) => fields.filter((f) => f.scope === "design" && sides[one][f.name] !== f.value).map((f) => `${f.name} ${sides[one][f.name]}${f.unit ? ` ${f.unit}` : ""}`).join(", ")).map((text) => (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
@@ -160,7 +163,7 @@ const Explorer = (() => {
       if (answers[side].state) requests.drawn(side, answers[side].state.number);
     }
     const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
-    views.response.show(list, rows("response"), `formula ${view.formula}`);
+    views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
     views.readings.show(list, rows("readings"));
     views.decoded.show(list, rows("decoded"));
     views.bars.show(list.filter((side) => state(side)?.readings?.elements?.length).map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high])) * 1.05);
@@ -196,15 +199,16 @@ const Explorer = (() => {
   }
 
   function drawStability() {
-    const list = shownSides(), data = list.map((side) => (answers[side].stability ? Numbers.stability(answers[side].stability.data) : []));
-    views.stability.show(list, data);
+    const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
+    views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || "finite elements" });
+    Format.put($("#stability-note"), stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : "")).filter(Boolean).join(" "));
     const near = list.filter((side) => answers[side].stability?.data.critical_depth && sides[side].depth > NEAR * answers[side].stability.data.critical_depth);
     const texts = near.map((side) => `${sides.b ? `${side.toUpperCase()}: the` : "The"} depth of ${Format.plain(sides[side].depth)} mm is ${sides[side].depth > answers[side].stability.data.critical_depth ? "beyond" : "near"} the critical depth: the press may buckle sideways.`);
     $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
   }
 
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
-  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || (parts().every((part) => !requests.behind(side, part)) && answers[side].state?.level === level));
+  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || (parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick")));
 
   // ---- start
 
@@ -239,5 +243,5 @@ const Explorer = (() => {
   return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, draw, wire, apply, address,
     times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice, fields: () => fields, look, complete,
     use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
-    begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); } };
+    begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); buttons(); } };
 })();

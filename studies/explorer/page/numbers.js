@@ -6,7 +6,9 @@ const Numbers = (() => {
 
   // What the tables show before the first answer.
   const NONE = [null, null, null];
-  const EMPTY = { response: { force: NONE, shift: NONE, tilt: null, tilt_y: null, contact_radius: null }, readings: { elements: ["S1", "S2", "S3"], volts: NONE, rest: NONE } };
+  const EMPTY = {
+    stability: { critical_depth: null, first_mode_hz: null },
+    response: { force: NONE, shift: NONE, tilt: null, tilt_y: null, contact_radius: null }, readings: { elements: ["S1", "S2", "S3"], volts: NONE, rest: NONE } };
 
   // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
   function response({ response: r, estimates: e, formula_level: f }) {
@@ -59,11 +61,11 @@ const Numbers = (() => {
     }
     return {
       // `data`: for each side its rows; sides without an answer have none
-      show(sides, data, title) {
+      show(sides, data, titles = {}) {
         const rows = data.find((one) => one.length) || [];
         if (!rows.length) { if (shape !== "none") { shape = "none"; box.replaceChildren(); Format.make("p", { class: "soft" }, box, "None."); } return; }
-        const now = JSON.stringify([sides, rows.map((row) => [row[0], row[1]]), title]);
-        if (now !== shape) { shape = now; if (title) last = title; build(sides, rows); }
+        const now = JSON.stringify([sides, rows.map((row) => [row[0], row[1]]), titles]);
+        if (now !== shape) { shape = now; ({ first, last } = { first, last, ...titles }); build(sides, rows); }
         rows.forEach((_, r) => {
           data.forEach((own, k) => {
             Format.put(cells[r].values[2 * k], number(own[r]?.[2]));

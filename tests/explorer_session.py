@@ -1,0 +1,220 @@
+"""A session with the explorer's page: its server, a page in headless Chromium, moves at random, measured times.
+
+`python tests/explorer_session.py OUT [MOVES]` writes into the folder OUT screenshots, and `session.json` with 1000
+random moves, the effect of every control, and the times from slider to picture.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+from urllib.parse import urlencode
+
+from browser import Browser
+from explorer_scripts import DRAG, GO, REST, SET
+
+ROOT = Path(__file__).resolve().parent.parent
+NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
+"""Events of a page that has something to complain of."""
+
+
+@contextlib.contextmanager
+def server(port=0, design="paper"):
+    """Start `magtip explore`; yields its process and the address of the page."""
+    line = [sys.executable, "-m", "studies.cli", "explore", design, "--no-browser", "--port", str(port)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(line, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+def ask(page, function, *values):
+    """Call a JavaScript function with values."""
+    return page.run(f"{function}({', '.join(map(json.dumps, values))})")
+
+
+def click(page, name):
+    """Click a button of a name."""
+    page.run(f"document.getElementById({json.dumps(name)}).click()")
+
+
+def move(page, name, value):
+    """Set a control to a value by its slider or choice."""
+    ask(page, SET, name, value)
+
+
+def go(page, state):
+    """Show the state of an address in a page, and wait for its picture."""
+    page.run(f"{GO}({json.dumps(state)})")
+    rest(page)
+
+
+def rest(page):
+    """Wait until the page shows the answer to its newest request."""
+    page.wait(REST)
+
+
+def drawn(page, selector="figure.section[data-side=a] canvas"):
+    """A digest of a canvas' pixels."""
+    script = f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')"
+    return hashlib.sha256(page.run(script).encode()).hexdigest()
+
+
+def shown(page):
+    """A digest of all that the page shows: canvases, tables and texts."""
+    return hashlib.sha256(page.run("document.querySelector('main').innerText").encode()).hexdigest(), *(
+        drawn(page, selector)
+        for selector in ("figure.section[data-side=a] canvas", "figure.sensor[data-side=a] canvas")
+    )
+
+
+def heap(page):
+    """Bytes of the page's JavaScript heap after a garbage collection."""
+    page.call("HeapProfiler.collectGarbage")
+    return page.call("Runtime.getHeapUsage")["usedSize"]
+
+
+def memory(process):
+    """Resident memory of a process and of those that it has started, MB."""
+    parents = {}
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with contextlib.suppress(OSError):
+            fields = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+            parents[int(fields["Pid"])] = (int(fields["PPid"]), int(fields.get("VmRSS", "0 kB").split()[0]))
+    family = {process.pid}
+    while more := {pid for pid, (parent, _) in parents.items() if parent in family and pid not in family}:
+        family |= more
+    return sum(parents[pid][1] for pid in family if pid in parents) / 1024
+
+
+def random_moves(page, count, seed=20):
+    """Make moves at random, at the pace of a quick hand: sliders, choices, plate, undo, views, a second design."""
+    choose = random.Random(seed)
+    fields = [field for field in page.run("Explorer.fields()") if field["name"] != "friction"]
+    for k in range(count):
+        kind = choose.random()
+        if kind < 0.6:
+            field = choose.choice(fields)
+            if field["kind"] == "choice":
+                move(page, field["name"], choose.choice(field["choices"]))
+            else:
+                slider = f"document.getElementById('field-{field['name']}-slider')"
+                low, high = page.run(f"[Number({slider}.min), Number({slider}.max)]")
+                move(page, field["name"], low + (high - low) * choose.random())
+        elif kind < 0.65:
+            move(page, "friction", choose.choice(["none", "stick", "coefficient"]))
+        elif kind < 0.8:
+            page.run("document.querySelector('figure.section .plate').focus()")
+            page.key(choose.choice(["ArrowDown", "ArrowUp", "ArrowLeft", "ArrowRight", "Home"]))
+        elif kind < 0.9:
+            button = choose.choice(["undo", "redo", "cut", "view-lines", "view-mesh"])
+            click(page, button)
+        elif kind < 0.93:
+            click(page, "compare")
+        elif kind < 0.95:
+            click(page, "reset")
+        else:
+            field = choose.choice(["displacement", "pressure", "stretch"])
+            page.run(f"Explorer.look('field', {json.dumps(field)})")
+        if k % 20 == 19:
+            rest(page)
+        else:
+            time.sleep(choose.choice([0.0, 0.0, 0.02, 0.1]))
+
+
+def effects(page):
+    """What each control changes: the request, and what the page shows, by the name of the control."""
+    table = {}
+    for field in page.run("Explorer.fields()"):
+        begin(page, field)
+        before, sent = shown(page), page.run("JSON.stringify(Explorer.message('a'))")
+        if "choices" in field:
+            value = next(one for one in field["choices"] if one != field["value"])
+        else:
+            value = field["value"] + 0.15 * (
+                field["slider"][1] - field["value"] or field["slider"][0] - field["value"]
+            )
+            value = value if field["kind"] == "number" else 700
+        move(page, field["name"], value)
+        page.wait("Explorer.complete()")
+        request = page.run("JSON.stringify(Explorer.message('a'))")
+        table[field["name"]] = {"request": sent != request, "page": before != shown(page)}
+    return table
+
+
+def begin(page, field):
+    """Show a state in which a control has an effect."""
+    needs = {name: allowed[0] for name, allowed in field["needs"].items() if isinstance(allowed, list)}
+    needs |= {"shear": 0.5, "level": "quick"} if field["group"] == "Load" else {"level": "quick"}
+    needs |= {"hall_noise_density": 1e-5} if field["name"] == "hall_bandwidth" else {}
+    go(page, "#" + urlencode({"preset": "paper", **needs}))
+    page.wait(f"!document.querySelector('[data-name={field['name']}]').hidden && Explorer.complete()")
+
+
+def percentile(values, share):
+    """The value below which a share of the values lies."""
+    return sorted(values)[min(int(share * len(values)), len(values) - 1)]
+
+
+def drag_times(page):
+    """Times from slider to picture at level quick, ms: median and 95th percentile, by kind of load."""
+    table = {}
+    for name, start, low, high in (("press", "depth=0.5", 0.5, 2.5), ("shear", "depth=1&shear=0.1", 0.1, 2.5)):
+        go(page, f"#preset=paper&level=quick&{start}")
+        slider = "field-depth-slider" if name == "press" else "field-shear-slider"
+        times = page.run(f"{DRAG}({json.dumps(slider)}, {low}, {high}, 150)")
+        table[name] = {"pictures": len(times), "median_ms": percentile(times, 0.5), "p95_ms": percentile(times, 0.95)}
+    return table
+
+
+def main(out, moves=1000):
+    """Write the evidence and the screenshots."""
+    out.mkdir(parents=True, exist_ok=True)
+    evidence = {}
+    with Browser() as browser, server() as (process, address):
+        page = browser.page(address, 1400, 900)
+        rest(page)
+        evidence["slider_to_picture"] = drag_times(page)
+        evidence["controls"] = effects(page)
+        memories = []
+        for part in range(5):
+            random_moves(page, moves // 5, seed=part)
+            rest(page)
+            memories.append(
+                {
+                    "moves": (part + 1) * moves // 5,
+                    "server_MB": round(memory(process)),
+                    "heap_MB": round(heap(page) / 1e6, 2),
+                }
+            )
+        evidence["memory"] = memories
+        evidence["console"] = page.of(*NOISE)
+        for name, width, state in SCREENS:
+            sheet = browser.page(f"{address}{state}", width, 900)
+            rest(sheet)
+            sheet.wait("Explorer.complete()")
+            (out / f"{name}.png").write_bytes(sheet.picture(whole=True))
+            sheet.call("Page.close")
+    (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")
+
+
+SCREENS = (
+    ("explorer", 1400, "#preset=paper&depth=1.2&shear=1.5&view.lines=yes"),
+    (
+        "compare",
+        1400,
+        "#preset=paper&depth=1.5&view.field=pressure&view.edit=b&b.preset=paper&b.depth=1.5&b.D=10&b.L=12",
+    ),
+    ("narrow", 390, "#preset=paper&depth=1.5"),
+)
+"""Screenshots: name, width in pixels, state of the address."""
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)

@@ -1,0 +1,397 @@
+"""The explorer's page in headless Chromium, with its real server: controls, pictures, exports, losses, refusals."""
+
+import base64
+import http.client
+import io
+import json
+import os
+import re
+import time
+import tomllib
+from itertools import pairwise
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from browser import Browser, executable
+from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE, RESPONSE, TYPE
+from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, percentile, random_moves, rest, server
+
+from geometry.design import BadInput, Design
+from studies.inputs import user_input
+
+QUICK = "#preset=paper&level=quick"
+SECTION, SENSOR = "figure.section canvas", "figure.sensor canvas"
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if executable() is None:
+        reason = "no Chromium is installed (Debian: apt-get install chromium)"
+        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def served(chromium):
+    with server() as (process, address):
+        yield process, address
+
+
+@pytest.fixture(scope="module")
+def page(chromium, served):
+    page = chromium.page(served[1] + QUICK, 1400, 900)
+    rest(page)
+    return page
+
+
+@pytest.fixture
+def start(page):
+    """Show a state and wait for its picture."""
+
+    def show(state=""):
+        go(page, QUICK + state)
+        return page
+
+    return show
+
+
+@pytest.fixture
+def download(chromium, page, tmp_path):
+    """Click an export and return the path of its file."""
+    chromium.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+
+    def get(name):
+        page.run(f"document.querySelector('[data-export=\"{name}\"]').click()")
+        deadline = time.monotonic() + 30
+        while not (files := [path for path in tmp_path.iterdir() if path.suffix != ".crdownload"]):
+            assert time.monotonic() < deadline, text(page, "#notice")
+            time.sleep(0.05)
+        return files[0]
+
+    return get
+
+
+def text(page, selector):
+    """The text of an element."""
+    return page.run(f"document.querySelector({json.dumps(selector)}).innerText")
+
+
+def colours(page, selector):
+    """The different colours of a canvas, shape (n, 4)."""
+    from PIL import Image
+
+    data = page.run(f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')").partition(",")[2]
+    image = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGBA")
+    return np.unique(np.asarray(image).reshape(-1, 4), axis=0)
+
+
+def request(page, side="a"):
+    """The message that the page sends for its present state."""
+    return page.run(f"Explorer.message({json.dumps(side)})")
+
+
+@pytest.mark.parametrize("selector", [SECTION, SENSOR, "[data-chart=force] canvas", "[data-chart=readings] canvas"])
+def test_pictures_are_drawn(page, selector):
+    page.wait("Explorer.complete()")
+    assert len(colours(page, selector)) > 20
+
+
+def test_every_control_changes_the_request(start):
+    page = start()
+    for field in page.run("Explorer.fields()"):
+        before = request(page)
+        if "choices" in field:
+            value = next(one for one in reversed(field["choices"]) if one != field["value"])
+        else:
+            value = 400 if field["kind"] == "logarithmic" else 0.3 * field["slider"][0] + 0.7 * field["slider"][1]
+        move(page, field["name"], value)
+        assert request(page) != before, field["name"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("depth", 2), ("shear", 1), ("D", 10), ("nu", 0.42), ("magnet_height", 1), ("magnet", "ignored")],
+)
+def test_control_changes_picture_and_numbers(start, name, value):
+    page = start()
+    before = drawn(page, SECTION), text(page, "[data-table=response]")
+    move(page, name, value)
+    rest(page)
+    assert drawn(page, SECTION) != before[0]
+    assert text(page, "[data-table=response]") != before[1]
+
+
+@pytest.mark.parametrize("field", ["pressure", "stretch"])
+def test_choice_of_field_changes_the_colours(start, field):
+    page = start()
+    before = drawn(page, SECTION)
+    ask(page, TYPE, "view-field", field, "change")
+    rest(page)
+    assert drawn(page, SECTION) != before
+
+
+def test_field_lines_and_mesh_are_drawn_on_demand(start):
+    page = start()
+    digests = {drawn(page, SECTION)}
+    for button in ("view-lines", "view-mesh"):
+        click(page, button)
+        page.wait("Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
+        digests.add(drawn(page, SECTION))
+    assert len(digests) == 3
+
+
+def test_impossible_design_greys_the_picture_and_says_what_the_command_line_says(start):
+    page = start("&depth=0.5")
+    before = drawn(page, SECTION)
+    ask(page, TYPE, "field-L", "3", "input")
+    page.wait("Explorer.refusals.a && document.querySelector('figure.section').classList.contains('stale')")
+    with pytest.raises(BadInput) as error:
+        Design(L=3.0)
+    assert text(page, "#field-L-refusal") == str(error.value)
+    assert page.run("document.getElementById('field-L').getAttribute('aria-invalid')") == "true"
+    assert page.run("Explorer.answers.a.state.data.load.depth") == 0.5
+    ask(page, TYPE, "field-L", "9", "change")
+    page.wait("!document.querySelector('figure.section').classList.contains('stale')")
+    rest(page)
+    assert drawn(page, SECTION) == before
+
+
+def test_late_and_coarser_answers_are_dropped(start):
+    assert start("&depth=0.7").run(LATE) == [True, True, -1]
+
+
+def test_newest_state_is_drawn_after_a_drag(start):
+    page = start("&depth=0.5")
+    page.run(COUNT)
+    times = ask(page, DRAG, "field-depth-slider", 0.5, 1.5, 30)
+    rest(page)
+    asked = page.run("window.asked")
+    assert all(a < b for a, b in pairwise(asked))
+    assert len(asked) <= 32
+    assert page.run("Explorer.answers.a.state.data.load.depth") == pytest.approx(1.5)
+    assert 0 < percentile(times, 0.5) <= percentile(times, 0.95)
+
+
+def test_plate_follows_pointer_and_keys(start):
+    page = start()
+    x, y = page.run(PLATE)
+    page.drag((x, y), (x + 30, y + 30))
+    rest(page)
+    load = request(page)["state"]["load"]
+    assert 1.2 < load["depth"] < 3
+    assert 0.2 < load["shear"] < 2
+    page.run("document.querySelector('.plate').focus()")
+    for key in ("Home", "ArrowDown", "ArrowDown", "ArrowRight"):
+        page.key(key)
+    rest(page)
+    load = request(page)["state"]["load"]
+    assert (load["depth"], load["shear"], load["friction"]) == (0.1, 0.05, "stick")
+    assert "depth 0.1 mm" in page.run("document.querySelector('.plate').getAttribute('aria-valuetext')")
+
+
+def test_undo_redo_and_back_lead_through_the_states(start):
+    page = start("&depth=0.6")
+    for depth in (0.8, 1.1):
+        move(page, "depth", depth)
+        page.run("Explorer.commit()")
+    for step, depth in (
+        ("document.getElementById('undo').click()", 0.8),
+        ("history.back()", 0.6),
+        ("history.forward()", 0.8),
+        ("document.getElementById('redo').click()", 1.1),
+    ):
+        page.run(step)
+        page.wait(f"Explorer.sides.a.depth === {depth}")
+    for key, depth in (("z", 0.8), ("y", 1.1)):
+        page.call("Input.dispatchKeyEvent", type="keyDown", key=key, code=f"Key{key.upper()}", modifiers=2)
+        page.wait(f"Explorer.sides.a.depth === {depth}")
+    assert page.run("document.getElementById('redo').disabled")
+
+
+def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, start):
+    page = start("&D=10&L=12&law=yeoh&yeoh_2=0.1&depth=1.5&shear=0.4&direction=40&friction=none&view.field=stretch")
+    other = chromium.page(served[1] + page.run("location.hash"), 1400, 900)
+    try:
+        rest(other)
+        assert request(other) == request(page)
+        assert other.run("Explorer.address()") == page.run("Explorer.address()")
+        assert other.run(RESPONSE) == pytest.approx(page.run(RESPONSE), rel=1e-4)
+        move(other, "depth", 0.5)
+        rest(other)
+        assert page.run("Explorer.answers.a.state.data.load.depth") == 1.5
+        assert other.run("Explorer.answers.a.state.data.load.depth") == 0.5
+    finally:
+        other.call("Page.close")
+
+
+def test_unknown_parts_of_the_address_are_named(start):
+    assert "depht" in text(start("&depht=2"), "#notice")
+
+
+def test_two_designs_side_by_side(start):
+    page = start("&depth=1")
+    click(page, "compare")
+    move(page, "D", 10)
+    rest(page)
+    assert [request(page, side)["state"]["design"] for side in "ab"] == [{}, {"D": 10}]
+    a, b = (page.run(f"Explorer.answers.{side}.state.data.response.force[2]") for side in "ab")
+    difference = text(page, "[data-table=response] tbody tr td:last-child").replace("\N{MINUS SIGN}", "-")
+    assert float(difference) == pytest.approx(b - a, rel=1e-3)
+    assert drawn(page, "figure.section[data-side=b] canvas") != drawn(page, SECTION)
+    assert "b.D=10" in page.run("Explorer.address()")
+    click(page, "compare")
+    page.wait("document.querySelector('figure.section[data-side=b]').hidden")
+
+
+def test_boxes_stay_while_numbers_change(start):
+    page = start("&depth=0.5")
+    page.wait("Explorer.complete()")
+    before = page.run(BOXES)
+    move(page, "depth", 3)
+    move(page, "shear", -1.2)
+    page.wait("Explorer.complete()")
+    assert page.run(BOXES) == before
+
+
+@pytest.mark.parametrize("width", [1400, 900, 390])
+@pytest.mark.parametrize("state", ["", "&b.preset=paper&b.D=10&view.edit=b"])
+def test_panels_fit_and_do_not_overlap(start, width, state):
+    page = start(state)
+    page.size(width, 900)
+    try:
+        rest(page)
+        boxes = page.run(BOXES)
+        assert page.run("document.documentElement.scrollWidth") <= width
+        assert all(0 <= left < right <= width for left, _, right, _ in boxes)
+        for k, (a, b, c, d) in enumerate(boxes):
+            assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in boxes[k + 1 :])
+        assert page.run(CLIPPED) == []
+    finally:
+        page.size(1400, 900)
+
+
+def test_all_controls_have_names_and_keys_reach_them(page):
+    def focusable(node):
+        return any(one["name"] == "focusable" and one["value"]["value"] for one in node.get("properties", []))
+
+    nodes = [node for node in page.call("Accessibility.getFullAXTree")["nodes"] if focusable(node)]
+    roles = {node["role"]["value"] for node in nodes}
+    assert {"button", "slider", "textbox", "combobox", "checkbox"} <= roles
+    unnamed = [node for node in nodes if node["role"]["value"] != "RootWebArea" and not node["name"]["value"]]
+    assert unnamed == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_texts_have_enough_contrast(page, theme):
+    page.run(f"document.documentElement.dataset.theme = '{theme}'")
+    ratios = page.run(CONTRAST)
+    page.run("delete document.documentElement.dataset.theme")
+    assert min(ratios) >= 4.5
+
+
+def test_exported_design_is_read_again(start, download):
+    start("&D=10&L=12&E=0.5")
+    path = download("design.toml")
+    assert tomllib.loads(path.read_text())
+    assert user_input.read_design(str(path)) == Design(D=10, L=12, E=0.5)
+
+
+def test_exported_numbers_are_those_of_the_page(start, download):
+    page = start("&depth=1.25")
+    names, values = (line.split(",") for line in download("state.csv").read_text().splitlines())
+    row = dict(zip(names, values, strict=True))
+    assert float(row["depth_mm"]) == 1.25
+    assert float(row["force_N_3"]) == pytest.approx(page.run(RESPONSE)[2], rel=1e-6)
+
+
+def test_exported_fields_open_as_a_mesh(start, download):
+    import pyvista
+
+    start("&depth=1")
+    grid = pyvista.read(download("fields.vtu"))
+    assert grid.n_cells > 100
+    assert "displacement_mm" in grid.point_data
+
+
+def test_exported_picture_shows_the_page(start, download):
+    from PIL import Image
+
+    page = start()
+    with Image.open(download("picture.png")) as image:
+        shown = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
+        assert image.width > page.run(f"document.querySelector('{SECTION}').width")
+    assert len(shown) > 200
+
+
+def test_commands_of_the_state_are_shown(start):
+    page = start("&depth=1.25&D=10&L=12")
+    page.wait("Explorer.complete()")
+    shell, python = page.run("[...document.querySelectorAll('[data-command]')].map((node) => node.textContent)")
+    assert re.search(r"magtip solve paper .*--depth 1.25", shell)
+    assert "--set D=10" in shell
+    compile(python, "lines", "exec")
+
+
+def test_other_origins_and_requests_without_the_token_are_refused(served):
+    parts = urlsplit(served[1])
+    handshake = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    handshake["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
+    own = f"http://{parts.netloc}"
+    for path, headers, status in (
+        (f"/live?{parts.query}", {**handshake, "Origin": own}, 101),
+        (f"/live?{parts.query}", {**handshake, "Origin": "http://example.org"}, 403),
+        ("/live", {**handshake, "Origin": own}, 403),
+        (f"/?{parts.query}", {"Host": "example.org"}, 403),
+        ("/", {}, 403),
+    ):
+        connection = http.client.HTTPConnection(parts.netloc, timeout=10)
+        connection.request("GET", path, headers=headers)
+        assert connection.getresponse().status == status, (path, headers)
+        connection.close()
+
+
+def test_page_of_another_origin_cannot_open_the_connection(chromium, served):
+    target = chromium.call("Target.createTarget", url="about:blank")["targetId"]
+    session = chromium.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+    address = f"ws://{urlsplit(served[1]).netloc}/live?{urlsplit(served[1]).query}"
+    script = f"""new Promise((done) => {{
+      const socket = new WebSocket({json.dumps(address)});
+      socket.onopen = () => done("open");
+      socket.onerror = () => done("refused");
+    }})"""
+    answer = chromium.call("Runtime.evaluate", session, expression=script, awaitPromise=True, returnByValue=True)
+    chromium.call("Target.closeTarget", targetId=target)
+    assert answer["result"]["value"] == "refused"
+
+
+def test_random_moves_leave_page_and_memory_as_they_were(served, start):
+    page = start()
+    random_moves(page, 30)
+    go(page, QUICK)
+    before = heap(page), memory(served[0])
+    random_moves(page, 30, seed=1)
+    go(page, QUICK)
+    assert heap(page) < 1.25 * before[0] + 2e6
+    assert memory(served[0]) < 1.3 * before[1]
+
+
+def test_page_says_nothing_on_the_console_and_asks_no_other_server(page, served):
+    assert page.of(*NOISE) == []
+    hosts = {urlsplit(event["request"]["url"]).netloc for event in page.of("Network.requestWillBeSent")}
+    assert hosts <= {urlsplit(served[1]).netloc, ""}
+
+
+def test_killed_server_is_said_on_the_page(served, start):
+    page = start("&depth=0.9")
+    before = drawn(page, SECTION)
+    served[0].kill()
+    page.wait("document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
+    assert "start it again" in text(page, "#notice")
+    assert drawn(page, SECTION) == before
+    with server(urlsplit(served[1]).port):
+        page.wait("document.body.dataset.server === 'token'")
+        assert "another token" in text(page, "#notice")
