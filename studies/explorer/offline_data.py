@@ -79,6 +79,15 @@ def floats(values: ArrayLike) -> Data:
     return {"float64": base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode("ascii")}
 
 
+def integers(values: ArrayLike) -> Data:
+    """Return an array of 16-bit integers in the same way.
+
+    >>> integers([1, -2])
+    {'int16': 'AQD+/w=='}
+    """
+    return {"int16": base64.b64encode(np.ascontiguousarray(values, dtype="<i2").tobytes()).decode("ascii")}
+
+
 _RANGE = (
     *("LENGTH", "DIAMETER", "HEIGHT", "POISSON", "EDGE", "DENSITY_RATIO", "LEAST_WALL", "LEAST_BELOW", "SHALLOWEST"),
     *("DEEPEST", "DEPTH_SHARE", "SHALLOWEST_SHEAR", "FARTHEST", "SHEAR_SHARE", "PRESS_NODES", "SHEAR_NODES"),
