@@ -17,6 +17,7 @@ from analytic import beam, parts
 from analytic.beam_terms import press_terms, shear_terms
 from geometry.design import LEAST_ALPHA, LEAST_WALL, POLES, Design
 from geometry.loads import STEEPEST
+from studies.explorer import offline_model
 from studies.surrogate import prediction, surrogate_file, surrogate_range
 
 Data = dict[str, Any]
@@ -33,6 +34,13 @@ def constants() -> Data:
             "chips": {name: dataclasses.asdict(chip) for name, chip in parts.CHIPS.items()},
             "converter": {"noise": parts.CONVERTER_NOISE, "step": parts.CONVERTER_STEP},
             "poles": POLES,
+        },
+        "lines": {
+            "starts": offline_model.LINE_STARTS,
+            "step": offline_model.LINE_STEP,
+            "steps": offline_model.LINE_STEPS,
+            "box": offline_model.LINE_BOX,
+            "clear": offline_model.LINE_CLEAR,
         },
     }
 

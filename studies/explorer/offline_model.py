@@ -12,6 +12,7 @@ shear it depends on the depth d and the shear s only:
   through K J^-1; its noise is `analytic.force_resolution`. There is none where a reading is at a rail, below the
   least depth of a shear, or where J is singular. The decoder has the surrogate's mechanics.
 - Curve: presses over the whole range of depths, with the formulas beside them.
+- Field lines: of the exact field in the plane of the section.
 - Stability: the critical depth of a frictionless press, and the first mode at rest.
 
 Slopes along d and s are differences over 2 `STEP`, cut at the ends of the range; for s near 0 by symmetry: u, t and
@@ -20,6 +21,7 @@ F_t are odd, w and F_n even. Units mm, N, MPa, T, V, rad; tilts leave in degrees
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from analytic import beam, force_resolution, hall, parts
+from analytic.batch_readings import batch_readings
 from analytic.force_resolution import Loaded
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -38,12 +41,17 @@ from studies.surrogate.prediction import Beams
 
 LEVEL = "surrogate"
 """Level of the answers, as the page shows it."""
-STEP = 1e-3
+STEP = 4e-3
 """Half of the distance over which responses and readings are differenced, over D and in rad."""
-SINGULAR = 1e-5
+SINGULAR = 1e-4
 """Determinant of the slopes of the readings, with columns of length 1, below which no load is decoded."""
-CURVE_POINTS = 41
+CURVE_POINTS = 25
 """Depths of a curve."""
+LINE_STARTS = (-0.95, -0.8, -0.6, -0.35, -0.12, 0.12, 0.35, 0.6, 0.8, 0.95)
+"""Where field lines begin on the magnet's upper face, over its radius."""
+LINE_STEP, LINE_STEPS, LINE_BOX, LINE_CLEAR = 0.04, 200, 2.5, 0.01
+"""Length of a step and largest distance from the magnet, over D, most steps, and distance of the first point above the
+face over half the magnet's height."""
 PLANE = ("shift_x", "shift_z", "tilt", "force_x", "force_z")
 """Quantities in the plane of the shear."""
 ODD = np.array([-1.0, 1.0, -1.0, -1.0, 1.0])
@@ -95,6 +103,7 @@ def state_part(state: ExplorerState) -> Part:
     """Return the part `state` of an answer, without its section."""
     design, load = state.design, state.load
     response, plane = solve(state)
+    slopes = field_slopes(design, plane)
     u, w, t, tangential, normal = plane.half_width.tolist()
     c, s = abs(math.cos(plane.azimuth)), abs(math.sin(plane.azimuth))
     return {
@@ -117,8 +126,8 @@ def state_part(state: ExplorerState) -> Part:
             "strain": plane.strain[1],
         },
         "strain": plane.strain[0],
-        "readings": readings_part(design, response, plane),
-        "decoded": decoded_part(design, load, response, plane),
+        "readings": readings_part(design, response, plane, slopes),
+        "decoded": decoded_part(design, load, response, plane, slopes),
         "formula": formula_part(design, load, "paper"),
         "formula_level": {"level": state.formula_level, **formula_part(design, load, state.formula_level)},
     }
@@ -134,11 +143,11 @@ def formula_part(design: Design, load: Load, level: str) -> Part:
     return answer | {"message": beam.outside(design, load, level)}
 
 
-def readings_part(design: Design, response: Response, plane: Plane) -> Part:
-    """Return the readings in the state and at rest, with half widths and noise."""
+def readings_part(design: Design, response: Response, plane: Plane, slopes: Array) -> Part:
+    """Return the readings in the state and at rest, with half widths and noise; `slopes` as of `field_slopes`."""
     elements = parts.of_design(design)
     pose, rest = hall.readings(design, response), hall.readings(design)
-    widths = np.abs(_field_slopes(design, plane)) @ plane.half_width[:3]
+    widths = np.abs(slopes) @ plane.half_width[:3]
     return {
         "elements": [element.name for element in elements],
         "units": list(pose.units),
@@ -155,7 +164,7 @@ def readings_part(design: Design, response: Response, plane: Plane) -> Part:
     }
 
 
-def decoded_part(design: Design, load: Load, response: Response, plane: Plane) -> Part:
+def decoded_part(design: Design, load: Load, response: Response, plane: Plane, slopes: Array) -> Part:
     """Return the load that the readings decode to, with half widths and noise; a status and None where there is none."""
     elements, _ = parts.with_noise(parts.of_design(design))
     pose = hall.readings(design, response, elements=elements)
@@ -174,7 +183,7 @@ def decoded_part(design: Design, load: Load, response: Response, plane: Plane) -
     through = K @ np.linalg.inv(J)
     c, s = abs(math.cos(plane.azimuth)), abs(math.sin(plane.azimuth))
     own = plane.half_width[3] * np.array([c, s, 0.0]) + plane.half_width[4] * np.array([0.0, 0.0, 1.0])
-    carried = np.abs(through @ _field_slopes(design, plane)) @ plane.half_width[:3]
+    carried = np.abs(through @ slopes) @ plane.half_width[:3]
     noise = np.array([element.noise_T for element in elements])
     return {
         "status": "ok",
@@ -193,20 +202,65 @@ def curve_part(state: ExplorerState) -> Part:
     depth = np.linspace(low, high, CURVE_POINTS)
     press = beams.press(np.minimum(depth / design.D, beams.deepest[0])[None])
     unit = design.E * design.D**2
-    part: Part = {
+    return {
         "depth": depth.tolist(),
         "force": (unit * press["force"].value[0]).tolist(),
-        "force_half_width": (unit * press["force"].half_width[0]).tolist(),
         "shift": (-design.D * press["shift"].value[0]).tolist(),
-        "shift_half_width": (design.D * press["shift"].half_width[0]).tolist(),
+        "estimates": {
+            "force": (unit * press["force"].half_width[0]).tolist(),
+            "shift": (design.D * press["shift"].half_width[0]).tolist(),
+        },
+        "paper": _formula_curve(design, depth, "paper"),
+        "level": {"name": state.formula_level, **_formula_curve(design, depth, state.formula_level)},
     }
-    for level in dict.fromkeys(("paper", state.formula_level)):
-        answers = [formula_part(design, Load(depth=each), level) for each in depth.tolist()]
-        part[level] = {
-            name: [None if answer[name] is None else answer[name][2] for answer in answers]
-            for name in ("force", "shift")
-        }
-    return part
+
+
+def _formula_curve(design: Design, depth: Array, level: str) -> Part:
+    """Return normal force and shift along z by a level of the formulas; None where it refuses a depth."""
+    answers = [formula_part(design, Load(depth=each), level) for each in depth.tolist()]
+    return {
+        name: [None if answer[name] is None else answer[name][2] for answer in answers] for name in ("force", "shift")
+    }
+
+
+def field_lines_part(state: ExplorerState) -> Part:
+    """Return field lines of the magnet in the plane of the section, [x, z], mm.
+
+    Lines begin on the face of the magnet towards the tip and follow B, or -B if the north pole points down, by
+    Runge-Kutta steps of order 4 and length `LINE_STEP`, to the magnet or to `LINE_BOX` from its centre.
+    """
+    design = state.design
+    plane = solve(state)[1]
+    u, w, t = plane.value[:3].tolist()
+    # the section is drawn along the direction with x > 0, or along y
+    way = 1.0 if not plane.shear or (state.load.shear_x or state.load.shear_y) > 0 else -1.0
+    u, t = way * u, way * t
+    a, b, centre = design.magnet_diameter / 2, design.magnet_height / 2, np.array([u, design.H + w])
+    along, across = np.array([math.sin(t), math.cos(t)]), np.array([math.cos(t), -math.sin(t)])
+    starts = np.array(LINE_STARTS)[:, None] * a * across + (1 + LINE_CLEAR) * b * along + centre
+    sign = -1.0 if design.polarisation > 0 else 1.0
+
+    def direction(points: Array) -> Array:
+        where = np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
+        B = hall.field_at(where, design, (u, 0.0, w), rotation_of(t, 0.0))[:, [0, 2]]
+        return np.asarray(sign * B / np.linalg.norm(B, axis=1)[:, None])
+
+    lines = [[start] for start in starts]
+    active, h = np.arange(len(lines)), LINE_STEP * design.D
+    for _ in range(LINE_STEPS):
+        x = np.array([lines[k][-1] for k in active])
+        k1 = direction(x)
+        k2 = direction(x + h / 2 * k1)
+        k3 = direction(x + h / 2 * k2)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + direction(x + h * k3))
+        off = x - centre
+        outside = ~((np.abs(off @ across) < a) & (np.abs(off @ along) < b))
+        for k, point in zip(active[outside], x[outside], strict=True):
+            lines[k].append(point)
+        active = active[outside & (np.linalg.norm(off, axis=1) < LINE_BOX * design.D)]
+        if not len(active):
+            break
+    return {"lines": [np.array(line).tolist() for line in lines]}
 
 
 def stability_part(state: ExplorerState) -> Part:
@@ -218,11 +272,13 @@ def stability_part(state: ExplorerState) -> Part:
         "critical_depth": _finite(design.D * critical.value[0]),
         "estimate": _finite(design.D * critical.half_width[0]),
         "first_mode_hz": _finite(unit * mode.value[0]),
-        "first_mode_estimate": _finite(unit * mode.half_width[0]),
+        "first_mode_estimate_hz": _finite(unit * mode.half_width[0]),
     }
 
 
+@functools.lru_cache(maxsize=2)
 def _beams(design: Design) -> Beams:
+    """Return the beam of a design, which keeps its response to presses; kept for the parts of one answer."""
     return surrogate_response.beams_of([design])
 
 
@@ -256,34 +312,30 @@ def _loaded(design: Design, load: Load, plane: Plane) -> Loaded:
     beams, D = _beams(design), design.D
     scale = np.array([D, -D, 1.0, design.E * D**2, design.E * D**2])
 
-    def at(depth: float, shear: float) -> Array:
-        q = beams.shear(np.array([[depth]]), np.array([[abs(shear)]]))
-        values = np.array([q[name].value.item() for name in PLANE])
-        return scale * values * (ODD if shear < 0 else 1.0)
-
     # the ends of the range cut a difference on one side
-    d, s = min(load.depth / D, float(beams.deepest[0])), min(plane.shear / D, float(beams.farthest[0]))
-    low, high = max(d - STEP, surrogate_range.SHALLOWEST_SHEAR), min(d + STEP, float(beams.deepest[0]))
-    near, far = s - STEP, min(s + STEP, float(beams.farthest[0]))
-    depth_slopes = (at(high, s) - at(low, s)) / ((high - low) * D)
-    shear_slopes = (at(d, far) - at(d, near)) / ((far - near) * D)
-    value = plane.value if plane.shear else at(d, 0.0)
+    most, farthest = float(beams.deepest[0]), float(beams.farthest[0])
+    d, s = min(load.depth / D, most), min(plane.shear / D, farthest)
+    low, high = max(d - STEP, surrogate_range.SHALLOWEST_SHEAR), min(d + STEP, most)
+    near, far = s - STEP, min(s + STEP, farthest)
+    q = beams.shear(np.array([[high, low, d, d, d]]), np.abs([[s, s, far, near, 0.0]]))
+    values = scale * np.stack([q[name].value[0] for name in PLANE], axis=1)
+    if near < 0:
+        values[3] *= ODD
+    depth_slopes = (values[0] - values[1]) / ((high - low) * D)
+    shear_slopes = (values[2] - values[3]) / ((far - near) * D)
+    value = plane.value if plane.shear else values[4]
     rows = (value[None], depth_slopes[None], shear_slopes[None])
     return force_resolution.turned(*rows, np.array([plane.shear]), np.array([plane.azimuth]))
 
 
-def _field_slopes(design: Design, plane: Plane) -> Array:
+def field_slopes(design: Design, plane: Plane) -> Array:
     """Return the slopes of B.n along u, w and t, shape (3, 3), T/mm and T/rad."""
     c, s = math.cos(plane.azimuth), math.sin(plane.azimuth)
-    columns = []
-    for k, step in enumerate((STEP * design.D, STEP * design.D, STEP)):
-        ends = []
-        for sign in (1.0, -1.0):
-            u, w, t = plane.value[:3] + sign * step * np.eye(3)[k]
-            pose = hall.readings(design, shift=(c * u, s * u, w), tilt=rotation_of(c * t, s * t))
-            ends.append(np.array(pose.B_T))
-        columns.append((ends[0] - ends[1]) / (2 * step))
-    return np.stack(columns, axis=1)
+    steps = STEP * np.array([design.D, design.D, 1.0])
+    u, w, t = (plane.value[:3] + np.concatenate([np.diag(steps), -np.diag(steps)])).T
+    shift, tilt = np.stack([c * u, s * u, w], axis=1), np.stack(rotation_of(c * t, s * t), axis=1)
+    field = batch_readings([design], np.zeros(6, dtype=np.int64), shift, tilt).field_T
+    return np.asarray(((field[:3] - field[3:]) / (2 * steps)[:, None]).T)
 
 
 def _finite(value: float) -> float | None:

@@ -76,7 +76,7 @@ const InputChecks = (() => {
 
   /** A load from the page's fields: shear and direction (deg) give shear_x and shear_y, and `coulomb` is added. */
   function load({ depth = 0, shear = 0, direction = 0, friction = "none", plate_tilt: tilt = 0 }, steepest) {
-    const radians = (tilt * Math.PI) / 180, [c, s] = unitVector(direction);
+    const radians = tilt * (Math.PI / 180), [c, s] = unitVector(direction);
     const result = { depth, friction, plate_tilt: radians, shear_x: shear * c + 0, shear_y: shear * s + 0 };
     if (!(depth >= 0 && depth < Infinity))
       throw new BadInput(`depth must be a finite number of mm, 0 or more; got ${general(depth)}`, "depth");
@@ -99,7 +99,7 @@ const InputChecks = (() => {
 
   /** Cosine and sine of an angle in degrees, exactly 0 and 1 along the axes. */
   function unitVector(degrees) {
-    const quarter = degrees / 90, angle = (degrees * Math.PI) / 180;
+    const quarter = degrees / 90, angle = degrees * (Math.PI / 180);
     if (quarter !== Math.round(quarter)) return [Math.cos(angle), Math.sin(angle)];
     return [[1, 0], [0, 1], [-1, 0], [0, -1]][((quarter % 4) + 4) % 4];
   }

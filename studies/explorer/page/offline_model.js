@@ -3,7 +3,7 @@
 "use strict";
 
 const OfflineModel = (() => {
-  const LEVEL = "surrogate", STEP = 1e-3, FIELD_STEP = 1e-4, SINGULAR = 1e-5, CURVE_POINTS = 41;
+  const LEVEL = "surrogate", STEP = 4e-3, FIELD_STEP = 1e-4, SINGULAR = 1e-4, CURVE_POINTS = 25;
   const PLANE = ["shift_x", "shift_z", "tilt", "force_x", "force_z"], ODD = [-1, 1, -1, -1, 1];
   const DEGREES = 180 / Math.PI;
   const general = PythonText.general;
@@ -24,16 +24,16 @@ const OfflineModel = (() => {
   }
 
   /** Return the model of a page from its decoded data. */
-  function load({ fields, limits, surrogate, formulas, hall }) {
+  function load({ fields, limits, surrogate, formulas, hall, lines }) {
     const model = SurrogateResponse.load(surrogate), beamFormulas = BeamFormulas.withConstants(formulas);
     const { range } = surrogate;
     let lastBeam = null;
 
     /** The design, load and formula level of a request's state, checked. */
-    function checked({ preset = "paper", design = {}, load: motion = {}, magnet = "rigid" }, formulaLevel = "paper") {
+    function checked({ preset = "paper", design = {}, load: motion = {}, magnet = "rigid", level = "standard" }, formulaLevel = "paper") {
       const values = Object.fromEntries(fields.map((spec) => [spec.name, design[spec.name] ?? spec.default]));
       return {
-        preset, magnet, formulaLevel, motion,
+        preset, magnet, level, formulaLevel, motion,
         design: InputChecks.design(values, fields, limits), load: InputChecks.load(motion, limits.steepest),
       };
     }
@@ -232,16 +232,49 @@ const OfflineModel = (() => {
       const { D } = design, beam = beamOf(design), unit = design.E * D ** 2, low = range.shallowest * D, high = beam.deepest * D;
       const depth = Array.from({ length: CURVE_POINTS }, (_, k) => low + ((high - low) * k) / (CURVE_POINTS - 1));
       const press = depth.map((d) => beam.press(Math.min(d / D, beam.deepest)));
-      const part = {
-        depth,
-        force: press.map(({ force }) => unit * force.value), force_half_width: press.map(({ force }) => unit * force.halfWidth),
-        shift: press.map(({ shift }) => -D * shift.value), shift_half_width: press.map(({ shift }) => D * shift.halfWidth),
-      };
-      for (const level of new Set(["paper", formulaLevel])) {
+      const formula = (level) => {
         const answers = depth.map((d) => formulaPart(design, { ...rest, depth: d, shear_x: 0, shear_y: 0 }, level));
-        part[level] = Object.fromEntries(["force", "shift"].map((name) => [name, answers.map((a) => a[name]?.[2] ?? null)]));
-      }
-      return part;
+        return Object.fromEntries(["force", "shift"].map((name) => [name, answers.map((a) => a[name]?.[2] ?? null)]));
+      };
+      return {
+        depth, force: press.map(({ force }) => unit * force.value), shift: press.map(({ shift }) => -D * shift.value),
+        estimates: {
+          force: press.map(({ force }) => unit * force.halfWidth), shift: press.map(({ shift }) => D * shift.halfWidth),
+        },
+        paper: formula("paper"), level: { name: formulaLevel, ...formula(formulaLevel) },
+      };
+    }
+
+    /** Field lines in the plane of the section: offline_model.field_lines_part. */
+    function fieldLinesPart(state) {
+      const { design, load: one } = state, { plane } = solve(state), { D } = design;
+      const way = !plane.shear || (one.shear_x || one.shear_y) > 0 ? 1 : -1;
+      const u = way * plane.value[0], w = plane.value[1], t = way * plane.value[2];
+      const a = design.magnet_diameter / 2, b = design.magnet_height / 2, centre = [u, design.L - D / 2 + w];
+      const along = [Math.sin(t), Math.cos(t)], across = [Math.cos(t), -Math.sin(t)], h = lines.step * D;
+      const sign = hall.poles[design.magnet_north] > 0 ? -1 : 1, pose = { shift: [u, 0, w], tilt: [0, t] };
+      const direction = ([x, z]) => {
+        const B = HallReadings.fieldAt([x, 0, z], design, pose, hall.poles), size = Math.hypot(B[0], B[2]);
+        return [(sign * B[0]) / size, (sign * B[2]) / size];
+      };
+      const moved = ([x, z], [dx, dz], by) => [x + by * dx, z + by * dz];
+      return {
+        lines: lines.starts.map((share) => {
+          let x = [0, 1].map((i) => share * a * across[i] + (1 + lines.clear) * b * along[i] + centre[i]);
+          const line = [x];
+          for (let step = 0; step < lines.steps; step++) {
+            const k1 = direction(x), k2 = direction(moved(x, k1, h / 2)), k3 = direction(moved(x, k2, h / 2));
+            const k4 = direction(moved(x, k3, h));
+            x = x.map((v, i) => v + (h / 6) * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]));
+            const off = [x[0] - centre[0], x[1] - centre[1]];
+            const inside = Math.abs(off[0] * across[0] + off[1] * across[1]) < a && Math.abs(off[0] * along[0] + off[1] * along[1]) < b;
+            if (inside) break;
+            line.push(x);
+            if (!(Math.hypot(...off) < lines.box * D)) break;
+          }
+          return line;
+        }),
+      };
     }
 
     function stabilityPart({ design, magnet }) {
@@ -251,11 +284,11 @@ const OfflineModel = (() => {
       const mode = beam.firstMode(design.magnet_density / density), unit = Math.sqrt(E / density) / D;
       return {
         critical_depth: finite(D * critical.value), estimate: finite(D * critical.halfWidth),
-        first_mode_hz: mode && unit * mode.value, first_mode_estimate: mode && unit * mode.halfWidth,
+        first_mode_hz: mode && unit * mode.value, first_mode_estimate_hz: mode && unit * mode.halfWidth,
       };
     }
 
-    return { checked, solve, statePart, curvePart, stabilityPart, poles: hall.poles, beamOf };
+    return { checked, solve, statePart, curvePart, fieldLinesPart, stabilityPart };
   }
 
   return { load };

@@ -1,0 +1,70 @@
+// The engine of a page without a server: it answers the requests of the page from data in the page itself.
+"use strict";
+
+const OfflineEngine = ({ fields: controls, model: encoded, sections: states, about }) => {
+  const data = OfflineData.decoded(encoded), model = OfflineModel.load(data), pictures = StoredSections.load(OfflineData.decoded(states));
+  const LEVEL = "surrogate";
+  let answer = () => {}, opened = () => {};
+
+  function partsOf(state, wanted) {
+    const begin = performance.now(), result = {};
+    if (wanted("commands")) result.commands = StateCommands.commands(state, data.fields);
+    if (wanted("state") || wanted("sensor3d")) {
+      const { plane } = model.solve(state), [u, w, t] = plane.value;
+      const { section, note } = pictures.section(state.design, { load: state.load, pose: { u, w, t } });
+      if (wanted("state")) {
+        const part = model.statePart(state);
+        result.state = { ...part, section, message: [note, about].filter(Boolean).join(" ") };
+      }
+      if (wanted("sensor3d")) result.sensor3d = pictures.surface(state.design, section);
+    }
+    if (wanted("field_lines")) result.field_lines = model.fieldLinesPart(state);
+    if (wanted("curve")) result.curve = model.curvePart(state);
+    if (wanted("stability")) result.stability = model.stabilityPart(state);
+    if (result.state) result.state.seconds = (performance.now() - begin) / 1000;
+    return result;
+  }
+
+  /** Answer after the present frame, so that a moving slider stays smooth; an error names the field that causes it. */
+  function ask({ number, side, state, formula_level: formulaLevel, parts }) {
+    setTimeout(() => {
+      try {
+        const result = partsOf(model.checked(state, formulaLevel), (name) => parts.includes(name));
+        for (const [part, one] of Object.entries(result)) answer({ number, side, part, level: LEVEL, data: one });
+      } catch (error) {
+        if (!(error instanceof BadInput)) throw error;
+        answer({ number, side, error: error.message, field: error.field });
+      }
+    }, 0);
+  }
+
+  /** Files that need no server: the design, and the numbers of the state. */
+  async function file(name, { state, formula_level: formulaLevel }) {
+    if (name === "design.toml") return new Blob([design(model.checked(state, formulaLevel).design)], { type: "text/plain" });
+    if (name === "state.csv") return new Blob([numbers(model.statePart(model.checked(state, formulaLevel)))], { type: "text/csv" });
+    throw new Error(`This page has no server, which ${name} needs: run magtip explore, or the command line below.`);
+  }
+
+  const design = (values) => data.fields.map(({ name }) => `${name} = ${typeof values[name] === "string" ? `"${values[name]}"` : toml(values[name])}\n`).join("");
+  const toml = (value) => (Number.isInteger(value) ? value.toFixed(1) : String(value));
+
+  function numbers({ response, estimates, readings }) {
+    const rows = [["quantity", "unit", "value", "half_width"]];
+    for (const [name, unit] of [["force", "N"], ["shift", "mm"]])
+      ["x", "y", "z"].forEach((axis, i) => rows.push([`${name}_${axis}`, unit, response[name][i], estimates[name][i]]));
+    rows.push(["tilt", "deg", response.tilt, estimates.tilt], ["tilt_y", "deg", response.tilt_y, estimates.tilt]);
+    rows.push(["contact_radius", "mm", response.contact_radius, estimates.contact_radius]);
+    readings.elements.forEach((name, i) => rows.push([name.replace(" ", "_"), readings.units[i], readings.volts[i], readings.half_width[i]]));
+    return rows.map((row) => `${row.join(",")}\r\n`).join("");
+  }
+
+  return {
+    start: () => setTimeout(() => opened(), 0),
+    ask,
+    file,
+    fields: async () => controls,
+    onAnswer(callback) { answer = callback; },
+    onClosed() {},
+    onOpened(callback) { opened = callback; },
+  };
+};
