@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from geometry.design import Design
 from studies.cli.parameters import Sets, Source, design_of
 from studies.inputs.exit_status import GOOD
 from studies.inputs.option_groups import Whole
-from studies.output import console
+from studies.output import atomic_files, console
 
 
 def explore(
@@ -33,6 +34,9 @@ def explore(
         Write the page as one file (.html) that needs no server, with the surrogate in place of finite elements.
     """
     design = design_of(source, sets)
+    if export is not None:
+        _export(design, export)
+        return GOOD
     from studies.explorer import explorer_server, state_commands
 
     def ready(address: str) -> None:
@@ -43,6 +47,16 @@ def explore(
 
     explorer_server.serve(state_commands.address_fields(design), port, ready)
     return GOOD
+
+
+def _export(design: Design, path: Path) -> None:
+    """Write the page of a design as one file."""
+    from studies.explorer import offline_page
+
+    file = atomic_files.check_output_file(path, ".html", ".htm")
+    with console.progress(as_json=False) as progress:
+        offline_page.write(design, file, progress)
+    console.note(f"{file}: open it in a browser; it needs no server and no network")
 
 
 def _open(address: str) -> None:

@@ -24,7 +24,8 @@ def surrogate(
     """Build the surrogate from finite elements, and test it on beams that it has not seen.
 
     From an empty store it took an hour and a half on two busy cores; what is solved is kept, so that an interrupted
-    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate.
+    study goes on. To ship the new surrogate, copy surrogate.npz from the folder to studies/surrogate,
+    and summary.csv as surrogate_errors.csv.
 
     Parameters
     ----------

@@ -105,7 +105,12 @@ _RANGE = (
 
 def _field(spec: dataclasses.Field[Any]) -> Data:
     """Return a field of a design as the page checks it."""
-    common = {"name": spec.name, "default": spec.default, "unit": spec.metadata["unit"], "text": spec.metadata["text"]}
+    common = {
+        "name": spec.name,
+        "default": spec.default,
+        "unit": spec.metadata["unit"],
+        "text": spec.metadata["text"],
+    }
     if "choices" in spec.metadata:
         return common | {"choices": list(spec.metadata["choices"])}
     return common | {"low": spec.metadata["low"], "high": spec.metadata["high"]}

@@ -34,8 +34,8 @@ from analytic.force_resolution import Loaded
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load, rotation_of
-from studies.explorer.explorer_state import ExplorerState
 from studies.exploration.solved_paths import frequency_unit
+from studies.explorer.explorer_state import ExplorerState
 from studies.surrogate import surrogate_range, surrogate_response
 from studies.surrogate.prediction import Beams
 
@@ -49,9 +49,9 @@ CURVE_POINTS = 25
 """Depths of a curve."""
 LINE_STARTS = (-0.95, -0.8, -0.6, -0.35, -0.12, 0.12, 0.35, 0.6, 0.8, 0.95)
 """Where field lines begin on the magnet's upper face, over its radius."""
-LINE_STEP, LINE_STEPS, LINE_BOX, LINE_CLEAR = 0.04, 200, 2.5, 0.01
-"""Length of a step and largest distance from the magnet, over D, most steps, and distance of the first point above the
-face over half the magnet's height."""
+LINE_STEP, LINE_BOX, LINE_STEPS, LINE_CLEAR = 0.04, 2.5, 200, 0.01
+"""Length of a step and largest distance from the magnet, over D, most steps, and distance of the first point above
+the face over half the magnet's height."""
 PLANE = ("shift_x", "shift_z", "tilt", "force_x", "force_z")
 """Quantities in the plane of the shear."""
 ODD = np.array([-1.0, 1.0, -1.0, -1.0, 1.0])
@@ -95,7 +95,9 @@ def solve(state: ExplorerState) -> tuple[Response, Plane]:
     plane = _plane_of(design, load)
     u, w, t, tangential, normal = plane.value.tolist()
     c, s = (load.shear_x / load.shear, load.shear_y / load.shear) if load.shears_tip else (1.0, 0.0)
-    response = Response((c * tangential, s * tangential, normal), (c * u, s * u, w), c * t, plane.contact_radius[0], s * t)
+    response = Response(
+        (c * tangential, s * tangential, normal), (c * u, s * u, w), c * t, plane.contact_radius[0], s * t
+    )
     return response, plane
 
 
@@ -134,7 +136,7 @@ def state_part(state: ExplorerState) -> Part:
 
 
 def formula_part(design: Design, load: Load, level: str) -> Part:
-    """Return force, shift and tilt by a level of the formulas, with a message where it is not calibrated for a load."""
+    """Return force, shift and tilt by a level of the formulas, with a message where it is not calibrated."""
     try:
         response = beam.solve(design, load, level)
     except BadInput as error:
@@ -165,7 +167,7 @@ def readings_part(design: Design, response: Response, plane: Plane, slopes: Arra
 
 
 def decoded_part(design: Design, load: Load, response: Response, plane: Plane, slopes: Array) -> Part:
-    """Return the load that the readings decode to, with half widths and noise; a status and None where there is none."""
+    """Return the load that the readings decode to, with half widths and noise; None and a status without one."""
     elements, _ = parts.with_noise(parts.of_design(design))
     pose = hall.readings(design, response, elements=elements)
     none = {"level": LEVEL, "force": None, "half_width": None, "noise": None}
@@ -195,7 +197,7 @@ def decoded_part(design: Design, load: Load, response: Response, plane: Plane, s
 
 
 def curve_part(state: ExplorerState) -> Part:
-    """Return force and sinking of the magnet over the depth of frictionless presses, with the formulas beside them."""
+    """Return force and shift over the depth of frictionless presses, with the formulas beside them."""
     design = state.design
     beams = _beams(design)
     low, high = surrogate_range.SHALLOWEST * design.D, float(beams.deepest[0]) * design.D
@@ -289,7 +291,9 @@ def _plane_of(design: Design, load: Load) -> Plane:
     scale = np.array([D, -D, 1.0, unit, unit])
     if load.shears_tip:
         q = beams.shear(depth, np.array([[load.shear / D]]))
-        values, widths = (np.array([getattr(q[name], kind).item() for name in PLANE]) for kind in ("value", "half_width"))
+        values, widths = (
+            np.array([getattr(q[name], kind).item() for name in PLANE]) for kind in ("value", "half_width")
+        )
     else:
         q = beams.press(depth)
         values, widths = (

@@ -81,11 +81,15 @@ def page(design: Design, sections: Mapping[str, Any]) -> str:
     data = {"fields": explorer_fields(paper()), "model": offline_data.constants(), "sections": sections}
     state = urlencode(state_commands.address_fields(design))
     # the first state is that of the design, unless the address has one
-    first = f"{_assigned(data)}\nif (!location.hash && {json.dumps(state)}) location.replace({json.dumps('#' + state)});"
+    first = (
+        f"{_assigned(data)}\nif (!location.hash && {json.dumps(state)}) location.replace({json.dumps('#' + state)});"
+    )
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("</head>", f"<style>{HIDDEN}</style>\n</head>", 1)
-    text = text.replace('<p id="notice"', f'<p id="about-model" class="soft">{html.escape(about())}</p>\n<p id="notice"', 1)
+    text = text.replace(
+        '<p id="notice"', f'<p id="about-model" class="soft">{html.escape(about())}</p>\n<p id="notice"', 1
+    )
     text = re.sub(r'<link rel="stylesheet" href="([^"]+)">', lambda link: _style(link[1]), text)
     return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], first), text)
 
@@ -103,8 +107,8 @@ def about() -> str:
     )
     beams = rows["press", "force"]["beams"]
     return (
-        "This page has no server: its numbers come from the surrogate of the finite elements, with half widths of 90 % "
-        f"intervals, and its pictures from stored sections. 95th percentiles of the surrogate's errors on {beams} "
+        "This page has no server: its numbers come from the surrogate of the finite elements, with half widths of "
+        f"90 % intervals, and its pictures from stored sections. 95th percentiles of the surrogate's errors on {beams} "
         f"unseen beams: {figures}."
     )
 

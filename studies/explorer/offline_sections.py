@@ -2,7 +2,8 @@
 
 All lengths are over D, pressures over E. Every state is interpolated to the points of one template, the section of a
 press, so that the page can interpolate between states point by point. Presses are frictionless; shears begin at a
-press whose contact area is then bonded. Level quick suffices for a picture: the page's numbers come from the surrogate.
+press whose contact area is then bonded. Level quick suffices for pictures, because the page's numbers come from the
+surrogate.
 """
 
 from __future__ import annotations
@@ -118,7 +119,11 @@ def _at_points(design: Design, solution: Solution, template: Array) -> Array:
 
     part = section_data.section(design, solution, "rigid")
     rest, moved = np.array(part["rest"]), np.array(part["points"])
-    columns = [*(moved - rest).T / design.D, np.array(part["fields"]["pressure"]) / design.E, part["fields"]["stretch"]]
+    columns = [
+        *(moved - rest).T / design.D,
+        np.array(part["fields"]["pressure"]) / design.E,
+        part["fields"]["stretch"],
+    ]
     fields, rest = np.stack(columns, axis=1), rest / design.D
     result = np.empty((len(template), len(FIELDS)))
     # both sides of the axis have the same count of points; a value there may differ from side to side

@@ -1,5 +1,5 @@
 "use strict";
-// Curves over depth and readings as bars, by uPlot, with the half widths of the finite elements as whiskers.
+// Curves over depth and readings as bars, by uPlot, with the model's half widths as whiskers.
 
 const Charts = (() => {
   const HEIGHT = 210, CAP = 3;
@@ -24,14 +24,14 @@ const Charts = (() => {
   }
 
   // Force or shift over depth. Data: for each side {depth, values, half, paper, level, name, now}.
-  function curve(box, quantity, readout) {
+  function curve(box, quantity, readout, model) {
     const unit = quantity === "force" ? "N" : "mm", label = quantity === "force" ? "normal force (N)" : "shift towards the base (mm)";
     let plot = null, sides = [], key = "", legend = null;
 
     const lines = () => sides.flatMap((side) => {
       const tag = sides.length > 1 ? `${side.side.toUpperCase()}: ` : "", stroke = () => Format.colour(SERIES[side.side]);
       return [
-        { label: `${tag}finite elements`, stroke, width: 2, spanGaps: true, points: { show: true, size: 5, fill: stroke } },
+        { label: `${tag}${model}`, stroke, width: 2, spanGaps: true, points: { show: true, size: 5, fill: stroke } },
         { label: `${tag}paper's formula`, stroke, width: 1.5, dash: [6, 4], spanGaps: true, points: { show: false } },
         ...(side.level && side.name !== "paper" ? [{ label: `${tag}formula ${side.name}`, stroke, width: 1.5, dash: [2, 3], spanGaps: true, points: { show: false } }] : []),
       ];

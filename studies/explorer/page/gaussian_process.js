@@ -24,6 +24,16 @@ const GaussianProcess = (() => {
     return K;
   }
 
+  /** Solve L x = b in place. */
+  function forwardOne(L, n, b) {
+    for (let i = 0; i < n; i++) {
+      let sum = b[i];
+      for (let k = 0, at = i * n; k < i; k++, at++) sum -= L[at] * b[k];
+      b[i] = sum / L[i * n + i];
+    }
+    return b;
+  }
+
   /** Solve L X = B in place for columns B (n, m). */
   function forward(L, n, B, m) {
     for (let i = 0; i < n; i++) {
@@ -89,13 +99,13 @@ const GaussianProcess = (() => {
       for (let j = 0; j <= p; j++) for (let c = 0; c < q; c++) mean[c] += u[j] * trend[j * q + c];
       for (let i = 0; i < n; i++) for (let c = 0; c < q; c++) mean[c] += k[i] * weights[i * q + c];
       // the spread: 1 + nugget - v.v + u.u with v = L^-1 k and u = G^-1 (h - H^T K^-1 k)
-      forward(L, n, k, 1);
+      forwardOne(L, n, k);
       let square = 1 + nugget;
       for (let i = 0; i < n; i++) {
         square -= k[i] ** 2;
         for (let j = 0; j <= p; j++) u[j] -= whitened[i * (p + 1) + j] * k[i];
       }
-      for (const value of forward(gram, p + 1, u, 1)) square += value ** 2;
+      for (const value of forwardOne(gram, p + 1, u)) square += value ** 2;
       return { mean, spread: Math.sqrt(Math.max(square, nugget)) };
     }
 

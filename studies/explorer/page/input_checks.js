@@ -78,6 +78,9 @@ const InputChecks = (() => {
   function load({ depth = 0, shear = 0, direction = 0, friction = "none", plate_tilt: tilt = 0 }, steepest) {
     const radians = tilt * (Math.PI / 180), [c, s] = unitVector(direction);
     const result = { depth, friction, plate_tilt: radians, shear_x: shear * c + 0, shear_y: shear * s + 0 };
+    const most = (steepest * 180) / Math.PI;
+    if (!(Math.abs(tilt) <= most))
+      throw new BadInput(`--plate-tilt must lie within +-${general(most, 4)} degrees; got ${general(tilt)}`, "plate_tilt");
     if (!(depth >= 0 && depth < Infinity))
       throw new BadInput(`depth must be a finite number of mm, 0 or more; got ${general(depth)}`, "depth");
     for (const name of ["shear_x", "shear_y"])
@@ -89,8 +92,6 @@ const InputChecks = (() => {
           `friction must be none, stick or a coefficient of 0 or more; got '${friction}'`, "friction");
     } else if (!(friction >= 0 && friction < Infinity))
       throw new BadInput(`friction must be none, stick or a coefficient of 0 or more; got ${general(friction)}`, "friction");
-    if (!(Math.abs(radians) <= steepest))
-      throw new BadInput(`plate tilt must be within +-${general(steepest)} rad; got ${general(radians)}`, "plate_tilt");
     result.shear = Math.hypot(result.shear_x, result.shear_y);
     result.coulomb = typeof friction === "string" || friction === 0 ? null : friction;
     result.shearsTip = result.shear > 0 && (friction === "stick" || result.coulomb !== null);

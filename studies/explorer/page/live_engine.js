@@ -29,6 +29,7 @@ const LiveEngine = () => {
 
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {
+    model: "finite elements",
     start: connect,
     ask(request) { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request)); },
     onAnswer(callback) { answer = callback; },

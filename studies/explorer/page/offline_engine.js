@@ -1,7 +1,7 @@
 // The engine of a page without a server: it answers the requests of the page from data in the page itself.
 "use strict";
 
-const OfflineEngine = ({ fields: controls, model: encoded, sections: states, about }) => {
+const OfflineEngine = ({ fields: controls, model: encoded, sections: states }) => {
   const data = OfflineData.decoded(encoded), model = OfflineModel.load(data), pictures = StoredSections.load(OfflineData.decoded(states));
   const LEVEL = "surrogate";
   let answer = () => {}, opened = () => {};
@@ -14,7 +14,7 @@ const OfflineEngine = ({ fields: controls, model: encoded, sections: states, abo
       const { section, note } = pictures.section(state.design, { load: state.load, pose: { u, w, t } });
       if (wanted("state")) {
         const part = model.statePart(state);
-        result.state = { ...part, section, message: [note, about].filter(Boolean).join(" ") };
+        result.state = { ...part, section, message: note };
       }
       if (wanted("sensor3d")) result.sensor3d = pictures.surface(state.design, section);
     }
@@ -59,6 +59,7 @@ const OfflineEngine = ({ fields: controls, model: encoded, sections: states, abo
   }
 
   return {
+    model: LEVEL,
     start: () => setTimeout(() => opened(), 0),
     ask,
     file,

@@ -32,9 +32,9 @@
     });
     views.sensors[side] = SensorView.start($(`figure.sensor[data-side=${side}]`), Explorer.turn, () => Explorer.touch("turn"));
   }
-  views.curves = Object.fromEntries(["force", "shift"].map((name) => [name, Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`))]));
+  views.curves = Object.fromEntries(["force", "shift"].map((name) => [name, Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`), engine.model)]));
   views.bars = Charts.readings($("[data-chart=readings]"));
-  for (const [name, ...columns] of [["response", "finite elements", "formula"], ["readings", "under this load", "change from rest"], ["decoded", "from the readings", "noise (rms)"], ["stability", "finite elements", null]]) {
+  for (const [name, ...columns] of [["response", engine.model, "formula"], ["readings", "under this load", "change from rest"], ["decoded", "from the readings", "noise (rms)"], ["stability", engine.model, null]]) {
     views[name] = Numbers.table($(`[data-table=${name}]`), ...columns);
   }
   const controls = Controls.build(fields, $("#groups"), (field, value, done) => Explorer.set(view.edit, field.name, value, done));
