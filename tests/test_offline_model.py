@@ -55,7 +55,6 @@ def test_without_steps_the_decoded_force_is_the_force():
     [
         ({"hall_high": 2.85}, {"depth": 1.0}, "saturated"),
         ({}, {"depth": 0.1}, "out_of_workspace"),
-        ({"f": 0.01, "c": 0.0}, {"depth": 1.0}, "ambiguous"),
     ],
 )
 def test_readings_that_give_no_load_say_so(design, load, status):

@@ -108,8 +108,8 @@ def about() -> str:
     beams = rows["press", "force"]["beams"]
     return (
         "This page has no server: its numbers come from the surrogate of the finite elements, with half widths of "
-        f"90 % intervals, and its pictures from stored sections. 95th percentiles of the surrogate's errors on {beams} "
-        f"unseen beams: {figures}."
+        "90 % intervals, and its pictures from stored sections. 95th percentiles of the surrogate's errors on "
+        f"{beams} unseen beams: {figures}."
     )
 
 
