@@ -64,6 +64,18 @@ def test_the_settled_step_does_not_depend_on_the_springs_before():
     assert np.allclose(found[1:], found[0], rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("harmonics", [0, 2])
+def test_exchanging_one_point_at_a_time_settles_the_same_step(harmonics, monkeypatch):
+    system, held = sensor(harmonics), plate()
+    rest, solver, step = plain_step(system, held, within(system, 0.1))
+    steps = []
+    for patience in (active_set.PATIENCE, 0):
+        monkeypatch.setattr(active_set, "PATIENCE", patience)
+        steps.append(active_set.settle_contact(system, solver, rest, step, held, within(system, 0.1)))
+    assert steps[1] is not step
+    np.testing.assert_allclose(steps[1], steps[0], rtol=0, atol=1e-10)
+
+
 def test_points_at_the_unknowns_of_earlier_ones_add_no_forces():
     """All points of a facet, at every angle, depend on the same unknowns."""
     system, held = sensor(harmonics=2), plate()
@@ -92,5 +104,6 @@ def test_without_a_plate_a_step_stays_plain():
 def test_a_body_that_gives_way_without_its_springs_has_no_settled_step():
     """A unit compliance against a spring of stiffness 1 that goes: what is left has no stiffness."""
     one = np.ones((1, 1))
-    found = active_set._exchange(one, one, -np.ones(1), np.ones(1, dtype=bool), np.ones(1))
+    one, touching = np.ones((1, 1)), np.ones(1, dtype=bool)
+    found = active_set._exchange(one, one, -np.ones(1), touching, np.ones(1), ~touching)
     assert found is None

@@ -11,7 +11,8 @@ a point's spring and g_i its overlap with the plate. Springs that switch act as 
 the tangent including the springs of the points in contact so far, the compliance G = B K'^-1 B^T and the overlaps g0
 after the plain step, g = g0 + G e, where e = s g for a spring that is removed and e = -s g for one that is added. The
 set of pressed points is replaced by the set with g > 0 until the two agree (Hintermueller, Ito and Kunisch, SIAM J.
-Optim. 13, 2003: a primal-dual active set).
+Optim. 13, 2003: a primal-dual active set). Where that cycles, one point at a time is exchanged, which always ends
+(block principal pivoting: Judice and Pires, Comput. Oper. Res. 21, 1994).
 
 Many points may depend on few unknowns: those of a section's facet, at all angles, on the unknowns of its three nodes.
 The compliance S of these unknowns is then computed, and G = C S C^T with the derivatives C of the points' overlaps by
@@ -33,10 +34,11 @@ from fem.discretisation.nonlinear_system import State, System
 from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array, Ints
 
-MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES = 160, 50, 600, 4, 50
+MOST_POINTS, MOST_SOLID, MOST_TILTED, MOST_ROUNDS, MOST_EXCHANGES, PATIENCE = 160, 50, 600, 4, 100, 3
 """Limits: points that may switch on sections (MOST_POINTS) and in tetrahedra (MOST_SOLID), where solving for them
 costs as much as one or two plain steps; on sections under a tilted plate (MOST_TILTED), where the points at all
-angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round."""
+angles switch one by one and plain steps do not settle; rounds, and exchanges of the set in each round; and exchanges
+that do not reduce the number of wrong points before one point at a time is exchanged."""
 
 
 def settle_contact(
@@ -80,7 +82,7 @@ def settle_contact(
             return step
         compliance = _extend(compliance, system, solver, points, plate)
         S, C = compliance.S, compliance.C
-        force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points])
+        force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points], now[points] > 0)
         if force is None:
             return step
         settled = step - compliance.Z @ force
@@ -127,7 +129,14 @@ def _extend(before: _Compliance | None, system: System, solver: Solver, points: 
     return _Compliance(False, forces, Z, rows @ Z[unknowns], np.eye(count))
 
 
-def _exchange(S: Array, C: Array, plain: Array, acting: NDArray[np.bool_], spring_stiffness: Array) -> Array | None:
+def _exchange(
+    S: Array,
+    C: Array,
+    plain: Array,
+    acting: NDArray[np.bool_],
+    spring_stiffness: Array,
+    pressed: NDArray[np.bool_],
+) -> Array | None:
     """Return the unit forces (r,) that replace the springs that switch.
 
     None if the set does not settle, or the body would be unstable without the springs that are removed.
@@ -138,8 +147,9 @@ def _exchange(S: Array, C: Array, plain: Array, acting: NDArray[np.bool_], sprin
     plain : (m,) overlaps after the plain step.
     acting : (m,) mask of the springs in the factorised tangent.
     spring_stiffness : (m,) stiffness of the springs.
+    pressed : (m,) mask of the points that are pressed at first.
     """
-    pressed, spring = plain > 0, np.where(acting, spring_stiffness, -spring_stiffness)
+    spring, least, patience = np.where(acting, spring_stiffness, -spring_stiffness), len(plain) + 1, PATIENCE
     for _ in range(MOST_EXCHANGES):
         flips = spring * (pressed != acting)
         # the forces f = C^T e of e = flips g on the points, where g = plain + C S f
@@ -149,7 +159,15 @@ def _exchange(S: Array, C: Array, plain: Array, acting: NDArray[np.bool_], sprin
         except np.linalg.LinAlgError:
             return None
         after = plain + C @ (S @ force) > 0
-        if np.array_equal(after, pressed):
+        wrong = np.flatnonzero(after != pressed)
+        if not len(wrong):
             return np.asarray(force)
-        pressed = after
+        # all wrong points at once mostly settle in a few exchanges, but may cycle; one at a time never does
+        patience = PATIENCE if len(wrong) < least else patience - 1
+        least = min(least, len(wrong))
+        if patience >= 0:
+            pressed = after
+        else:
+            pressed = pressed.copy()
+            pressed[wrong[-1]] ^= True
     return None
