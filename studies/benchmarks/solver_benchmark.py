@@ -139,8 +139,9 @@ def _parts() -> list[tuple[str, float, Callable[[Bench], None]]]:
 
 def _case(bench: Bench, case: Case) -> None:
     """magtip's row of one case, and its reference for the peers."""
-    truth = None
-    if case.reference is not None and (case.quick_reference or not bench.quick):
+    # two models of one scene share its reference
+    truth = bench.references.get(case.name)
+    if truth is None and case.reference is not None and (case.quick_reference or not bench.quick):
         bench.say(f"{case.name}: reference")
         model, accuracy = case.reference
         found = peers.magtip(spec(model, case.magnet, case.loads, accuracy))
