@@ -207,7 +207,8 @@ def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
     assert found["status"] == "ok", found
     assert found["forces_N"][0] == pytest.approx(here[0].response.force, rel=1e-9)
     assert 0.01 < found["cpu_s"] < 20
-    assert 0.05 < found["import_s"] < 20
+    # the first process after an installation compiles all functions for numba before the clock starts
+    assert 0.05 < found["import_s"] < 120
     assert 40 < found["base_MB"] <= found["peak_MB"] < 2000
 
 
