@@ -44,8 +44,8 @@ class Answers:
         self._kept: dict[Any, Any] = {}
         self._design: dict[str, Any] = {}
 
-    def all_of(self, request: Request, level: str) -> Iterator[Answer]:
-        """Yield the parts of a request at a level.
+    def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
+        """Yield the parts of a request at a level; None stands before what takes longer than the picture.
 
         Raises
         ------
@@ -57,6 +57,7 @@ class Answers:
             if state_answers.scene_of(state, level).solid and not request.on_request:
                 raise SlowLoad(TETRAHEDRA)
             yield from self._solved(state, level, parts)
+        yield None
         # what depends on the design alone is not sent in a coarse form again while only the load changes
         shown = mechanics(state.design), state.magnet, state.formula_level
         if level == state.level or self._design.get(request.side) != shown:
@@ -82,7 +83,7 @@ class Answers:
         self._kept.clear()
         self._design.clear()
 
-    def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer]:
+    def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
         decoder = self._kept.get(("decoder", state.design))
         solution = state_answers.solve(self.paths, state, level)
@@ -92,6 +93,7 @@ class Answers:
             yield "field_lines", level, magnet_lines.field_lines(state.design, solution)
         if "sensor3d" in parts:
             yield "sensor3d", level, surface_data.surface(solution)
+        yield None
         if "state" in parts:
             solution = state_answers.solve_with_estimates(self.paths, state, level)
             yield "state", level, state_answers.answer(state, solution, decoder)

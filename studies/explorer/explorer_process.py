@@ -107,12 +107,15 @@ class Worker:
             self.send("done")
 
     def _answer(self, answers: Answers, request: Request, level: str) -> None:
-        for part, at_level, data in answers.all_of(request, level):
-            self.send("answer", encoded(request.number, request.side, part=part, level=at_level, data=data))
-            if not self._pictured:
+        for answer in answers.all_of(request, level):
+            if answer is not None:
+                part, at_level, data = answer
+                self.send("answer", encoded(request.number, request.side, part=part, level=at_level, data=data))
+            elif not self._pictured:
                 self._pictured = True
                 self._wait()
-            self._watch(0.0)
+            if self._pictured:
+                self._watch(0.0)
 
     def _wait(self) -> None:
         """Wait until a newer request has come, at most `PAUSE`."""

@@ -54,13 +54,19 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "triangles": triangles.tolist(),
         "fields": {
             "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS).tolist(),
-            "pressure": [float(f"{value:.4g}") for value in pressure],
+            "pressure": np.round(pressure, _decimals(pressure)).tolist(),
             "stretch": np.round(stretch, DIGITS).tolist(),
         },
         "magnet": np.round(outline, DIGITS).tolist(),
         "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
         "direction": [c, s],
     }
+
+
+def _decimals(values: Array) -> int:
+    """Return the decimals that leave the largest value five digits."""
+    largest = float(np.abs(values).max())
+    return DIGITS - math.floor(math.log10(largest)) if largest else DIGITS
 
 
 def magnet_outline(design: Design, shift_x: float, shift_z: float, tilt: float) -> Array:

@@ -1,0 +1,88 @@
+"""Kept paths: their answers are those of a solve from rest, and they cost no solve where none is needed."""
+
+import random
+
+import pytest
+
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from fem.scene import Scene
+from fem.solvers.increment_watch import watched
+from geometry.design import Design
+from geometry.loads import Load
+from studies.explorer import kept_paths
+from studies.explorer.kept_paths import KeptPaths
+
+
+@pytest.fixture
+def paths():
+    paths = KeptPaths()
+    yield paths
+    paths.close()
+
+
+def test_answers_are_those_of_a_solve_from_rest(paths):
+    draw = random.Random(1)
+    for k in range(8):
+        design = Design(E=draw.uniform(0.5, 2), D=draw.choice([8.0, 9.0]))
+        shear = draw.uniform(-0.5, 0.5) if k % 2 else 0.0
+        load = Load(depth=0.5 if shear else draw.uniform(0.1, 2), shear_y=shear, friction="stick")
+        kept = paths.solve(Scene(design, (load,), QUICK), sideways=True)
+        fresh = solve(design, load, QUICK)
+        assert kept.response == fresh.response
+        assert (kept.status, kept.message) == (fresh.status, fresh.message)
+
+
+def test_friction_and_its_history_start_at_the_kept_press(paths):
+    for shear in (0.1, 0.3):
+        load = Load(depth=0.3, shear_x=shear, friction=0.4)
+        kept = paths.solve(Scene(Design(), (load,), QUICK))
+        fresh = solve(Design(), load, QUICK)
+        assert kept.response.force == pytest.approx(fresh.response.force, rel=1e-9)
+        assert kept.slip_share == pytest.approx(fresh.slip_share)
+
+
+def increments(paths, design, load):
+    """Number of load increments that a state takes."""
+    shares = []
+    with watched(shares.append):
+        paths.solve(Scene(design, (load,), QUICK))
+    return len(shares)
+
+
+def test_changes_that_no_finite_element_sees_cost_no_increment(paths):
+    load = Load(depth=1.0)
+    assert increments(paths, Design(), load) > 0
+    assert increments(paths, Design(E=2.0, f=7.0, remanence=1.0, hall_gain=20.0), load) == 0
+    assert increments(paths, Design(nu=0.49), load) > 0
+
+
+def test_a_shear_reuses_its_press(paths):
+    loads = [Load(depth=0.5, shear_x=s, friction="stick") for s in (0.1, 0.11)]
+    first, second = (increments(paths, Design(), load) for load in loads)
+    assert second < first
+
+
+def test_few_paths_are_kept(paths, monkeypatch):
+    monkeypatch.setattr(kept_paths, "MOST", 2)
+    closed = []
+    monkeypatch.setattr(kept_paths.Path, "close", lambda path: closed.append(path))
+    for D in (7.0, 8.0, 9.0):
+        paths.solve(Scene(Design(D=D), (Load(depth=0.5),), QUICK))
+    assert len(closed) == 1
+
+
+class Abandon(Exception):
+    """Ends a path."""
+
+
+def test_a_path_that_is_ended_is_followed_again(paths):
+    load = Load(depth=2.5)
+
+    def end(share):
+        if share > 0:
+            raise Abandon
+
+    with watched(end), pytest.raises(Abandon):
+        paths.solve(Scene(Design(), (load,), QUICK))
+    assert paths.solve(Scene(Design(), (load,), QUICK)).response == solve(Design(), load, QUICK).response
