@@ -119,8 +119,11 @@ def test_field_lines_follow_the_field(solution):
     for line in lines:
         local = (np.array(line) - centre) @ turn.T
         step, middle = np.diff(local, axis=0), (local[1:] + local[:-1]) / 2
-        # at the magnet's edges lines have kinks; coordinates are rounded to 0.001 mm
-        free = (np.hypot(*(np.abs(middle) - [2.0, 1.0]).T) > 0.5) & (np.linalg.norm(step, axis=1) > 0.02)
+        # lines have kinks on the magnet's wall, where B_z jumps; coordinates are rounded to 0.001 mm
+        free = np.hypot(*(np.abs(middle) - [2.0, 1.0]).T) > 0.5
+        free &= (np.linalg.norm(step, axis=1) > 0.02) & (
+            (np.abs(np.abs(middle[:, 0]) - 2) > 0.2) | (np.abs(middle[:, 1]) > 1)
+        )
         points = np.stack([middle[:, 0], 0 * middle[:, 0], middle[:, 1]], axis=1)[free]
         if len(points):
             field = cylinder_field(points, 2.0, 2.0, 1.0)[:, [0, 2]]

@@ -1,7 +1,13 @@
 """The part `field_lines`: field lines of the magnet at its pose, in the plane of the section.
 
-In a plane through the axis the lines are contours of the flux psi(r, z) = int_0^r B_z r' dr' through a disc of radius
-r. Levels of equal distance enclose equal flux. They belong to the magnet, and move with it.
+In a plane through the axis the lines of B are contours of the flux psi = r A_phi through a disc of radius r; levels
+of equal distance enclose equal flux. A cylinder magnet has the B of a coil of its size. With radii over the coil's,
+heights zeta above one of its ends, h^2 = 4 r / (1 + r)^2 and k^2 = 4 r / ((1 + r)^2 + zeta^2), the coil's flux is a
+factor times the difference over both ends of
+
+    r^(1/2) zeta k [(k^2 + h^2 - h^2 k^2) / (h^2 k^2) K(k) - E(k) / k^2 + (h^2 - 1) / h^2 Pi(h^2, k)]
+
+(Callaghan & Maslen, NASA TN D-465, 1960). The lines belong to the magnet, and move with it.
 """
 
 from __future__ import annotations
@@ -10,15 +16,15 @@ import functools
 import math
 
 import numpy as np
+from scipy import special
 
-from analytic.magnet import cylinder_field
 from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import Design
 
-LINES = 12
+LINES = 16
 """Field lines on each side."""
-INSIDE, GROWTH = 12, 1.1
+INSIDE, GROWTH = 24, 1.08
 """Cells of the grid from the axis to the magnet's edge, and ratio of neighbouring cells beyond it."""
 REACH = 4.0
 """Size of the grid over the sum of the magnet's radius and half its height."""
@@ -52,23 +58,29 @@ def _unit_lines(slenderness: float) -> tuple[Array, ...]:
     from contourpy import contour_generator
 
     size = REACH * (1 + slenderness)
-    r = np.concatenate([np.linspace(0, 1, INSIDE + 1), 1 + _growing(1 / INSIDE, size - 1)])
-    # heights lie between those of the magnet's rims, where the field is infinite
-    inner = (np.arange(INSIDE) + 0.5) * slenderness / INSIDE
-    upper = np.concatenate([inner, slenderness + _growing(slenderness / INSIDE, size - slenderness)])
+    # radii lie beside that of the wall, where terms of the flux cancel
+    inner = (np.arange(INSIDE) + 0.5) / INSIDE
+    r = np.concatenate([inner, 1 + _growing(0.5 / INSIDE, size - 1)])
+    upper = np.concatenate([inner * slenderness, slenderness + _growing(slenderness / INSIDE, size - slenderness)])
     z = np.concatenate([-upper[::-1], upper])
-    grid = np.stack(np.meshgrid(r, [0.0], z, indexing="ij"), axis=-1).reshape(-1, 3)
-    axial = cylinder_field(grid, 1.0, 2 * slenderness, 1.0)[:, 2].reshape(len(r), len(z)) * r[:, None]
-    # by the trapezoidal rule; on the hull, where B_z jumps, the field is the mean of both sides
-    steps = np.diff(r)[:, None] * (axial[1:] + axial[:-1]) / 2
-    flux = np.concatenate([np.zeros((1, len(z))), np.cumsum(steps, axis=0)])
-    most = flux[INSIDE].max()
+    flux = _flux(r[:, None], z[None, :] + slenderness) - _flux(r[:, None], z[None, :] - slenderness)
+    r, flux = np.insert(r, 0, 0.0), np.insert(flux, 0, 0.0, axis=0)
+    most = flux.max()
     contours = contour_generator(x=r, y=z, z=flux.T)
     lines = []
     for k in range(LINES):
         for line in contours.lines((k + 0.5) / LINES * most):
             lines.append(_thinned(np.asarray(line), LEAST * size))
     return tuple(lines)
+
+
+def _flux(r: Array, zeta: Array) -> Array:
+    """Return the term of one end of the coil in the flux, at radii and heights above that end, over its factor."""
+    k2, h2 = 4 * r / ((1 + r) ** 2 + zeta**2), 4 * r / (1 + r) ** 2
+    K, E = special.ellipk(k2), special.ellipe(k2)
+    third = K + h2 / 3 * special.elliprj(0.0, 1 - k2, 1.0, 1 - h2)
+    bracket = (k2 + h2 - h2 * k2) / (h2 * k2) * K - E / k2 + (h2 - 1) / h2 * third
+    return np.asarray(np.sqrt(r * k2) * zeta * bracket)
 
 
 def _growing(first: float, size: float) -> Array:
