@@ -17,7 +17,7 @@ from fem.solvers.sparse_pattern import Pattern
 from geometry import compiled
 from geometry.arrays import Array, Ints
 
-BATCH = 384
+BATCH = 1024
 """Integration points and angles in a batch: few enough for the processor's cache, many enough for its vectors."""
 INNER, NEAR, PRESSURES, MOTION, FACETS = 0, 2, 4, 5, 6
 """Numbers of the groups of matrices in the pattern: elements apart from the magnet and at it, each followed by their
@@ -201,7 +201,7 @@ class Loops:
         """Add stiffness K (m, entries) and coupling Y of a batch to the entries of the tangent."""
         e, pattern, near = self._elements, self._pattern, part in self._near
         cells, corners, where, M = e.cells[part], self._corners[part], self._products.where, e.pressure_shape
-        B = self._buffer("B", *cells.shape, M.shape[1], Y.shape[1])
+        B = self._buffer("B", *cells.shape, M.shape[1] * Y.shape[1])
         self._kernels.coupling(e.D[part], M, Y, B)
         offset, coupled = pattern.offsets[NEAR if near else INNER], pattern.offsets[NEAR + 1 if near else INNER + 1]
         first = self._near[0].start if near else 0

@@ -207,6 +207,15 @@ class Surface:
         """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
         return np.asarray((u[self.nodes].reshape(len(self.nodes), -1) @ self.spread).reshape(self.points.shape))
 
+    @functools.cached_property
+    def _upward_spread(self) -> Array:
+        """(f fields, q) displacements of a facet's points along z by its nodal fields."""
+        return np.ascontiguousarray(self.spread[:, 2::3])
+
+    def upward_displacement(self, u: Array) -> Array:
+        """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
+        return np.asarray(u[self.nodes].reshape(len(self.nodes), -1) @ self._upward_spread)
+
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
 

@@ -23,18 +23,24 @@ def evaluate_gradients(cells, D, V, carried, u, g, G):
     carried : (3, 2) range of the fields that have a component i.
     """
     fields, (q, _, a) = u.shape[1], D.shape[1:]
-    row = np.empty(fields)
+    nodal, slopes = np.empty((a, fields, len(cells) * q)), np.empty((3, a, len(cells) * q))
     for cell in range(len(cells)):
         for point in range(q):
-            for J in range(3):
+            x = cell * q + point
+            for node in range(a):
                 for f in range(fields):
-                    row[f] = 0.0
-                for node in range(a):
-                    slope, nodal = D[cell, point, J, node], u[cells[cell, node]]
-                    for f in range(fields):
-                        row[f] += slope * nodal[f]
-                for f in range(fields):
-                    g[J, f, cell * q + point] = row[f]
+                    nodal[node, f, x] = u[cells[cell, node], f]
+                for J in range(3):
+                    slopes[J, node, x] = D[cell, point, J, node]
+    for J in range(3):
+        for f in range(fields):
+            out = g[J, f]
+            for x in range(len(out)):
+                out[x] = 0.0
+            for node in range(a):
+                slope, values = slopes[J, node], nodal[node, f]
+                for x in range(len(out)):
+                    out[x] += slope[x] * values[x]
     for t in range(len(V)):
         for i in range(3):
             for J in range(3):
@@ -190,26 +196,23 @@ def stiffness(D, H, first, K):
 
 @compiled
 def coupling(D, M, Y, B):
-    """Write M_c sum_J D_Ja Y_J, (m, a, c, f n), of a batch, from Y (3, f n, points)."""
+    """Write M_c sum_J D_Ja Y_J, (m, a, c f n), of a batch, from Y (3, f n, points)."""
     (m, q, _, a), size = D.shape, Y.shape[1]
-    own = np.empty((3, size))
+    c = M.shape[1]
+    own = np.empty((3, c * size))
     B[:] = 0.0
     for cell in range(m):
         for point in range(q):
             for J in range(3):
-                for s in range(size):
-                    own[J, s] = Y[J, s, cell * q + point]
+                for corner in range(c):
+                    for s in range(size):
+                        own[J, corner * size + s] = M[point, corner] * Y[J, s, cell * q + point]
             first, second, third = own[0], own[1], own[2]
             for node in range(a):
-                for c in range(M.shape[1]):
-                    scale, row = M[point, c], B[cell, node, c]
-                    d0, d1, d2 = (
-                        scale * D[cell, point, 0, node],
-                        scale * D[cell, point, 1, node],
-                        scale * D[cell, point, 2, node],
-                    )
-                    for s in range(size):
-                        row[s] += d0 * first[s] + d1 * second[s] + d2 * third[s]
+                row, slopes = B[cell, node], D[cell, point]
+                d0, d1, d2 = slopes[0, node], slopes[1, node], slopes[2, node]
+                for s in range(c * size):
+                    row[s] += d0 * first[s] + d1 * second[s] + d2 * third[s]
 
 
 @compiled
@@ -248,7 +251,7 @@ def add_symmetric(K, where, cells, offset, number, diagonal, inside, data):
 
 @compiled
 def add_coupling(B, cells, corners, offset, number, pressure_number, diagonal, inside, data):
-    """Add coupling B (m, a, c, f n) of displacements and pressures of a batch to the matrix."""
+    """Add coupling B (m, a, c f n) of displacements and pressures of a batch to the matrix."""
     fields, pressures = number.shape[1], pressure_number.shape[1]
     for cell in range(len(cells)):
         for node in range(cells.shape[1]):
@@ -257,18 +260,18 @@ def add_coupling(B, cells, corners, offset, number, pressure_number, diagonal, i
                 if i < 0:
                     continue
                 for c in range(corners.shape[1]):
-                    start, own, whole = diagonal[i] + offset[cell, node, c], B[cell, node, c], True
+                    start, begin, whole = diagonal[i] + offset[cell, node, c], (c * fields + f) * pressures, True
                     for n in range(pressures):
                         whole &= pressure_number[corners[cell, c], n] >= 0
                     if whole:
-                        row, values = data[start : start + pressures], own[f * pressures : (f + 1) * pressures]
+                        row, values = data[start : start + pressures], B[cell, node, begin : begin + pressures]
                         for n in range(pressures):
                             row[n] += values[n]
                         continue
                     for n in range(pressures):
                         k = pressure_number[corners[cell, c], n]
                         if k >= 0:
-                            data[start + inside[k]] += own[f * pressures + n]
+                            data[start + inside[k]] += B[cell, node, begin + n]
 
 
 @compiled
@@ -279,7 +282,7 @@ def add_motion(
 
     Parameters
     ----------
-    K, B : stiffness (m, entries) and coupling (m, a, c, f n).
+    K, B : stiffness (m, entries) and coupling (m, a, c f n).
     T : (nodes, f, r) derivative of the displacements by the motion.
     offset, coupled : (m, a + 1, a + 1) and (m, a + 1, c) starts of the pairs of blocks; the last block is the motion.
     first : number of the motion's first unknown.
@@ -308,7 +311,7 @@ def add_motion(
                                 k = pressure_number[corners[cell, c], n]
                                 if k >= 0:
                                     data[diagonal[first + r] + coupled[cell, a, c] + inside[k]] += (
-                                        slope * B[cell, node, c, f * pressures + n]
+                                        slope * B[cell, node, (c * fields + f) * pressures + n]
                                     )
 
 
