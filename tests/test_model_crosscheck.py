@@ -6,9 +6,10 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
+from fem.scene import turns
 from geometry.design import paper
 from geometry.loads import Load
-from studies.validation import model_crosscheck
+from studies.validation import error_study_cases, model_crosscheck
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,35 @@ def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
     assert status == 3
     assert "2 of 2 designs disagree: design 0, design 0" in err
     assert "0 of 2 designs agree" in (tmp_path / "CROSSCHECK.md").read_text()
+
+
+def test_a_tilted_plate_is_compared_with_tetrahedra(tmp_path):
+    """Two coarse meshes: their answers agree within their estimates."""
+    coarse = replace(QUICK, section_size=0.25, solid_size=0.4, solid_patch=0.12)
+    result = model_crosscheck.compare(1, "ignored", coarse, Load(depth=1.0, plate_tilt=0.15))
+    assert (result.status, result.sideways) == ("ok", None)
+    assert result.agree
+    model_crosscheck.write(tmp_path, [result], "here", "magtip crosscheck")
+    report = (tmp_path / "CROSSCHECK.md").read_text()
+    assert "1 of 1 loads agree" in report
+    assert report.count("| 1 | ignored | 1.0 | 0.0 | 0 | 8.594 | none |") == 3
+
+
+def test_loads_of_tilted_plates_cover_every_kind():
+    designs = error_study_cases.designs()
+    loads = [case.load(designs[case.design], "rigid") for case in model_crosscheck.TILTED]
+    assert {load.friction for load in loads} == {"none", "stick", 0.4}
+    assert {case.design for case in model_crosscheck.TILTED} == set(range(12))
+    assert [turns([load]) for load in loads].count(True) == 2
+
+
+def test_tilted_plates_are_solved_on_request(monkeypatch, run):
+    stopped = model_crosscheck.Crosscheck(0, "rigid", 1.0, 1.0, "not_converged", "half: stopped")
+    monkeypatch.setattr(model_crosscheck, "crosscheck", lambda *_: stopped)
+    monkeypatch.setattr(model_crosscheck, "compare", lambda *_: replace(stopped, tilt_deg=5.0))
+    status, _, err = run("crosscheck", "--count", 1, "--tilted")
+    assert status == 3
+    assert "3 of 3 loads disagree" in err
 
 
 @pytest.mark.parametrize("count", [0, 13])

@@ -83,12 +83,17 @@ def friction(table: Table) -> list[Figure]:
 def crosscheck(table: Table) -> list[Figure]:
     """Return the differences between harmonics and tetrahedra over both error estimates together."""
     names, measured, bound, passed = [], [], [], []
+    loads = [f"design {one}" for one in table.texts("design")]
+    if table.has("tilt_deg"):
+        tilts = table.floats("tilt_deg")
+        loads = [f"{one}, tilt {tilt:g}" if tilt else one for one, tilt in zip(loads, tilts, strict=True)]
+    # a frictionless press has no force along a shear; `shares` leaves it out
     for quantity in ("force", "shift", "tilt", "sideways"):
         difference = np.abs(table.floats(f"{quantity}_difference_percent"))
         both = table.floats(f"{quantity}_harmonic_estimate_percent") + table.floats(
             f"{quantity}_half_estimate_percent"
         )
-        names += [f"design {one}: {quantity}" for one in table.texts("design")]
+        names += [f"{one}: {quantity}" for one in loads]
         measured += difference.tolist()
         bound += both.tolist()
         passed += [text == "True" for text in table.texts(f"{quantity}_agree")]

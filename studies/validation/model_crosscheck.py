@@ -1,4 +1,4 @@
-"""Comparison of the harmonic model on the section with the half model on tetrahedra (verb crosscheck).
+"""Comparison of the harmonic model on the section with models of tetrahedra (verb crosscheck).
 
 ABOUT, which the report prints, says which loads are compared, and when two answers agree.
 """
@@ -9,11 +9,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from fem import equilibrium
-from fem.accuracy import LEVELS
+from fem.accuracy import LEVELS, Accuracy
+from fem.scene import Model, turns
 from fem.solution import Solution
-from geometry.loads import Magnet, Response
+from geometry.design import Design
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.output import records
 from studies.output.provenance import made
@@ -28,13 +31,64 @@ quantities are the force, the magnet's shift, its tilt, and `sideways`, the forc
 answer is also compared with one that has one harmonic more on the same mesh. The models differ in mesh, element,
 integration, contact and the constraint of the magnet. They share the material law and Newton's method.
 """
+ABOUT_TILTED = """\
+With `--tilted` the designs are also loaded by tilted plates: pressed without friction, sheared along the tilt with
+the tip bonded or with Coulomb friction, or sheared across the tilt. The last of these have no plane of symmetry:
+there the harmonic model has sine orders, and the tetrahedra fill the whole body.
+"""
 
 QUANTITIES = ("force", "shift", "tilt", "sideways")
 
 
 @dataclass(frozen=True, slots=True)
+class TiltedCase:
+    """Load of a tilted plate on a design, at the depth of the upright cases.
+
+    Attributes
+    ----------
+    design : number of the design.
+    tilt : tilt of the plate, degrees.
+    friction : of the plate; a plate without friction only presses, any other one also shears by SHEAR.
+    across : whether the plate moves along y, across the tilt; otherwise along x.
+    """
+
+    design: int
+    tilt: float
+    friction: float | Literal["none", "stick"] = "none"
+    across: bool = False
+
+    def load(self, design: Design, magnet: Magnet) -> Load:
+        """Return the load on its design."""
+        depth = error_study_cases.trial(self.design, magnet, "stick", "auto").loads[-1].depth
+        shear = 0.0 if self.friction == "none" else error_study_cases.rounded(SHEAR * design.D)
+        along, across = (0.0, shear) if self.across else (shear, 0.0)
+        return Load(depth, along, across, self.friction, plate_tilt=round(math.radians(self.tilt), 6))
+
+
+SHEAR = 0.05
+"""Shear of a tilted plate over D: with a coefficient of 0.4 some of the contact area slips, and some sticks."""
+TILTED = (
+    TiltedCase(0, 8),
+    TiltedCase(0, 8, "stick", across=True),
+    TiltedCase(1, 2, "stick"),
+    TiltedCase(1, 2, "stick", across=True),
+    TiltedCase(2, 5),
+    TiltedCase(3, 12, "stick"),
+    TiltedCase(4, 20),
+    TiltedCase(5, 3, 0.4),
+    TiltedCase(6, 15, "stick"),
+    TiltedCase(7, 10),
+    TiltedCase(8, 6, 0.4),
+    TiltedCase(9, 18, "stick"),
+    TiltedCase(10, 4),
+    TiltedCase(11, 16, 0.4),
+)
+"""Tilts of 2 to 20 degrees on the twelve designs; each kind of load with and without a rigid magnet."""
+
+
+@dataclass(frozen=True, slots=True)
 class Difference:
-    """Difference between half and harmonic model in one quantity, percent of the harmonic answer.
+    """Difference between tetrahedra and harmonic model in one quantity, percent of the harmonic answer.
 
     Attributes
     ----------
@@ -57,6 +111,7 @@ class Crosscheck:
     Attributes
     ----------
     agree : whether the models agree in all quantities.
+    tilt_deg, shear_y_mm, friction : further values of the load.
     """
 
     design: int
@@ -74,6 +129,9 @@ class Crosscheck:
     half_dofs: int | None = None
     harmonic_s: float | None = None
     half_s: float | None = None
+    tilt_deg: float = 0.0
+    shear_y_mm: float = 0.0
+    friction: float | str = "stick"
 
     @property
     def differences(self) -> dict[str, Difference | None]:
@@ -85,40 +143,65 @@ class Crosscheck:
         return records.known(records.flat(self))
 
 
-def run(level: str, count: int, progress: Progress) -> Iterator[Crosscheck]:
-    """Solve each of the first `count` designs with both models, and yield one result per design."""
+def run(level: str, count: int, progress: Progress, *, tilted: bool = False) -> Iterator[Crosscheck]:
+    """Solve each of the first `count` designs with both models, and yield one result per load.
+
+    tilted : also solve the cases of TILTED on these designs.
+    """
+    cases = [case for case in TILTED if tilted and case.design < count]
     for number in range(count):
-        magnet: Magnet = "rigid" if number % 2 == 0 else "ignored"
-        progress(number / count, f"design {number}, magnet {magnet}")
+        magnet = _magnet(number)
+        progress(number / (count + len(cases)), f"design {number}, magnet {magnet}")
         yield crosscheck(number, magnet, level)
+    for done, case in enumerate(cases, start=count):
+        number, magnet = case.design, _magnet(case.design)
+        progress(done / (count + len(cases)), f"design {number}, magnet {magnet}, tilt {case.tilt:g} degrees")
+        yield compare(number, magnet, LEVELS[level], case.load(error_study_cases.designs()[number], magnet))
+
+
+def _magnet(number: int) -> Magnet:
+    return "rigid" if number % 2 == 0 else "ignored"
 
 
 def crosscheck(number: int, magnet: Magnet, level: str) -> Crosscheck:
     """Solve one design with both models at its largest shear, and compare the answers."""
-    trial, accuracy = error_study_cases.trial(number, magnet, "stick", "auto"), LEVELS[level]
-    load = trial.loads[-1]
-    harmonic, half = (
-        equilibrium.solve(trial.design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", "half")
-    )
-    more = replace(accuracy, harmonics=accuracy.harmonics + 1)
-    one_more = equilibrium.trace(trial.design, [load], more, magnet=magnet, estimate=False)[-1]
-    for state in (harmonic, half, one_more):
-        if state.status != "ok":
-            message = f"{state.model}: {state.message}"
-            return Crosscheck(number, magnet, load.depth, load.shear_x, state.status, message)
-    force, shift, tilt, sideways = (difference(name, harmonic, half, one_more) for name in QUANTITIES)
-    return Crosscheck(
+    load = error_study_cases.trial(number, magnet, "stick", "auto").loads[-1]
+    return compare(number, magnet, LEVELS[level], load)
+
+
+def compare(number: int, magnet: Magnet, accuracy: Accuracy, load: Load) -> Crosscheck:
+    """Solve one design under a load by the harmonic model and on tetrahedra, and compare the answers."""
+    design = error_study_cases.designs()[number]
+    solid: Model = "full" if turns([load]) else "half"
+    result = Crosscheck(
         number,
         magnet,
         load.depth,
         load.shear_x,
         "ok",
         "",
-        force,
-        shift,
-        tilt,
-        sideways,
-        agree=force.agree and shift.agree and tilt.agree and sideways.agree,
+        tilt_deg=round(math.degrees(load.plate_tilt), 3),
+        shear_y_mm=load.shear_y,
+        friction=load.friction,
+    )
+    harmonic, half = (
+        equilibrium.solve(design, load, accuracy, magnet=magnet, model=model) for model in ("harmonic", solid)
+    )
+    more = replace(accuracy, harmonics=accuracy.harmonics + 1)
+    one_more = equilibrium.trace(design, [load], more, magnet=magnet, model="harmonic", estimate=False)[-1]
+    for state in (harmonic, half, one_more):
+        if state.status != "ok":
+            return replace(result, status=state.status, message=f"{state.model}: {state.message}")
+    differences = {
+        name: difference(name, harmonic, half, one_more) for name in QUANTITIES if name != "sideways" or load.shear
+    }
+    return replace(
+        result,
+        force=differences["force"],
+        shift=differences["shift"],
+        tilt=differences["tilt"],
+        sideways=differences.get("sideways"),
+        agree=all(one.agree for one in differences.values()),
         harmonic_dofs=harmonic.dofs,
         half_dofs=half.dofs,
         harmonic_s=harmonic.seconds,
@@ -134,7 +217,7 @@ def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution
     name : one of QUANTITIES.
     one_more : the harmonic answer with one harmonic more.
     """
-    a, b, c = (_vector(state.response, name) for state in (harmonic, half, one_more))
+    a, b, c = (_vector(state, name) for state in (harmonic, half, one_more))
     size = math.hypot(*a)
     estimates = _estimate(harmonic, name), _estimate(half, name)
     relative = math.dist(a, b) / size
@@ -147,12 +230,13 @@ def difference(name: str, harmonic: Solution, half: Solution, one_more: Solution
     )
 
 
-def _vector(response: Response, name: str) -> tuple[float, ...]:
+def _vector(state: Solution, name: str) -> tuple[float, ...]:
+    response, (x, y) = state.response, state.load.direction
     return {
         "force": response.force,
         "shift": response.shift,
-        "tilt": (response.tilt,),
-        "sideways": response.force[:1],
+        "tilt": (response.tilt, response.tilt_y),
+        "sideways": (x * response.force[0] + y * response.force[1],),
     }[name]
 
 
@@ -172,22 +256,23 @@ def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str
     from studies.output.csv_tables import write_table
 
     write_table(folder / "crosscheck.csv", [result.row() for result in results])
-    agree = sum(result.agree for result in results)
+    agree, tilted = sum(result.agree for result in results), any(result.tilt_deg for result in results)
     lines = [
         "# Comparison of the harmonic and the half model",
         "",
-        f"{agree} of {len(results)} designs agree in all quantities.",
+        f"{agree} of {len(results)} {'loads' if tilted else 'designs'} agree in all quantities.",
         "",
     ]
-    lines += [*ABOUT.splitlines(), ""]
+    lines += [*ABOUT.splitlines(), "", *(ABOUT_TILTED.splitlines() if tilted else ()), ""]
     lines += [
         "Difference of the models, both estimates, and change of the harmonic answer by one harmonic more, percent:"
     ]
-    heads = ["design", "magnet", "depth_mm", "shear_mm"]
+    heads = ["design", "magnet", "depth_mm", "shear_mm", "shear_y_mm", "tilt_deg", "friction"]
     heads += ["difference", "harmonic estimate", "half estimate", "one harmonic more", "agree"]
     for name in QUANTITIES:
         lines += ["", f"## {name.capitalize()}", "", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-        lines += [f"| {' | '.join(_cells(result, result.differences[name]))} |" for result in results]
+        rows = [result for result in results if result.differences[name] or not result.force]
+        lines += [f"| {' | '.join(_cells(result, result.differences[name]))} |" for result in rows]
     stopped = [f"- design {result.design}: {result.message}" for result in results if result.message]
     write_text(folder / "CROSSCHECK.md", "\n".join([*lines, "", *stopped, "", made(command, origin)]) + "\n")
 
@@ -195,6 +280,7 @@ def write(folder: Path, results: Sequence[Crosscheck], origin: str, command: str
 def _cells(result: Crosscheck, difference: Difference | None) -> list[str]:
     """Return the cells of a design in the report's table of one quantity."""
     where = [str(result.design), result.magnet, str(result.depth_mm), str(result.shear_mm)]
+    where += [f"{result.shear_y_mm:g}", f"{result.tilt_deg:g}", str(result.friction)]
     if difference is None:
         return [*where, result.status, "", "", "", "**no**"]
     percent = (
