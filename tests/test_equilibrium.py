@@ -174,14 +174,15 @@ def test_work_of_a_sticking_shear_is_stored():
 
 
 def test_a_tilted_plate_is_a_turned_flat_one_for_a_ball_of_silicone():
-    """Both models of a tilted plate; the force leans with the plate."""
+    """All models of a tilted plate; the force leans with the plate."""
     load = Load(depth=0.5, plate_tilt=0.2)
     coarse = replace(QUICK, solid_size=0.25, solid_patch=0.1)
-    half, full = (
+    half, full, harmonic = (
         trace(paper(), [load], coarse, magnet="ignored", model=model, estimate=False)[0].response
-        for model in ("half", "full")
+        for model in ("half", "full", "harmonic")
     )
     np.testing.assert_allclose(half.force, full.force, atol=0.05 * half.force[2])
+    np.testing.assert_allclose(half.force, harmonic.force, atol=0.02 * half.force[2])
     assert half.force[0] < 0
     assert half.force[0] / half.force[2] == pytest.approx(-math.tan(0.2), rel=1e-6)
 

@@ -46,7 +46,7 @@ def test_designs_that_disagree_are_told(monkeypatch, run, tmp_path):
 
 def test_a_tilted_plate_is_compared_with_tetrahedra(tmp_path):
     """Two coarse meshes: their answers agree within their estimates."""
-    coarse = replace(QUICK, section_size=0.25, solid_size=0.4, solid_patch=0.12)
+    coarse = replace(QUICK, section_size=0.25, solid_size=0.6, solid_patch=0.2)
     result = model_crosscheck.compare(1, "ignored", coarse, Load(depth=1.0, plate_tilt=0.15))
     assert (result.status, result.sideways) == ("ok", None)
     assert result.agree

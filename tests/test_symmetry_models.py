@@ -75,9 +75,8 @@ def test_a_quarter_turn_of_the_shear_turns_the_answer():
     np.testing.assert_allclose(other, turned(answer(UPRIGHT, sines=True), math.pi / 2), atol=1e-10)
 
 
-@pytest.mark.parametrize("friction", ["stick", 0.4])
-def test_half_a_turn_of_tilt_and_shear_turns_the_answer(friction):
-    load = replace(GLUED, shear_x=0.3, shear_y=0.4, friction=friction)
+def test_half_a_turn_of_tilt_and_shear_turns_the_answer():
+    load = replace(GLUED, shear_x=0.3, shear_y=0.4)
     other = answer(replace(load, plate_tilt=-0.15, shear_x=-0.3, shear_y=-0.4), sines=True)
     np.testing.assert_allclose(other, turned(answer(load, sines=True), math.pi), atol=1e-10)
 
