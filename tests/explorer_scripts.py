@@ -87,3 +87,6 @@ PLATE = """(() => {
 """Middle of the plate in the window, pixels."""
 RESPONSE = "(({force, shift, tilt}) => [...force, ...shift, tilt])(Explorer.answers.a.state.data.response)"
 """The response that the page shows."""
+SETTLED = """Explorer.complete() && Explorer.shownSides().every((side) =>
+  Explorer.answers[side].state.data.decoded && Explorer.answers[side].stability.level === 'standard')"""
+"""Whether all numbers of the sheet are those of level standard."""

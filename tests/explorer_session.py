@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from browser import Browser
-from explorer_scripts import DRAG, GO, REST, SET
+from explorer_scripts import DRAG, GO, REST, SET, SETTLED
 
 ROOT = Path(__file__).resolve().parent.parent
 NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
@@ -169,15 +169,20 @@ def drag_times(page):
     for name, start, low, high in (("press", "depth=0.5", 0.5, 2.5), ("shear", "depth=1&shear=0.1", 0.1, 2.5)):
         go(page, f"#preset=paper&level=quick&{start}")
         slider = "field-depth-slider" if name == "press" else "field-shear-slider"
-        times = page.run(f"{DRAG}({json.dumps(slider)}, {low}, {high}, 150)")
-        table[name] = {"pictures": len(times), "median_ms": percentile(times, 0.5), "p95_ms": percentile(times, 0.95)}
+        ask(page, DRAG, slider, low, high, 20)
+        times = ask(page, DRAG, slider, low, high, 150)
+        table[name] = {
+            "steps": len(times),
+            "median_ms": round(percentile(times, 0.5), 1),
+            "p95_ms": round(percentile(times, 0.95), 1),
+        }
     return table
 
 
 def main(out, moves=1000):
     """Write the evidence and the screenshots."""
     out.mkdir(parents=True, exist_ok=True)
-    evidence = {}
+    evidence = {"cores": os.cpu_count(), "load_average_at_start": round(os.getloadavg()[0], 1)}
     with Browser() as browser, server() as (process, address):
         page = browser.page(address, 1400, 900)
         rest(page)
@@ -186,7 +191,7 @@ def main(out, moves=1000):
         memories = []
         for part in range(5):
             random_moves(page, moves // 5, seed=part)
-            rest(page)
+            go(page, "#preset=paper&level=quick")
             memories.append(
                 {
                     "moves": (part + 1) * moves // 5,
@@ -199,7 +204,7 @@ def main(out, moves=1000):
         for name, width, state in SCREENS:
             sheet = browser.page(f"{address}{state}", width, 900)
             rest(sheet)
-            sheet.wait("Explorer.complete()")
+            sheet.wait(SETTLED)
             (out / f"{name}.png").write_bytes(sheet.picture(whole=True))
             sheet.call("Page.close")
     (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")

@@ -95,7 +95,7 @@ class WorkerProcess:
         """Hand everything that a process sends to the event loop, in a thread of its own."""
         assert process.stdout is not None
         with contextlib.suppress(RuntimeError):  # the loop is closed
-            with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError):
+            with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError, ValueError):
                 while True:
                     number, kind, content = pickle.load(process.stdout)
                     self._loop.call_soon_threadsafe(self._take, number, kind, content)

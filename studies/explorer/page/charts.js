@@ -25,7 +25,7 @@ const Charts = (() => {
 
   // Force or shift over depth. Data: for each side {depth, values, half, paper, level, name, now}.
   function curve(box, quantity, readout, model) {
-    const unit = quantity === "force" ? "N" : "mm", label = quantity === "force" ? "normal force (N)" : "shift towards the base (mm)";
+    const unit = quantity === "force" ? "N" : "mm", label = quantity === "force" ? "normal force (N)" : "shift downwards (mm)";
     let plot = null, sides = [], key = "", legend = null;
 
     const lines = () => sides.flatMap((side) => {

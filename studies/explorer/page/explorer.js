@@ -25,11 +25,13 @@ const Explorer = (() => {
   }
 
   const parts = () => ["state", "curve", "sensor3d", ...(view.lines === "yes" ? ["field_lines"] : []), "stability", "commands"];
+  const changes = (side) => fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
+
   function message(side) {
     const values = sides[side];
     if (!values) return null;
     const pick = (scope) => Object.fromEntries(fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]));
-    const changed = Object.fromEntries(fields.filter((field) => field.scope === "design" && values[field.name] !== field.value).map((field) => [field.name, values[field.name]]));
+    const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
     const load = pick("load");
     // without a shear a bonded contact area has no effect, which the message would say at every press
     if (load.friction === "stick" && !load.shear) load.friction = "none";
@@ -123,7 +125,9 @@ const Explorer = (() => {
     if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
     if (all.has("curve") || all.has("state")) drawCurves();
     if (all.has("stability") || all.has("state")) drawStability();
-    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
+    if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) {
+      Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
+    }
     for (const panel of document.querySelectorAll(".panel[data-part]")) {
       const waits = shownSides().some((side) => requests.behind(side, panel.dataset.part));
       Format.put($(".state", panel), waits ? "updating" : "");
@@ -145,7 +149,8 @@ const Explorer = (() => {
     const side = view.edit, refusal = refusals[side];
     controls.show(value(side));
     controls.refuse(refusal?.field, refusal?.error);
-    const names = shownSides().map((one) => fields.filter((f) => f.scope === "design" && sides[one][f.name] !== f.value).map((f) => `${f.name} ${sides[one][f.name]}${f.unit ? ` ${f.unit}` : ""}`).join(", ")).map((text) => (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
+    const names = shownSides().map((one) => changes(one).map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim()).join(", "))
+      .map((text) => (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
 
@@ -164,23 +169,30 @@ const Explorer = (() => {
     }
     const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
-    views.readings.show(list, rows("readings"));
+    Format.put($("#formula-note"), state(view.edit)?.formula_level?.message || "");
+    views.readings.show(list, rows("readings"), { none: state(view.edit)?.readings?.message || "This sensor has no magnet to read." });
     views.decoded.show(list, rows("decoded"));
-    views.bars.show(list.filter((side) => state(side)?.readings?.elements?.length).map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high])) * 1.05);
+    Format.put($("#decoded-note"), state(view.edit) ? Numbers.decoding(state(view.edit)) : "");
+    const read = list.filter((side) => state(side)?.readings?.elements?.length);
+    const highest = Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high]));
+    views.bars.show(read.map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), 1.05 * highest);
   }
 
   function caption(side) {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
     if (refusal) return { chip: "stopped", time: "", text: `${answer ? "The last picture is shown in grey" : "There is no picture"}: ${refusal.error}`, offer: refusal.slow };
     if (!answer) return { chip: "", time: "", text: notice ? "" : "Solving the first state." };
-    const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state"), own = share?.number === requests.newest(side);
-    const part = own && share.progress.share > 0 && (waits || answer.level !== level) ? `, ${Math.round(100 * share.progress.share)} %` : "";
+    const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state");
+    const own = share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
+    const part = own ? `, ${Math.round(100 * share.progress.share)} %` : "";
     const next = waits ? `; solving${part}` : answer.level === "quick" && level === "standard" ? `; refining to standard${part}` : "";
-    return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `}${text || ""}` };
+    const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
+    return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
   }
 
   function drawSensor(changed) {
-    const list = shownSides().filter((side) => answers[side].sensor3d), size = Math.max(...shownSides().map((side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
+    const list = shownSides().filter((side) => answers[side].sensor3d);
+    const size = Math.max(...shownSides().map((side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear)));
     const largest = Format.round(Math.max(...list.map((side) => answers[side].sensor3d.data.largest)));
     for (const side of list) {
       if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
@@ -200,15 +212,19 @@ const Explorer = (() => {
 
   function drawStability() {
     const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
-    views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || "finite elements" });
-    Format.put($("#stability-note"), stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : "")).filter(Boolean).join(" "));
-    const near = list.filter((side) => answers[side].stability?.data.critical_depth && sides[side].depth > NEAR * answers[side].stability.data.critical_depth);
-    const texts = near.map((side) => `${sides.b ? `${side.toUpperCase()}: the` : "The"} depth of ${Format.plain(sides[side].depth)} mm is ${sides[side].depth > answers[side].stability.data.critical_depth ? "beyond" : "near"} the critical depth: the press may buckle sideways.`);
+    views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
+    const notes = stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : ""));
+    Format.put($("#stability-note"), notes.filter(Boolean).join(" "));
+    const texts = list.filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth).map((side) => {
+      const beyond = sides[side].depth > answers[side].stability.data.critical_depth, name = sides.b ? `${side.toUpperCase()}: the` : "The";
+      return `${name} depth of ${Format.plain(sides[side].depth)} mm is ${beyond ? "beyond" : "near"} the critical depth: the press may buckle sideways.`;
+    });
     $("#near").hidden = !texts.length; Format.put($("#near"), texts.join(" "));
   }
 
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
-  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || (parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick")));
+  const settled = (side) => parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick");
+  const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || settled(side));
 
   // ---- start
 
@@ -240,8 +256,17 @@ const Explorer = (() => {
     for (const box of document.querySelectorAll(".canvas-box, .sensor canvas, .chart")) watch.observe(box);
   }
 
-  return { $, engine, sides, answers, refusals, view, turn, shownSides, value, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say, touch, draw, wire, apply, address,
-    times: () => requests.times, resting: () => requests.resting() && !drawing, requests: () => requests, notice: () => notice, fields: () => fields, look, complete,
+  return {
+    $, engine, sides, answers, view, refusals, turn, shownSides, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say,
+    touch, draw, wire, address, look, complete, value, fields: () => fields, times: () => requests.times, requests: () => requests, notice: () => notice,
+    resting: () => requests.resting() && !drawing,
     use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },
-    begin() { index = history.state?.index ?? 0; top = index; oldest = index; history.replaceState({ index }, ""); apply(location.hash); current = address(); buttons(); } };
+    begin() {
+      index = history.state?.index ?? 0; top = index; oldest = index;
+      history.replaceState({ index }, "");
+      apply(location.hash);
+      current = address();
+      buttons();
+    },
+  };
 })();

@@ -32,6 +32,14 @@ const Numbers = (() => {
     return ["x", "y", "z"].map((name, k) => [name === "z" ? "normal force" : `force along ${name}`, "N", d?.force?.[k], d ? d.half_width?.[k] : NaN, d?.noise?.[k]]);
   }
 
+  // What the decoded load rests on.
+  function decoding({ decoded: d, readings: r }) {
+    if (!r?.elements) return "There are no readings to decode.";
+    if (!d) return "";
+    const noise = d.noise ? "" : " Give the Hall elements a noise to see its effect on the forces.";
+    return `By the formulas of level ${d.level}, status ${String(d.status).replaceAll("_", " ")}.${noise}`;
+  }
+
   function stability(s) {
     return [
       ["critical depth", "mm", s.critical_depth, s.estimate],
@@ -63,13 +71,16 @@ const Numbers = (() => {
       // `data`: for each side its rows; sides without an answer have none
       show(sides, data, titles = {}) {
         const rows = data.find((one) => one.length) || [];
-        if (!rows.length) { if (shape !== "none") { shape = "none"; box.replaceChildren(); Format.make("p", { class: "soft" }, box, "None."); } return; }
+        if (!rows.length) {
+          if (shape !== "none") { shape = "none"; box.replaceChildren(); Format.make("p", { class: "soft" }, box); }
+          return Format.put(box.firstChild, titles.none || "None.");
+        }
         const now = JSON.stringify([sides, rows.map((row) => [row[0], row[1]]), titles]);
         if (now !== shape) { shape = now; ({ first, last } = { first, last, ...titles }); build(sides, rows); }
         rows.forEach((_, r) => {
           data.forEach((own, k) => {
             Format.put(cells[r].values[2 * k], number(own[r]?.[2]));
-            Format.put(cells[r].values[2 * k + 1], width(own[r]?.[3]));
+            Format.put(cells[r].values[2 * k + 1], own[r] && isFinite(own[r][2] ?? NaN) ? width(own[r][3]) : "");
           });
           if (!cells[r].extra) return;
           const [a, b] = data;
@@ -79,5 +90,5 @@ const Numbers = (() => {
     };
   }
 
-  return { EMPTY, table, response, readings, decoded, stability };
+  return { EMPTY, table, response, readings, decoded, decoding, stability };
 })();

@@ -40,12 +40,21 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   function receive(answer) {
     const side = sides[answer.side];
     if (!side) return;
-    if (answer.progress !== undefined) { if (answer.number === side.number) progress(answer.side, answer); return; }
+    // an error of the server itself belongs to whatever was asked last
+    if (answer.error !== undefined && !answer.number) answer.number = side.number;
+    if (answer.progress !== undefined) {
+      if (answer.number === side.number) progress(answer.side, answer);
+      return;
+    }
     const part = answer.error === undefined ? answer.part : "state";
-    if (answer.number === side.flying && part === "state") { side.flying = 0; if (side.dirty) schedule(); }
+    if (answer.number === side.flying && part === "state") {
+      side.flying = 0;
+      if (side.dirty) schedule();
+    }
     const last = side.drawn[part];
     // an answer that is older than the picture, or coarser than it, comes too late
-    if (last && (answer.number < last.number || (answer.number === last.number && last.level === "standard" && answer.level === "quick"))) return;
+    const coarser = last?.level === "standard" && answer.level === "quick";
+    if (last && (answer.number < last.number || (answer.number === last.number && coarser))) return;
     side.drawn[part] = { number: answer.number, level: answer.level };
     if (answer.error !== undefined) { side.inputs = side.inputs.filter(([n]) => n > answer.number); refuse(answer.side, answer); }
     else show(answer.side, part, answer);

@@ -34,8 +34,11 @@
   }
   views.curves = Object.fromEntries(["force", "shift"].map((name) => [name, Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`), engine.model)]));
   views.bars = Charts.readings($("[data-chart=readings]"));
-  for (const [name, ...columns] of [["response", engine.model, "formula"], ["readings", "under this load", "change from rest"], ["decoded", "from the readings", "noise (rms)"], ["stability", engine.model, null]]) {
-    views[name] = Numbers.table($(`[data-table=${name}]`), ...columns);
+  const columns = {
+    response: [engine.model, "formula"], readings: ["under this load", "change"], decoded: ["from the readings", "noise (rms)"], stability: [engine.model, null],
+  };
+  for (const [name, titles] of Object.entries(columns)) {
+    views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);
   }
   const controls = Controls.build(fields, $("#groups"), (field, value, done) => Explorer.set(view.edit, field.name, value, done));
   const requests = Requests(engine, Explorer);
@@ -58,7 +61,8 @@
   }
   for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", async () => {
     Explorer.commit();
-    const text = button.dataset.copy === "address" ? location.href.replace(/([?&])token=[^&#]*/, "$1").replace(/[?&](?=#|$)/, "") : answers[view.edit].commands?.data[button.dataset.copy];
+    const address = location.href.replace(/([?&])token=[^&#]*/, "$1").replace(/[?&](?=#|$)/, "");
+    const text = button.dataset.copy === "address" ? address : answers[view.edit].commands?.data[button.dataset.copy];
     close(button);
     tell(text && (await Exports.copy(text)) ? "Copied." : "Not copied: the text stands at the end of the page.");
   });
@@ -66,14 +70,16 @@
     const name = button.dataset.export;
     close(button); tell("Exporting …");
     try {
-      Exports.save(name === "picture.png" ? "magtip.png" : `magtip-${name}`, name === "picture.png" ? await picture() : await engine.file(name, { number: 0, side: view.edit, ...Explorer.message(view.edit) }));
+      const request = { number: 0, side: view.edit, ...Explorer.message(view.edit) };
+      Exports.save(`magtip-${name}`, name === "picture.png" ? await picture() : await engine.file(name, request));
       tell(`Exported ${name}.`);
     } catch (error) { tell(""); Explorer.say(error.message); }
   });
 
   function picture() {
     const list = Explorer.shownSides(), texts = ["magtip explore", $("#sensor-name").textContent, ...list.map((side) => $(`figure.section[data-side=${side}] figcaption`).textContent)];
-    return Exports.picture(texts, [list.map((side) => views.sections[side].canvas), list.map((side) => views.sensors[side].canvas), [views.curves.force.canvas(), views.curves.shift.canvas(), views.bars.canvas()]]);
+    const rows = ["sections", "sensors"].map((kind) => list.map((side) => views[kind][side].canvas));
+    return Exports.picture(texts, [...rows, [views.curves.force, views.curves.shift, views.bars].map((one) => one.canvas())]);
   }
 
   engine.onOpened(() => { delete document.body.dataset.server; if (/server/i.test(Explorer.notice())) Explorer.say(""); requests.opened(); });
