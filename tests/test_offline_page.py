@@ -339,3 +339,20 @@ def test_the_file_of_a_page_ends_in_html(run):
     status, _, message = run("explore", "paper", "--export", "sensor.txt")
     assert status == 2
     assert ".html" in message
+
+
+def test_the_sensor_in_3d_ends_at_the_plate_and_on_the_base(page):
+    case = {"load": {"depth": 1.0, "shear": 0.8, "direction": 60, "friction": "stick"}}
+    part = page.run(f"""(() => {{
+      const one = theModel.checked({json.dumps(case)}), [u, w, t] = theModel.solve(one).plane.value;
+      const pictures = StoredSections.load(OfflineData.decoded(MAGTIP_OFFLINE.sections));
+      return pictures.surface(pictures.section(one.design, {{ load: one.load, pose: {{ u, w, t }} }}).section);
+    }})()""")
+    assert list(part["parts"]) == ["back", "front", "cut", "magnet"]
+    skin = np.array(part["parts"]["back"]["points"]).reshape(-1, 3)
+    assert skin[:, 2].max() == pytest.approx(paper().L - 1.0, abs=0.02)
+    assert skin[:, 2].min() == pytest.approx(0.0, abs=1e-6)
+    # the tip has moved along the direction of the shear
+    tip = skin[skin[:, 2] > paper().L - 1.05].mean(axis=0)[:2]
+    assert math.degrees(math.atan2(tip[1], tip[0])) == pytest.approx(60, abs=25)
+    assert all(max(each["triangles"]) < len(each["value"]) for each in part["parts"].values())

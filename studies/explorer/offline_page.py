@@ -39,6 +39,7 @@ MODULES = (
 """Scripts in place of the live engine, each after those that it uses."""
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Nothing is loaded from, or sent to, any address."""
+STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
 HIDDEN = 'label:has(#level), [data-export="mold.zip"], [data-export="fields.vtu"] { display: none }'
 """Controls that need a server."""
 ERROR_FIGURES = (
@@ -86,19 +87,17 @@ def page(design: Design, sections: Mapping[str, Any]) -> str:
     )
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
-    text = text.replace("</head>", f"<style>{HIDDEN}</style>\n</head>", 1)
-    text = text.replace(
-        '<p id="notice"', f'<p id="about-model" class="soft">{html.escape(about())}</p>\n<p id="notice"', 1
-    )
+    text = text.replace("</head>", f"<style>{STYLE} {HIDDEN}</style>\n</head>", 1)
+    text = text.replace('<p id="notice"', f'{_details()}\n<p id="notice"', 1)
     text = re.sub(r'<link rel="stylesheet" href="([^"]+)">', lambda link: _style(link[1]), text)
     return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], first), text)
 
 
 def about() -> str:
-    """Return the sentences on the model and its errors, from the table of the surrogate's test that is shipped.
+    """Return the sentence on the model's errors, from the table of the surrogate's test that is shipped.
 
-    >>> about()[:45]
-    'This page has no server: its numbers come fro'
+    >>> about()[:62]
+    "95th percentiles of the surrogate's errors on 207 unseen beams"
     """
     with ERRORS.open(encoding="utf-8", newline="") as file:
         rows = {(row["kind"], row["quantity"]): row for row in csv.DictReader(file) if row["region"] == "all"}
@@ -106,10 +105,14 @@ def about() -> str:
         f"{text} {float(rows[kind, quantity]['p95_percent']):.2g} %" for text, kind, quantity in ERROR_FIGURES
     )
     beams = rows["press", "force"]["beams"]
+    return f"95th percentiles of the surrogate's errors on {beams} unseen beams: {figures}."
+
+
+def _details() -> str:
     return (
-        "This page has no server: its numbers come from the surrogate of the finite elements, with half widths of "
-        "90 % intervals, and its pictures from stored sections. 95th percentiles of the surrogate's errors on "
-        f"{beams} unseen beams: {figures}."
+        '<details id="about-model" class="soft"><summary>Without a server: numbers by the surrogate of the finite '
+        "elements, with half widths of 90 % intervals; pictures from stored sections. Its errors</summary>"
+        f"<p>{html.escape(about())}</p></details>"
     )
 
 

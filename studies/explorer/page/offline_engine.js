@@ -3,39 +3,58 @@
 
 const OfflineEngine = ({ fields: controls, model: encoded, sections: states }) => {
   const data = OfflineData.decoded(encoded), model = OfflineModel.load(data), pictures = StoredSections.load(OfflineData.decoded(states));
-  const LEVEL = "surrogate";
+  const LEVEL = "surrogate", curves = new Map();
   let answer = () => {}, opened = () => {};
 
-  function partsOf(state, wanted) {
+  /** The picture's parts, which come first. */
+  function first(state, wanted) {
     const begin = performance.now(), result = {};
     if (wanted("commands")) result.commands = StateCommands.commands(state, data.fields);
-    if (wanted("state") || wanted("sensor3d")) {
-      const { plane } = model.solve(state), [u, w, t] = plane.value;
-      const { section, note } = pictures.section(state.design, { load: state.load, pose: { u, w, t } });
-      if (wanted("state")) {
-        const part = model.statePart(state);
-        result.state = { ...part, section, message: note };
-      }
-      if (wanted("sensor3d")) result.sensor3d = pictures.surface(state.design, section);
+    if (!wanted("state") && !wanted("sensor3d")) return { result };
+    const { plane } = model.solve(state), [u, w, t] = plane.value;
+    const { section, note } = pictures.section(state.design, { load: state.load, pose: { u, w, t } });
+    if (wanted("state")) {
+      result.state = { ...model.statePart(state), section, message: note, seconds: (performance.now() - begin) / 1000 };
     }
+    return { result, section };
+  }
+
+  function rest(state, section, wanted) {
+    const result = {};
+    if (wanted("sensor3d")) result.sensor3d = pictures.surface(section);
     if (wanted("field_lines")) result.field_lines = model.fieldLinesPart(state);
-    if (wanted("curve")) result.curve = model.curvePart(state);
     if (wanted("stability")) result.stability = model.stabilityPart(state);
-    if (result.state) result.state.seconds = (performance.now() - begin) / 1000;
+    if (wanted("curve")) result.curve = curveOf(state);
     return result;
   }
 
-  /** Answer after the present frame, so that a moving slider stays smooth; an error names the field that causes it. */
-  function ask({ number, side, state, formula_level: formulaLevel, parts }) {
-    setTimeout(() => {
+  /** The curve, which depends on the design and the formulas only; the last of each design is kept. */
+  function curveOf(state) {
+    const key = JSON.stringify([state.design, state.magnet, state.formulaLevel]);
+    if (!curves.has(key)) {
+      if (curves.size > 3) curves.delete(curves.keys().next().value);
+      curves.set(key, model.curvePart(state));
+    }
+    return curves.get(key);
+  }
+
+  /** Answer after the present frame, the picture before everything else; an error names the field that causes it. */
+  function ask({ number, side, state: asked, formula_level: formulaLevel, parts }) {
+    const wanted = (name) => parts.includes(name);
+    const send = (result) => Object.entries(result).forEach(([part, one]) => answer({ number, side, part, level: LEVEL, data: one }));
+    const guarded = (compute) => setTimeout(() => {
       try {
-        const result = partsOf(model.checked(state, formulaLevel), (name) => parts.includes(name));
-        for (const [part, one] of Object.entries(result)) answer({ number, side, part, level: LEVEL, data: one });
+        compute();
       } catch (error) {
         if (!(error instanceof BadInput)) throw error;
         answer({ number, side, error: error.message, field: error.field });
       }
     }, 0);
+    guarded(() => {
+      const state = model.checked(asked, formulaLevel), { result, section } = first(state, wanted);
+      send(result);
+      guarded(() => send(rest(state, section, wanted)));
+    });
   }
 
   /** Files that need no server: the design, and the numbers of the state. */

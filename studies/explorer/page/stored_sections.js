@@ -145,57 +145,58 @@ const StoredSections = (() => {
     }
 
     /** The part `sensor3d`: the section's outline swept round the axis, with the orders 0 and 1 of the angle. */
-    function surface(design, part) {
-      const { points, rest: still, direction: [c, s] } = part, wall = pocketAndSkin(), count = half;
-      const u = Array.from({ length: count }, (_, k) => {
-        const [right, left] = [k, k + count].map((m) => [points[m][0] - still[m][0], points[m][1] - still[m][1]]);
-        return [(right[0] + left[0]) / 2, (right[0] - left[0]) / 2, (right[1] + left[1]) / 2, (right[1] - left[1]) / 2];
-      });
-      const at = (k, angle, sign) => {
-        const [e, f] = [Math.cos(angle), Math.sin(angle)], [lateral, radial, sink, lean] = u[k], [x, z] = still[k];
-        const own = [lateral + radial * e, sign * radial * f, sink + lean * e], p = [x * e + own[0], sign * x * f + own[1], z + own[2]];
-        return { point: [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]], size: Math.hypot(...own) };
-      };
-      const swept = (edges, signs) => {
-        const result = { points: [], value: [], triangles: [] }, used = [...new Set(edges.flat())], row = new Map(used.map((k, i) => [k, i]));
+    function surface({ points, rest: still, direction: [c, s], fields }) {
+      const { skin, pocket } = pocketAndSkin(), turns = Array.from({ length: SECTORS + 1 }, (_, k) => (Math.PI * k) / SECTORS);
+      const swept = ({ used, faces }, signs) => {
+        const result = { points: [], value: [], triangles: [] };
         for (const sign of signs) {
           const start = result.value.length;
-          for (let step = 0; step <= SECTORS; step++)
+          for (const turn of turns) {
+            const e = Math.cos(turn), f = sign * Math.sin(turn);
             for (const k of used) {
-              const { point, size } = at(k, (Math.PI * step) / SECTORS, sign);
-              result.points.push(...point.map((v) => round(v, 3))); result.value.push(round(size, 3));
+              // lateral and radial motion, sinking and lean, from both sides of the section
+              const right = points[k][0] - still[k][0], left = points[k + half][0] - still[k + half][0];
+              const down = points[k][1] - still[k][1], up = points[k + half][1] - still[k + half][1];
+              const lateral = (right + left) / 2, radial = (right - left) / 2, rise = (down + up) / 2 + ((down - up) / 2) * e;
+              const x = still[k][0] * e + lateral + radial * e, y = (still[k][0] + radial) * f;
+              result.points.push(c * x - s * y, s * x + c * y, still[k][1] + rise);
+              result.value.push(Math.hypot(lateral + radial * e, radial * f, rise));
             }
-          for (let step = 0; step < SECTORS; step++)
-            for (const [a, b] of edges) {
-              const i = start + step * used.length + row.get(a), j = start + step * used.length + row.get(b), next = used.length;
-              result.triangles.push(...(sign > 0 ? [i, j, j + next, i, j + next, i + next] : [j, i, j + next, j + next, i, i + next]));
-            }
+          }
+          for (const at of sign > 0 ? faces : faces.slice().reverse()) result.triangles.push(at + start);
         }
         return result;
       };
-      const cut = {
-        points: points.flatMap(([x, z]) => [round(c * x, 3), round(s * x, 3), z]), value: part.fields.displacement.slice(),
-        triangles: triangles.flat(),
-      };
-      const parts = { back: swept(wall.skin, [1]), front: swept(wall.skin, [-1]), cut, magnet: swept(wall.pocket, [1, -1]) };
-      return { parts, largest: Math.max(...Object.values(parts).map(({ value }) => value.reduce((a, b) => Math.max(a, b), 0))) };
+      const cut = { points: points.flatMap(([x, z]) => [c * x, s * x, z]), value: fields.displacement.slice(), triangles: triangles.flat() };
+      const parts = { back: swept(skin, [1]), front: swept(skin, [-1]), cut, magnet: swept(pocket, [1, -1]) };
+      return { parts, largest: Object.values(parts).reduce((most, { value }) => value.reduce((a, b) => Math.max(a, b), most), 0) };
     }
 
-    let edges = null;
-    /** Edges of the right half's outline: of the skin, and of the magnet's pocket. */
+    let outlines = null;
+    /** The outline of the right half, swept: skin and the magnet's pocket, with the points they use and triangles. */
     function pocketAndSkin() {
-      if (!edges) {
-        const number = new Map();
-        for (const cell of triangles.filter(([i]) => i < half))
-          for (let k = 0; k < 3; k++) {
-            const pair = [cell[k], cell[(k + 1) % 3]], key = Math.min(...pair) * n + Math.max(...pair);
-            number.set(key, number.has(key) ? null : pair);
-          }
-        edges = [...number.values()].filter((pair) => pair && pair.some((k) => rest[2 * k] > 1e-9));
-      }
+      if (outlines) return outlines;
+      const number = new Map();
+      for (const cell of triangles.filter(([i]) => i < half))
+        for (let k = 0; k < 3; k++) {
+          const pair = [cell[k], cell[(k + 1) % 3]], key = Math.min(...pair) * n + Math.max(...pair);
+          number.set(key, number.has(key) ? null : pair);
+        }
+      const edges = [...number.values()].filter((pair) => pair && pair.some((k) => rest[2 * k] > 1e-9));
       const H = stored.L - 0.5, a = stored.magnet_diameter / 2 + 1e-3, b = stored.magnet_height / 2 + 1e-3;
       const inner = (pair) => pair.every((k) => rest[2 * k] <= a && Math.abs(rest[2 * k + 1] - H) <= b);
-      return { pocket: edges.filter(inner), skin: edges.filter((pair) => !inner(pair)) };
+      outlines = { pocket: sweep(edges.filter(inner)), skin: sweep(edges.filter((pair) => !inner(pair))) };
+      return outlines;
+    }
+
+    function sweep(edges) {
+      const used = [...new Set(edges.flat())], row = new Map(used.map((k, i) => [k, i])), next = used.length, faces = [];
+      for (let step = 0; step < SECTORS; step++)
+        for (const [one, other] of edges) {
+          const i = step * next + row.get(one), j = step * next + row.get(other);
+          faces.push(i, j, j + next, i, j + next, i + next);
+        }
+      return { used, faces };
     }
 
     return { section, surface };
