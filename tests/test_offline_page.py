@@ -349,10 +349,11 @@ def test_the_sensor_in_3d_ends_at_the_plate_and_on_the_base(page):
       return pictures.surface(pictures.section(one.design, {{ load: one.load, pose: {{ u, w, t }} }}).section);
     }})()""")
     assert list(part["parts"]) == ["back", "front", "cut", "magnet"]
-    skin = np.array(part["parts"]["back"]["points"]).reshape(-1, 3)
-    assert skin[:, 2].max() == pytest.approx(paper().L - 1.0, abs=0.02)
+    skin = np.concatenate([np.array(part["parts"][name]["points"]).reshape(-1, 3) for name in ("back", "front")])
+    # the orders of the angle above 1, which a section does not give, leave 0.3 % of D
+    assert skin[:, 2].max() == pytest.approx(paper().L - 1.0, abs=0.005 * paper().D)
     assert skin[:, 2].min() == pytest.approx(0.0, abs=1e-6)
     # the tip has moved along the direction of the shear
     tip = skin[skin[:, 2] > paper().L - 1.05].mean(axis=0)[:2]
-    assert math.degrees(math.atan2(tip[1], tip[0])) == pytest.approx(60, abs=25)
+    assert math.degrees(math.atan2(tip[1], tip[0])) == pytest.approx(60, abs=2)
     assert all(max(each["triangles"]) < len(each["value"]) for each in part["parts"].values())
