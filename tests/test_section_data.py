@@ -16,6 +16,7 @@ from studies.report import deformed_surface
 
 LOADS = {
     "press": Load(depth=1.0),
+    "tilt": Load(depth=0.5, plate_tilt=0.1),
     "shear": Load(depth=1.0, shear_x=0.5, friction="stick"),
 }
 
@@ -40,8 +41,10 @@ def test_section_covers_both_sides_without_gaps(solution):
     # straight edges leave a little out at the dome
     assert abs(half.sum()) == pytest.approx(whole, rel=5e-3)
     assert np.abs(np.array(data["points"])[:, 1]).min() >= 0
-    # nothing is above the plate
-    assert np.array(data["points"])[:, 1].max() == pytest.approx(data["plate"]["z"], abs=0.01)
+    # nothing is above the plate, whose normal turns from z towards x
+    x, z = np.array(data["points"]).T
+    slope = math.tan(math.radians(data["plate"]["tilt"]))
+    assert (z + x * slope).max() == pytest.approx(data["plate"]["z"], abs=0.01)
     assert data["plate"]["x"] == pytest.approx(0.5 if solution.load.shears_tip else 0.0)
 
 
@@ -64,7 +67,8 @@ def test_stretch_of_a_uniform_deformation_is_that_of_its_gradient(solution):
     r, z = field.mesh.doflocs
     # u_r = 0.1 r, u_z = -0.2 z + 0.3 r: F = [[1.1, 0], [0.3, 0.8]] in the plane, 1.1 across it
     largest = np.linalg.svd([[1.1, 0.0], [0.3, 0.8]])[1].max()
-    stretch = section_data._largest_stretch(field, nodes, 1.0, 0.1 * r, 0.3 * r - 0.2 * z, 0.1 * r)
+    u, slope = np.stack([0.1 * r, 0 * r, 0.3 * r - 0.2 * z]), np.stack([0 * r, 0.1 * r, 0 * r])
+    stretch = section_data._largest_stretch(field, nodes, u, slope)
     np.testing.assert_allclose(stretch, largest, rtol=1e-9)
 
 

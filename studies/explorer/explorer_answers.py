@@ -66,9 +66,6 @@ class Answers:
             if "stability" in parts:
                 yield from self._stability(state, level)
             self._design[request.side] = shown
-        if "state" in parts and state.design.shape.has_magnet:
-            solution = state_answers.solve_with_estimates(self.paths, state, level)
-            yield "state", level, state_answers.answer(state, solution, self._decoder(state.design))
 
     def export(self, name: str, state: ExplorerState) -> bytes:
         """Return a file of a state at its own level."""
@@ -97,6 +94,9 @@ class Answers:
         if "state" in parts:
             solution = state_answers.solve_with_estimates(self.paths, state, level)
             yield "state", level, state_answers.answer(state, solution, decoder)
+            if decoder is None and state.design.shape.has_magnet:
+                yield None
+                yield "state", level, state_answers.answer(state, solution, self._decoder(state.design))
 
     def _curve(self, state: ExplorerState, level: str) -> Data:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 GRACE = 0.6
 """Time that the first picture of a job may take after a newer request has arrived, s."""
-PAUSE = 0.05
+PAUSE = 0.1
 """Time that a job waits for a newer request between its picture and what takes longer, s: more than the time between
 two moves of a hand."""
 PROGRESS = 0.3
@@ -111,7 +111,7 @@ class Worker:
             if answer is not None:
                 part, at_level, data = answer
                 self.send("answer", encoded(request.number, request.side, part=part, level=at_level, data=data))
-            elif not self._pictured:
+            else:
                 self._pictured = True
                 self._wait()
             if self._pictured:

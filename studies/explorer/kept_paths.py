@@ -123,7 +123,8 @@ def _key(scene: Scene) -> str:
     content, (load,), D = scene.dimensionless(), scene.loads, scene.design.D
     values = content["loads"][0]
     if load.shears_tip and not scene.solid:
-        values["shear"] = "any"
+        # under a tilted plate the symmetry of the model depends on the direction of the shear
+        values["shear"] = list(load.direction) if load.plate_tilt else "any"
     elif scene.model == "axisymmetric" and load.depth > FIRST_TOUCH * D:
         # one mesh serves a range of depths; friction before first slip does not change that
         values["depth"], values["shear"] = graded_depth(load.depth / D), "none"

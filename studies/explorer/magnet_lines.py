@@ -21,6 +21,7 @@ from scipy import special
 from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import Design
+from studies.explorer.section_data import plane_of
 
 LINES = 16
 """Field lines on each side."""
@@ -39,7 +40,7 @@ def field_lines(design: Design, solution: Solution) -> dict[str, list[list[list[
     if not design.shape.has_magnet:
         return {"lines": []}
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
-    response, (c, s) = solution.response, solution.load.direction
+    response, (c, s) = solution.response, plane_of(solution)
     along = c * response.shift[0] + s * response.shift[1]
     tilt = c * response.tilt + s * response.tilt_y
     turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])

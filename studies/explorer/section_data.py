@@ -1,16 +1,12 @@
 """The section of a solution along its shear, as points, triangles and fields for the page.
 
-Every triangle of the second-order mesh becomes four flat ones. Along theta = 0 and theta = pi, with s = cos theta = 1
-or -1, the amplitudes w_k, z_n and p_n of the Fourier series (`fem.discretisation.elements`) give the displacement
+Every triangle of the second-order mesh becomes four flat ones. `fem.discretisation.elements.fields_at` gives the
+displacement u and its slope v by the angle theta along r, theta and z at theta = 0 and pi, from the amplitudes of the
+Fourier series. With the unit tensor 1 the deformation gradient there is
 
-    u_x = sum w_k cos((k + 1) theta),   u_z = sum z_n cos(n theta),   u_y = 0,
+    F = 1 + [du/dr, v/r, du/dz],
 
-and the deformation gradient in the plane and across it,
-
-    F_xx = 1 + s du_x/dr,  F_xz = du_x/dz,  F_zx = s du_z/dr,  F_zz = 1 + du_z/dz,
-    F_yy = 1 + s/r sum (k + 1) w_k cos((k + 1) theta),
-
-on the axis with the derivative by r in place of the division. The stretch shown is the largest principal one.
+on the axis with dv/dr in place of v/r. The stretch shown is the largest principal one.
 """
 
 from __future__ import annotations
@@ -41,7 +37,7 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
     parts = _sides(solution) if solution.model in ("axisymmetric", "harmonic") else _cut(solution)
     rest, moved, pressure, stretch, triangles = parts
     load, response = solution.load, solution.response
-    c, s = load.direction
+    c, s = plane_of(solution)
     along = c * load.imposed_shear[0] + s * load.imposed_shear[1]
     shift, tilt = c * response.shift[0] + s * response.shift[1], c * response.tilt + s * response.tilt_y
     outline = np.zeros((0, 2))
@@ -61,6 +57,12 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
         "direction": [c, s],
     }
+
+
+def plane_of(solution: Solution) -> tuple[float, float]:
+    """Return the unit vector in (x, y) along the section: along the shear, or x for fields in the user's frame."""
+    in_frame = solution.model == "full" or solution.field.angles.sines
+    return (1.0, 0.0) if in_frame else solution.load.direction
 
 
 def _decimals(values: Array) -> int:
@@ -90,28 +92,21 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     count = len(x)
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
     flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
+    angles = fourier_fields(field, np.array([0.0, math.pi]))
     rest, moved, pressure, stretch = [], [], [], []
-    for s in (1.0, -1.0):
-        u_x, u_z, hoop, p = amplitudes_at(field, s)
+    for k, s in enumerate((1.0, -1.0)):
+        u, slope = angles.E[k] @ field.u.T, angles.V[k, :, 1] @ field.u.T
         rest.append(np.stack([s * x, z], axis=1))
-        moved.append(np.stack([s * x + u_x, z + u_z], axis=1))
-        pressure.append(-_at_all_nodes(field, nodes, p))
-        stretch.append(_largest_stretch(field, nodes, s, u_x, u_z, hoop))
+        moved.append(np.stack([s * (x + u[0]), z + u[2]], axis=1))
+        pressure.append(-_at_all_nodes(field, nodes, field.p @ angles.C[k]))
+        stretch.append(_largest_stretch(field, nodes, u, slope))
     triangles = np.concatenate([flat, flat[:, ::-1] + count])
     return *(np.concatenate(part) for part in (rest, moved, pressure, stretch)), triangles  # type: ignore[return-value]
 
 
-def amplitudes_at(field: Field, s: float) -> tuple[Array, Array, Array, Array]:
-    """Return u_x, u_z and the sum (k + 1) w_k cos((k + 1) theta) at the nodes, mm, and p at the vertices, MPa."""
-    N = field.angles.harmonics
-    if N == 0:
-        u_r, u_z = field.u.T
-        # the radial displacement is w_0, of order 1 in the angle
-        return s * u_r, u_z, s * u_r, field.p[:, 0]
-    order = np.array(elements.orders(N)) + 1
-    w, z = field.u[:, : len(order)], field.u[:, len(order) : len(order) + N + 1]
-    signs, n = np.where(order % 2, s, 1.0), np.where(np.arange(N + 1) % 2, s, 1.0)
-    return w @ signs, z @ n, w @ (order * signs), field.p[:, : N + 1] @ n
+def fourier_fields(field: Field, theta: Array) -> elements.Angles:
+    """Return the fields of a section at angles (t,)."""
+    return elements.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
 
 
 def _at_all_nodes(field: Field, nodes: Ints, p: Array) -> Array:
@@ -123,23 +118,23 @@ def _at_all_nodes(field: Field, nodes: Ints, p: Array) -> Array:
     return values
 
 
-def _largest_stretch(field: Field, nodes: Ints, s: float, u_x: Array, u_z: Array, hoop: Array) -> Array:
-    """Return the largest principal stretch at the nodes, shape (n,), the mean of all triangles at a node."""
-    r = field.mesh.doflocs[0]
-    slopes = _shape_slopes()
-    # Jacobian of the curved triangle at its own nodes, and the gradients of three functions there
-    jacobian = np.einsum("pad,mac->mpcd", slopes, field.mesh.doflocs.T[nodes])
-    values = np.stack([u_x, u_z, hoop], axis=1)[nodes]
-    gradient = np.einsum("pad,maf->mpfd", slopes, values) @ np.linalg.inv(jacobian)
-    xx, xz = 1 + s * gradient[..., 0, 0], gradient[..., 0, 1]
-    zx, zz = s * gradient[..., 1, 0], 1 + gradient[..., 1, 1]
-    radius = r[nodes]
+def _largest_stretch(field: Field, nodes: Ints, u: Array, slope: Array) -> Array:
+    """Return the largest principal stretch at the nodes, shape (n,), the mean of all triangles at a node.
+
+    Parameters
+    ----------
+    u, slope : displacement and its slope by the angle, along r, theta and z, shape (3, n), mm.
+    """
+    r, shapes = field.mesh.doflocs[0], _shape_slopes()
+    # Jacobian of the curved triangle at its own nodes, and the gradients of six functions there
+    jacobian = np.einsum("pad,mac->mpcd", shapes, field.mesh.doflocs.T[nodes])
+    values = np.concatenate([u, slope]).T[nodes]
+    gradient = np.einsum("pad,maf->mpfd", shapes, values) @ np.linalg.inv(jacobian)
+    radius = r[nodes][..., None]
     inner = radius > 1e-9 * r.max()
-    across = 1 + s * np.where(inner, hoop[nodes] / np.where(inner, radius, 1.0), gradient[..., 2, 0])
-    # the larger singular value of a 2 x 2 matrix
-    half, product = (xx**2 + xz**2 + zx**2 + zz**2) / 2, xx * zz - xz * zx
-    plane = np.sqrt(half + np.sqrt(np.maximum(half**2 - product**2, 0.0)))
-    each = np.maximum(plane, np.abs(across))
+    around = np.where(inner, slope.T[nodes] / np.where(inner, radius, 1.0), gradient[..., 3:, 0])
+    F = np.eye(3) + np.stack([gradient[..., :3, 0], around, gradient[..., :3, 1]], axis=-1)
+    each = np.sqrt(np.linalg.eigvalsh(F.swapaxes(-1, -2) @ F)[..., -1])
     number = np.bincount(nodes.ravel(), minlength=len(r))
     return np.asarray(np.bincount(nodes.ravel(), each.ravel(), len(r)) / np.maximum(number, 1))
 

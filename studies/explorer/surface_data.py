@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from fem.discretisation import elements
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
-from studies.explorer.section_data import FLAT
+from studies.explorer.section_data import FLAT, fourier_fields, plane_of
 
 SECTORS = 24
 """Sectors of half a turn."""
@@ -55,18 +54,22 @@ def _parts(solution: Solution) -> dict[str, Part]:
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
     skin, pocket = _outline(field, nodes)
     turn = np.linspace(0, math.pi, SECTORS + 1)
-    c, s = solution.load.direction
+    c, s = plane_of(solution)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def turned(part: Part) -> Part:
         rest, u, triangles = part
         return rest @ rotation.T, u @ rotation.T, triangles
 
-    back = _swept(field, skin, turn)
-    parts = {"back": turned(back), "front": turned(_mirrored(back)), "cut": turned(_cut_face(field, nodes))}
+    def halves(edges: Ints) -> tuple[Part, Part]:
+        """Return the halves y >= 0 and y <= 0, which are mirror images without sine orders."""
+        back = _swept(field, edges, turn)
+        return back, _swept(field, edges, turn + math.pi) if field.angles.sines else _mirrored(back)
+
+    back, front = halves(skin)
+    parts = {"back": turned(back), "front": turned(front), "cut": turned(_cut_face(field, nodes))}
     if len(pocket):
-        half = _swept(field, pocket, turn)
-        parts["magnet"] = turned(_joined(half, _mirrored(half)))
+        parts["magnet"] = turned(_joined(*halves(pocket)))
     return parts
 
 
@@ -114,13 +117,10 @@ def _swept(field: Field, edges: Ints, turn: Array) -> Part:
 
 def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
     """Return the displacements of nodes (n,) at angles (t,), shape (t n, 3), mm, in Cartesian components."""
-    N, u = field.angles.harmonics, field.u[nodes]
-    # without harmonics the radial displacement is w_0
-    order = np.array(elements.orders(N) if N else [0]) + 1
-    w, z = u[:, : len(order)], u[:, len(order) : len(order) + N + 1]
-    angle = np.outer(turn, order)
-    parts = [np.cos(angle) @ w.T, np.sin(angle) @ w.T, np.cos(np.outer(turn, np.arange(N + 1))) @ z.T]
-    return np.stack(parts, axis=2).reshape(-1, 3)
+    angles = fourier_fields(field, turn)
+    u = angles.E @ field.u[nodes].T
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
 
 
 def _mirrored(part: Part) -> Part:
