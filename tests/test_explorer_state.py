@@ -29,11 +29,11 @@ def test_commands_reproduce_the_state(content, capsys):
     program, *words = shlex.split(shell(state))
     assert program == "magtip"
     assert commands.run([*words, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["force_N"] == list(force)
+    assert json.loads(capsys.readouterr().out)["force_N"] == pytest.approx(force, rel=1e-9, abs=1e-12)
     names = {}
     with contextlib.redirect_stdout(io.StringIO()):
         exec(python(state), names)
-    assert names["state"].response.force == force
+    assert names["state"].response.force == pytest.approx(force, rel=1e-9, abs=1e-12)
 
 
 def test_shear_along_an_axis_has_no_component_across():

@@ -21,6 +21,13 @@ def paths():
     paths.close()
 
 
+def assert_equal(one, other):
+    """Check that two responses agree to rounding: compiled and NumPy's loops may have computed them."""
+    for a, b in ((one.force, other.force), (one.shift, other.shift)):
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-10)
+    assert (one.tilt, one.tilt_y) == pytest.approx((other.tilt, other.tilt_y), rel=1e-9, abs=1e-10)
+
+
 def test_answers_are_those_of_a_solve_from_rest(paths):
     draw = random.Random(1)
     for k in range(8):
@@ -29,7 +36,7 @@ def test_answers_are_those_of_a_solve_from_rest(paths):
         load = Load(depth=0.5 if shear else draw.uniform(0.1, 2), shear_y=shear, friction="stick")
         kept = paths.solve(Scene(design, (load,), QUICK), sideways=True)
         fresh = solve(design, load, QUICK)
-        assert kept.response == fresh.response
+        assert_equal(kept.response, fresh.response)
         assert (kept.status, kept.message) == (fresh.status, fresh.message)
 
 
@@ -85,4 +92,4 @@ def test_a_path_that_is_ended_is_followed_again(paths):
 
     with watched(end), pytest.raises(Abandon):
         paths.solve(Scene(Design(), (load,), QUICK))
-    assert paths.solve(Scene(Design(), (load,), QUICK)).response == solve(Design(), load, QUICK).response
+    assert_equal(paths.solve(Scene(Design(), (load,), QUICK)).response, solve(Design(), load, QUICK).response)
