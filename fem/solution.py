@@ -51,6 +51,8 @@ class Facts:
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
         `fem.results.lateral_stiffness`). `fem.stability` computes it with an error estimate.
+    harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
+        `fem.solvers.depth_ranges.orders_needed`); the error estimates have grown with them.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
         `fem.results.silicone_strain`); None where it was not computed.
     """
@@ -65,6 +67,7 @@ class Facts:
     sideways_stiffness_ratio: float | None = None
     critical_depth: float | None = None
     largest_strain: float | None = None
+    harmonics_missing: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,3 +58,7 @@ def test_what_is_inside_out_is_told_of_a_state_of_any_status(told):
 
 def test_silicone_that_is_inside_out_is_told():
     assert "of the silicone is inverted" in solve(paper(), Load(depth=3.6), STANDARD).message
+
+
+def test_a_touch_that_needs_more_harmonics_than_a_model_has_is_told(told):
+    assert "needs 3 harmonics more" in told(Facts(harmonics_missing=3))

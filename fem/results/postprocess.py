@@ -15,6 +15,7 @@ from fem.results import diagnostics, state_messages
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
 from fem.solution import Field, Solution
+from fem.solvers.depth_ranges import harmonics_missing
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
@@ -63,6 +64,8 @@ def read(
     )
     # facts follow from the numbers; status and message follow from the facts
     facts = diagnostics.gather(state, solution, D, stop, sideways)
+    if d.revolved:
+        facts = replace(facts, harmonics_missing=harmonics_missing(scene, float(state.position[0])))
     solution = replace(solution, facts=facts, status=diagnostics.classify(facts))
     return replace(solution, message=state_messages.describe(solution, design))
 

@@ -26,6 +26,11 @@ def describe(solution: Solution, design: Design) -> str:
         parts.append(weak)
     if facts.remark:
         parts.append(_describe_remark(facts.remark, solution))
+    if facts.harmonics_missing:
+        parts.append(
+            f"so light a touch of so steep a plate needs {facts.harmonics_missing} harmonics more than the most that "
+            "a model has: the error estimates are wider; press deeper or tilt less"
+        )
     if facts.inverted_share >= FOLDED:
         parts.append(
             f"{100 * facts.inverted_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "

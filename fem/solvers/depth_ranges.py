@@ -76,6 +76,19 @@ def harmonics_at(scene: Scene, depth: float) -> int:
     return max(own, min(needed, MOST_HARMONICS))
 
 
+def harmonics_missing(scene: Scene, depth: float) -> int:
+    """Return how many harmonics a load at a depth over D needs beyond the most that a model has.
+
+    >>> from geometry.design import paper
+    >>> scene = Scene(paper(), (Load(depth=0.05, plate_tilt=0.7),))
+    >>> harmonics_missing(scene, 0.1), harmonics_missing(scene, 0.00625)
+    (0, 9)
+    """
+    return orders_needed(scene, depth) - min(
+        orders_needed(scene, depth), max(scene.accuracy.harmonics, MOST_HARMONICS)
+    )
+
+
 def orders_needed(scene: Scene, depth: float) -> int:
     """Return the number of harmonics that a load at a depth over D needs: those of the accuracy, more off the axis.
 
