@@ -178,6 +178,7 @@ def test_newest_state_is_drawn_after_a_drag(start):
 
 def test_plate_follows_pointer_and_keys(start):
     page = start()
+    page.wait("Explorer.complete()")
     x, y = page.run(PLATE)
     page.drag((x, y), (x + 30, y + 30))
     rest(page)
@@ -229,7 +230,9 @@ def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, 
 
 
 def test_unknown_parts_of_the_address_are_named(start):
-    assert "depht" in text(start("&depht=2"), "#notice")
+    notice = text(start("&depht=2&view.field=torque"), "#notice")
+    assert "depht" in notice
+    assert "view.field" in notice
 
 
 def test_two_designs_side_by_side(start):

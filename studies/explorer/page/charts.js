@@ -99,7 +99,8 @@ const Charts = (() => {
 
     return {
       show(next) {
-        sides = next.map((one) => ({ ...one, values: one.values.map((v) => v * sign[quantity]), paper: one.paper?.map((v) => v * sign[quantity]), level: one.level?.map((v) => v * sign[quantity]) }));
+        const signed = (list) => list?.map((v) => (v === null ? null : v * sign[quantity]));
+        sides = next.map((one) => ({ ...one, values: signed(one.values), paper: signed(one.paper), level: signed(one.level) }));
         const now = JSON.stringify(sides.map((side) => [side.side, side.name]));
         if (!plot || now !== key) { key = now; build(); } else plot.setData(table());
         tell(plot);

@@ -4,6 +4,10 @@
 const Explorer = (() => {
   const NEAR = 0.9, REST = 250, MOST_UNDO = 45;
   const VIEW = { field: "displacement", lines: "no", mesh: "no", formula: "finite", edit: "a", cut: "open" };
+  const VIEWS = {
+    field: Object.keys(SectionDrawing.FIELDS), lines: ["no", "yes"], mesh: ["no", "yes"], edit: ["a", "b"], cut: ["open", "whole"],
+    formula: ["paper", "column", "tip", "magnet", "finite"],
+  };
   const $ = (selector, root = document) => root.querySelector(selector);
   const engine = window.MAGTIP_OFFLINE ? OfflineEngine(window.MAGTIP_OFFLINE) : LiveEngine();
   const sides = { a: null, b: null }, answers = { a: {}, b: {} }, refusals = { a: null, b: null }, view = { ...VIEW }, turn = { ...SensorView.START };
@@ -35,7 +39,8 @@ const Explorer = (() => {
     const load = pick("load");
     // without a shear a bonded contact area has no effect, which the message would say at every press
     if (load.friction === "stick" && !load.shear) load.friction = "none";
-    return { state: { preset: "paper", design: changed, load, magnet: values.magnet, level }, formula_level: view.formula, parts: parts(), ...(patient.has(side) ? { on_request: true } : {}) };
+    const state = { preset: "paper", design: changed, load, magnet: values.magnet, level };
+    return { state, formula_level: view.formula, parts: parts(), ...(patient.has(side) ? { on_request: true } : {}) };
   }
 
   function solveSlowly(side) { patient.add(side); requests.change(side); }
@@ -63,7 +68,7 @@ const Explorer = (() => {
       if (side === "b") read.b ??= defaults();
       if (name === "preset") { if (text !== "paper") unknown.push(`${key}=${text}`); }
       else if (key === "level" && ["quick", "standard"].includes(text)) level = text;
-      else if (key.startsWith("view.") && key.slice(5) in VIEW) seen[key.slice(5)] = text;
+      else if (key.startsWith("view.") && VIEWS[key.slice(5)]?.includes(text)) seen[key.slice(5)] = text;
       else if (!field) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
       else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
@@ -180,7 +185,8 @@ const Explorer = (() => {
 
   function caption(side) {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
-    if (refusal) return { chip: "stopped", time: "", text: `${answer ? "The last picture is shown in grey" : "There is no picture"}: ${refusal.error}`, offer: refusal.slow };
+    const last = answer ? "The last picture is shown in grey" : "There is no picture";
+    if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}`, offer: refusal.slow };
     if (!answer) return { chip: "", time: "", text: notice ? "" : "Solving the first state." };
     const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state");
     const own = share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
