@@ -255,6 +255,7 @@ def test_keys_on_a_slider_move_numbers_and_picture(page):
     page.wait(f"({PICTURE}) !== {json.dumps(before)}")
     assert page.run("document.querySelector('[data-table=response] .width').textContent").startswith("±")
     assert "surrogate" in page.run("document.querySelector('figcaption').textContent")
+    assert page.run("document.querySelector('#decoded-panel').textContent.includes('By the surrogate, status ok')")
 
 
 PICTURE = "document.querySelector('figure.section canvas').toDataURL()"

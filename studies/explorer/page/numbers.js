@@ -37,7 +37,8 @@ const Numbers = (() => {
     if (!r?.elements) return "There are no readings to decode.";
     if (!d) return "";
     const noise = d.noise ? "" : " Give the Hall elements a noise to see its effect on the forces.";
-    return `By the formulas of level ${d.level}, status ${String(d.status).replaceAll("_", " ")}.${noise}`;
+    const by = d.level === "surrogate" ? "By the surrogate" : `By the formulas of level ${d.level}`;
+    return `${by}, status ${String(d.status).replaceAll("_", " ")}.${noise}`;
   }
 
   function stability(s) {
