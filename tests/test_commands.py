@@ -6,7 +6,7 @@ ORDER = """
     Design: design cad mesh cache catalogue size
     Simulation: solve analytic compare stability modes fit demo
     Sensing: field readings decode table layout
-    Exploration: sweep sensitivity report store
+    Exploration: explore sweep sensitivity report store
     Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate
     Options: --help --version
 """
