@@ -135,18 +135,22 @@ def effects(page):
     for field in page.run("Explorer.fields()"):
         begin(page, field)
         before, sent = shown(page), page.run("JSON.stringify(Explorer.message('a'))")
-        if "choices" in field:
-            value = next(one for one in field["choices"] if one != field["value"])
-        else:
-            value = field["value"] + 0.15 * (
-                field["slider"][1] - field["value"] or field["slider"][0] - field["value"]
-            )
-            value = value if field["kind"] == "number" else 700
+        value = other_value(field)
         move(page, field["name"], value)
         page.wait("Explorer.complete()")
         request = page.run("JSON.stringify(Explorer.message('a'))")
         table[field["name"]] = {"request": sent != request, "page": before != shown(page)}
     return table
+
+
+def other_value(field):
+    """Another value of a control: the next choice, or 15 % of the way to the farther end of the slider."""
+    if "choices" in field:
+        return next(one for one in field["choices"] if one != field["value"])
+    if field["kind"] == "logarithmic":
+        return 700
+    farther = max(field["slider"], key=lambda end: abs(end - field["value"]))
+    return field["value"] + 0.15 * (farther - field["value"])
 
 
 def begin(page, field):
@@ -186,6 +190,8 @@ def main(out, moves=1000):
     with Browser() as browser, server() as (process, address):
         page = browser.page(address, 1400, 900)
         rest(page)
+        # the first answers of an installation wait for compiled functions
+        page.wait(SETTLED)
         evidence["slider_to_picture"] = drag_times(page)
         evidence["controls"] = effects(page)
         memories = []
