@@ -61,6 +61,13 @@ def rest(page):
     page.wait(REST)
 
 
+def rest_a_while(page, seconds=20.0):
+    """Wait for the picture, but go on after a while, as a hand does before a design whose solve takes minutes."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not page.run(f"Boolean({REST})"):
+        time.sleep(0.05)
+
+
 def drawn(page, selector="figure.section[data-side=a] canvas"):
     """A digest of a canvas' pixels."""
     script = f"document.querySelector({json.dumps(selector)}).toDataURL('image/png')"
@@ -124,7 +131,7 @@ def random_moves(page, count, seed=20):
             field = choose.choice(["displacement", "pressure", "stretch"])
             page.run(f"Explorer.look('field', {json.dumps(field)})")
         if k % 20 == 19:
-            rest(page)
+            rest_a_while(page)
         else:
             time.sleep(choose.choice([0.0, 0.0, 0.02, 0.1]))
 
