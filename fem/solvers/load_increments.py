@@ -165,7 +165,8 @@ def _find_equilibrium(
     system = state.d.system
     if plate.friction is not None and state.d.revolved:
         answer = newton_with_friction(system, solver, guess, plate, pressed, tolerance=tolerance)
-        if answer is not None:
+        # plain steps are damped, and reach some states that settled steps do not
+        if answer is not None and answer.converged:
             return answer
     return newton(system, solver, guess, plate, pressed, tolerance=tolerance)
 
