@@ -3,17 +3,23 @@ PYTHON ?= python3
 BIN := .venv/bin
 OUT ?= out/demo
 
-.PHONY: demo test setup format clean
+.PHONY: demo test check compile setup format clean
 
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# as many processes as cores, so each on one thread
+# numba compiles beside the checks, and the tests read its files; as many processes as cores, so each on one thread
 test: setup
+	$(MAKE) --no-print-directory -j2 check compile
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+
+check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+
+compile: setup
+	$(BIN)/python -c 'from analytic import magnet; from fem import preparation; preparation.prepare(); magnet.prepare()'
 
 setup: .venv/ready
 

@@ -91,6 +91,15 @@ def compiled() -> ModuleType | None:
     return compilation.load("analytic.field.cylinder_compiled") if compilation.available() else None
 
 
+def prepare() -> bool:
+    """Load the compiled kernels, or compile them once after an installation; return whether they are usable."""
+    if compiled() is None:
+        return False
+    cylinder_field(np.zeros((MIN_COMPILED_POINTS, 3)), 1.0, 1.0, 1.0)
+    meridian_field(1.0, 1.0, 1.0)(0.0, 0.0)
+    return True
+
+
 def meridian_field(radius: float, height: float, J: float) -> Callable[[float, float], tuple[float, ...]]:
     """Return a function that computes the field of one magnet at one point (rho, z), mm.
 

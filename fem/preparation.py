@@ -1,4 +1,4 @@
-"""Loading the elements' compiled loops before they are needed, in long-running processes and benchmarks."""
+"""Loading the compiled loops before they are needed, in long-running processes, benchmarks and `make test`."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ import skfem
 from fem.discretisation import element_loops, elements, rigid_inclusion
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, lame, law
-from geometry import compiled
+from geometry import compiled, section
+from geometry.design import paper
 
 EXAMPLES = {"neo-hookean": (), "mooney-rivlin": (0.5,), "yeoh": (0.1, 0.1), "ogden": (2.0, -2.0, 0.5)}
 """Each law with some constants."""
 
 
 def prepare() -> bool:
-    """Load the compiled loops for all models and laws; return whether they are usable, which requires numba.
+    """Load the compiled mesh and loops of all models and laws; return whether they are usable, which requires numba.
 
-    This takes about half a second. The first time after an installation it compiles them, in about 20 s. Otherwise a
-    process imports numba when it has solved enough (`geometry.compiled`), and compiles each loop at its first use.
+    This takes about half a second. The first time after an installation it compiles them
+    (`geometry.compiled.COMPILE_S`). Otherwise a process imports numba when it has solved enough, and compiles each
+    loop at its first use. `analytic.magnet.prepare` does the same for the magnet's field.
     """
     if not compiled.prepare():
         return False
+    shape = paper().shape
+    section.section(shape, 0.16 * shape.D)
     for name, constants in EXAMPLES.items():
         for harmonics in (0, 1):
             system = small_section(law(name, constants), harmonics)

@@ -1,10 +1,18 @@
 """Loading of the compiled loops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fem import material, preparation
-from geometry import compiled
+from analytic import magnet
+from fem import equilibrium, material, preparation
+from fem.accuracy import QUICK
+from geometry import compiled, section
+from geometry.design import LAWS, Design, paper
+from geometry.loads import Load
+
+ROUGH = replace(QUICK, section_size=0.35, section_patch=0.12, harmonics=1)
 
 pytest.importorskip("numba", reason="the loops need the extra `fast`")
 
@@ -23,3 +31,20 @@ def test_the_small_section_has_a_magnet_and_elements_at_it():
 
 def test_examples_are_all_laws():
     assert {material.numbered(material.law(*example))[0] for example in preparation.EXAMPLES.items()} == {0, 1, 2, 3}
+
+
+def test_nothing_is_left_to_compile():
+    """`make test` and long-running processes rely on this, also for other sections, loads and fields."""
+    from numba.core import event
+
+    assert preparation.prepare()
+    assert magnet.prepare()
+    points = np.linspace(1.0, 9.0, 3 * magnet.MIN_COMPILED_POINTS).reshape(-1, 3)
+    with event.install_recorder("numba:compile") as recorder:
+        for kind in ("hole", "meshed", "none"):
+            section.section(paper().shape, 2.0, rim=(1.0, 0.2), magnet=kind)
+        for law in LAWS:
+            solution = equilibrium.solve(Design(law=law), Load(depth=0.1, shear_x=0.1), ROUGH)
+            assert solution.status == "ok"
+        magnet.cylinder_field_jacobian(points, 1.0, 2.0, 1.2)
+    assert [str(data.data["dispatcher"]) for _, data in recorder.buffer] == []
