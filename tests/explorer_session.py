@@ -1,7 +1,7 @@
 """A session with the explorer's page: its server, a page in headless Chromium, moves at random, measured times.
 
-`python tests/explorer_session.py OUT [MOVES]` writes into the folder OUT screenshots, and `session.json` with 1000
-random moves, the effect of every control, and the times from slider to picture.
+`python tests/explorer_session.py OUT [MOVES]` writes into the folder OUT screenshots, `session.json` with 1000 random
+moves, the effect of every control, and the times from slider to picture, and the same in words, EXPLORER.md.
 """
 
 import contextlib
@@ -221,6 +221,53 @@ def main(out, moves=1000):
             (out / f"{name}.png").write_bytes(sheet.picture(whole=True))
             sheet.call("Page.close")
     (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")
+    (out / "EXPLORER.md").write_text(in_words(evidence))
+
+
+def in_words(evidence):
+    """The evidence as a page of Markdown."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=7"]
+    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    still = [name for name, effect in evidence["controls"].items() if not all(effect.values())]
+    goals = {"press": 100, "shear": 300}
+    times = "\n".join(
+        f"| {name} | {one['steps']} | {one['median_ms']:.0f} | {one['p95_ms']:.0f} | {goals[name]} |"
+        for name, one in evidence["slider_to_picture"].items()
+    )
+    memories = "\n".join(f"| {one['moves']} | {one['server_MB']} | {one['heap_MB']} |" for one in evidence["memory"])
+    return f"""# The live page, measured
+
+`python tests/explorer_session.py results/explorer` drives the page in headless Chromium, with its real server, at
+commit {commit}. The machine has {evidence["cores"]} cores, which server, browser and both workers share; its load
+average was {evidence["load_average_at_start"]:g} before. Chromium draws without a graphics card.
+
+![Press and shear](explorer.png)
+
+![Two designs side by side](compare.png)
+
+## From slider to picture
+
+A drag of a slider at level quick; each picture is that of a finite-element solution.
+
+| load | pictures | median ms | 95th percentile ms | goal ms |
+|---|---|---|---|---|
+{times}
+
+## Random moves in a row
+
+Sliders, choices, the plate, undo and redo, views, a second design. Memory is that of the server with both workers,
+and that of the page's JavaScript.
+
+| moves | server MB | page MB |
+|---|---|---|
+{memories}
+
+Messages on the console: {len(evidence["console"])}.
+
+## Controls
+
+{len(evidence["controls"])} controls; without effect on the request or on the page: {", ".join(still) or "none"}.
+"""
 
 
 SCREENS = (
