@@ -167,7 +167,7 @@ def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
         for i in range(2):
             stiffness[i, 2] = en * friction.by_pressure[..., i]
         energy += float(np.sum(surface.weights[..., None] * friction.traction**2) / (2 * et))
-    return Springs(residual @ plate.frame, stiffness, energy, friction)
+    return Springs(residual @ plate.frame if plate.tilt else residual, stiffness, energy, friction)
 
 
 def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
@@ -277,8 +277,10 @@ def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> A
     On half a skin the centre lies in the mirror plane, on a section it lies on the axis.
     """
     x = positions_along_plate(surface, u, plate)
-    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
     whole = (surface.points[..., 0].min() < 0, surface.points[..., 1].min() < -1e-9)
+    if not any(whole):
+        return np.hypot(x[..., 0], x[..., 1])
+    load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
     centre = [float(np.sum(load * x[..., i]) / np.sum(load)) if whole[i] else 0.0 for i in range(2)]
     return np.hypot(x[..., 0] - centre[0], x[..., 1] - centre[1])
 
@@ -310,8 +312,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     if not pressed.any():
         return 0.0
     r = distance_from_pressure_centre(surface, u, plate)
-    radius, by_moment = float(r[pressed].max()), hertz_radius(surface, u, plate)
-    out = np.hypot(surface.points[..., 0], surface.points[..., 1])
+    radius, out = float(r[pressed].max()), np.hypot(surface.points[..., 0], surface.points[..., 1])
     reach = float(out.max())
     ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
     for _ in range(4):
@@ -319,13 +320,13 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
         near = r[around]
         if len(set(near.round(9).tolist())) < 4:
-            return by_moment
+            return hertz_radius(surface, u, plate)
         opening = (-g[around]) ** (2 / 3)
         a2, a1, a0 = np.linalg.lstsq(np.vander(near / radius - 1, 3), opening / opening.max(), rcond=None)[0]
         # this form of the smaller root does not cancel when the quadratic is nearly a line
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:
-            return by_moment
+            return hertz_radius(surface, u, plate)
         radius *= 1 + float(root)
         if abs(root) < SETTLED:
             break

@@ -224,16 +224,26 @@ class Surface:
         entries : (k, q) stiffness per area between directions i and j, for the (i, j) that are not zero.
         frame : (3, 3) directions as rows.
         """
-        k, f = self.nodes.shape
-        along = np.swapaxes(self.spread.reshape(f, -1, self.spread.shape[1]), 0, 1).reshape(-1, len(self.shape), 3)
-        along = along @ frame.T
-        matrices, n = np.zeros((k, len(along), len(along))), len(along)
+        n = len(self.spread)
+        matrices, upright = np.zeros((len(self.nodes), n, n)), frame[2].tolist() == [0, 0, 1]
         for (i, j), C in entries.items():
             # most facets of the skin are far from the plate, and have no springs
             touched = np.flatnonzero(C.any(axis=1))
-            pairs = along[:, None, :, i] * along[:, :, j]
-            matrices[touched] += ((self.weights[touched] * C[touched]) @ pairs.reshape(n * n, -1).T).reshape(-1, n, n)
+            pairs = self._upward_pairs if upright and i == j == 2 else self._pairs(frame[i], frame[j])
+            matrices[touched] += ((self.weights[touched] * C[touched]) @ pairs).reshape(-1, n, n)
         return matrices
+
+    @functools.cached_property
+    def _upward_pairs(self) -> Array:
+        """The products of `_pairs` for displacements along z."""
+        return self._pairs(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0]))
+
+    def _pairs(self, first: Array, second: Array) -> Array:
+        """Return the products of a facet's displacements along two directions (3,), shape (q, fields f fields f)."""
+        f, q = self.nodes.shape[1], len(self.shape)
+        along = np.swapaxes(self.spread.reshape(f, -1, 3 * q), 0, 1).reshape(-1, q, 3)
+        one, other = (along @ first).T, (along @ second).T
+        return np.asarray((one[:, :, None] * other[:, None, :]).reshape(q, -1))
 
     def forces(self, traction: Array) -> Array:
         """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""

@@ -348,9 +348,11 @@ class System:
         along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
         where, along = self._reduced[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)
         row, column = np.nonzero((where >= 0) & (along != 0))
-        unknowns, place = np.unique(where[row, column], return_inverse=True)
+        used = np.zeros(self.n_free, dtype=bool)
+        used[where[row, column]] = True
+        unknowns = np.flatnonzero(used)
         derivatives = np.zeros((len(points), len(unknowns)))
-        derivatives[row, place] = along[row, column]
+        derivatives[row, np.searchsorted(unknowns, where[row, column])] = along[row, column]
         return unknowns, derivatives
 
     def _spring_terms(

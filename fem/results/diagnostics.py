@@ -55,18 +55,19 @@ def gather(
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
     reach = material_stability.REACH if stop or state.unstable or onset else 1.0
-    stretches = material_stability.find_loss(state.d.system, state.u, reach)
+    u = state.u
+    stretches = material_stability.find_loss(state.d.system, u, reach)
     return Facts(
         stop=stop,
         unstable_directions=state.unstable,
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        inverted_share=inverted_share(state.d, state.u) if state.least_J < FLAT else 0.0,
+        inverted_share=inverted_share(state.d, u) if state.least_J < FLAT else 0.0,
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
-        largest_strain=silicone_strain.largest_strain(state.d.elements, state.u),
+        largest_strain=silicone_strain.largest_strain(state.d.elements, u),
     )
 
 

@@ -128,8 +128,9 @@ def read_pose(d: Discretisation, u: Array, q: Array) -> tuple[Array, Array]:
         shift = np.zeros(3)
         shift[place] = motion[: len(place)]
         return shift, _tilt_angles(rigid_inclusion.axis(motion))
-    shift, tilt = recover_pose(d.centre, u)
-    return shift, np.zeros(2) if d.model == "axisymmetric" else tilt
+    if d.model == "axisymmetric":
+        return d.centre(u)[0], np.zeros(2)
+    return recover_pose(d.centre, u)
 
 
 def recover_pose(centre: Recovery, u: Array) -> tuple[Array, Array]:

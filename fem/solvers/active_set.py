@@ -115,15 +115,17 @@ def _extend(before: _Compliance | None, system: System, solver: Solver, points: 
     unknowns, rows = system.normal_displacements(points, plate)
     if before is None:
         before = _Compliance(len(unknowns) < len(points), points[:0], np.empty((system.size, 0)), rows[:0], rows[:0])
-    forces = np.concatenate([before.forces, np.setdiff1d(unknowns if before.by_unknown else points, before.forces)])
-    done, count = len(before.forces), len(forces)
+    forces, done = unknowns if before.by_unknown else points, len(before.forces)
+    if done:
+        forces = np.concatenate([before.forces, np.setdiff1d(forces, before.forces)])
+    count = len(forces)
     right = np.zeros((system.size, count - done), order="F")
     if before.by_unknown:
         right[forces[done:], np.arange(count - done)] = 1
     else:
         right[unknowns] = rows[done:].T
     # the unknowns of the new points may all be among those of earlier ones
-    Z = np.hstack([before.Z, solver.solve(right)]) if count > done else before.Z
+    Z = before.Z if count == done else np.hstack([before.Z, solver.solve(right)]) if done else solver.solve(right)
     if before.by_unknown:
         return _Compliance(True, forces, Z, Z[forces], rows[:, np.searchsorted(unknowns, forces)])
     return _Compliance(False, forces, Z, rows @ Z[unknowns], np.eye(count))
