@@ -8,10 +8,11 @@ OUT ?= out/demo
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# numba compiles beside the checks, and the tests read its files; as many processes as cores, so each on one thread
+# numba compiles beside the checks, and the tests read its files; as many processes as cores, so each on one thread;
+# tests/conftest.py puts the longest files first
 test: setup
 	$(MAKE) --no-print-directory -j2 check compile
-	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff format --check .

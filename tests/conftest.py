@@ -7,6 +7,34 @@ import pytest
 from geometry.design import BadInput
 from studies.cli import entry_point
 
+LONGEST = (
+    "test_explorer_server",
+    "test_explorer_page",
+    "test_surrogate_study",
+    "test_sizing_commands",
+    "test_examples",
+    "test_documented_commands",
+    "test_symmetry_models",
+    "test_offline_page",
+    "test_equilibrium",
+    "test_kept_paths",
+    "test_variant_search",
+    "test_trade_study",
+    "test_sweep_kills",
+    "test_cluster",
+    "test_field_benchmark",
+    "test_mesh",
+    "test_stability",
+    "test_preparation",
+)
+"""Files with the longest tests, the longest first."""
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the longest files: one that starts last runs alone while the other processes have ended."""
+    place = {name: k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(LONGEST)))
+
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
