@@ -33,7 +33,8 @@ def largest_strain(e: Elements, u: Array) -> float:
     for at in range(0, len(e.cells), BATCH):
         part = slice(at, at + BATCH)
         G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
-        strains.append(np.sqrt(largest_eigenvalue(G + np.eye(3)[:, :, None])) - 1)
+        largest = largest_eigenvalue if e.angles.components is None else largest_axisymmetric_eigenvalue
+        strains.append(np.sqrt(largest(G + np.eye(3)[:, :, None])) - 1)
         volumes.append(element_integrals.volumes(e, part).ravel())
     strain, volume = np.concatenate(strains), np.concatenate(volumes)
     order = np.argsort(strain)
@@ -64,3 +65,13 @@ def largest_eigenvalue(F: Array) -> Array:
     )
     angle = np.arccos(np.clip(det / 2, -1, 1)) / 3
     return np.asarray(mean + 2 * spread * np.cos(angle))
+
+
+def largest_axisymmetric_eigenvalue(F: Array) -> Array:
+    """Return the largest eigenvalue of C = F^T F, shape (n,), for gradients (3, 3, n) that do not couple the second
+    direction, around the axis, with the others.
+    """
+    (rr, _, rz), (_, around, _), (zr, _, zz) = F
+    first, last = rr * rr + zr * zr, rz * rz + zz * zz
+    in_plane = (first + last) / 2 + np.hypot((first - last) / 2, rr * rz + zr * zz)
+    return np.asarray(np.maximum(in_plane, around * around))
