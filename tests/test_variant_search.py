@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from studies.sizing import conflict_search
 from studies.sizing.candidate_performance import CHECKED, performance
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.conflict_search import conflict_of
@@ -47,7 +48,9 @@ def test_another_requirement_is_another_search():
     assert digest(NEEDED, PARTS) != digest(dataclasses.replace(NEEDED, outer_size=29.0), PARTS)
 
 
-def test_range_and_strain_that_conflict_say_what_to_give():
+def test_range_and_strain_that_conflict_say_what_to_give(monkeypatch):
+    # test_sizing_commands.py has the whole effort
+    monkeypatch.setattr(conflict_search, "EFFORT", Effort(24, 12))
     needed = dataclasses.replace(NEEDED, force_z=200.0, force_x=None, largest_strain=0.4)
     groups = islands(needed, dataclasses.replace(PARTS, hall_parts=PARTS.hall_parts[:1]))
     lasts, variants = searched(groups, Effort(16, 2))
