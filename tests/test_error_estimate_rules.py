@@ -25,7 +25,7 @@ def test_every_kind_of_load_and_every_number_has_a_rule_with_and_without_magnet(
 
 def test_loads_that_shear_have_a_rule_for_the_force_along_the_shear_and_presses_have_none():
     for (case, _), rules in RESPONSE_RULES.items():
-        assert (rules.sideways is None) is (case in ("press", "deep", "pressed", "solid press"))
+        assert (rules.sideways is None) is (case in ("press", "deep", "pressed", "solid press", "tilted press"))
 
 
 def test_errors_fall_with_the_edge_length():

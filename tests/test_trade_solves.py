@@ -16,7 +16,10 @@ TRIAL = trade_cases.trial(0, "press", "axisymmetric")
 def test_a_solve_in_its_own_process_gives_the_same_states_and_its_cost():
     run = Run(TRIAL, QUICK)
     answer = solved(TRIAL, measure(run))
-    assert [state.response for state in answer.states] == [s.response for s in error_study.follow(TRIAL, QUICK)]
+    # one of the processes may run compiled loops, which round differently
+    for state, again in zip(answer.states, error_study.follow(TRIAL, QUICK), strict=True):
+        assert state.response.force == pytest.approx(again.response.force, rel=1e-9)
+        assert state.response.shift == pytest.approx(again.response.shift, rel=1e-9)
     assert 0 < answer.cpu_s < 60
     assert 1 < answer.peak_MB < 2000
 
