@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from geometry.design import BadInput, Design
+from geometry.design import Design
 from studies.explorer import (
     curve_answers,
     explorer_exports,
@@ -27,13 +27,6 @@ Answer = tuple[str, str, Data]
 """A part, its level and its data."""
 MOST = 12
 """Most results that depend on the design alone and are kept: decoder, curves and stability of two designs."""
-TETRAHEDRA = (
-    "this load is solved by tetrahedra, which takes minutes: press Solve, or use the command line that is shown"
-)
-
-
-class SlowLoad(BadInput):
-    """A load whose solve takes minutes, which only a request that allows it starts."""
 
 
 class Answers:
@@ -45,17 +38,9 @@ class Answers:
         self._design: dict[str, Any] = {}
 
     def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
-        """Yield the parts of a request at a level; None stands before what takes longer than the picture.
-
-        Raises
-        ------
-        SlowLoad
-            The solve takes minutes, and the request does not allow that.
-        """
+        """Yield the parts of a request at a level; None stands before what takes longer than the picture."""
         state, parts = request.state, request.parts
         if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
-            if state_answers.scene_of(state, level).solid and not request.on_request:
-                raise SlowLoad(TETRAHEDRA)
             yield from self._solved(state, level, parts)
         yield None
         # what depends on the design alone is not sent in a coarse form again while only the load changes

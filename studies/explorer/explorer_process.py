@@ -80,7 +80,6 @@ class Worker:
     def do(self, answers: Answers, job: Job) -> None:
         """Do a job; its end is always announced."""
         from fem.solvers.increment_watch import watched
-        from studies.explorer.explorer_answers import SlowLoad
         from studies.explorer.explorer_state import request_of
 
         self._job, self._begin, self._pictured = job, time.monotonic(), False
@@ -96,8 +95,7 @@ class Worker:
         except Abandoned:
             pass
         except BadInput as error:
-            slow = isinstance(error, SlowLoad)
-            self.send("answer", encoded(number, side, error=str(error), field=None, slow=slow))
+            self.send("answer", encoded(number, side, error=str(error), field=None))
         except (RuntimeError, ArithmeticError, MemoryError) as error:
             # a mesher that failed, or a matrix that cannot be factorised: said, and the next job starts afresh
             answers.forget()

@@ -54,16 +54,12 @@ class ExplorerState:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request of the page: its number, the side of the comparison, the state, and the parts to compute.
-
-    `on_request` allows solves that take minutes, which a moving slider must not start.
-    """
+    """One request of the page: its number, the side of the comparison, the state, and the parts to compute."""
 
     number: int
     side: Side
     state: ExplorerState
     parts: tuple[Part, ...]
-    on_request: bool = False
 
 
 def request_of(message: Mapping[str, Any]) -> Request:
@@ -81,7 +77,7 @@ def request_of(message: Mapping[str, Any]) -> Request:
     if not isinstance(parts, list) or not all(part in PARTS for part in parts):
         raise BadInput(f"parts must be a list of {', '.join(PARTS)}; got {parts!r:.60}")
     state = state_of(_table("state", message.get("state", {})), message.get("formula_level"))
-    return Request(number, cast(Side, side), state, tuple(parts), on_request=bool(message.get("on_request")))
+    return Request(number, cast(Side, side), state, tuple(parts))
 
 
 def state_of(content: Mapping[str, Any], formula_level: object = None) -> ExplorerState:

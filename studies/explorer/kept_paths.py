@@ -101,7 +101,7 @@ def _follow(kept: _Kept, scene: Scene) -> None:
     x, y = scene.direction
     shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear / D
     depth, before = load.depth / D, 0
-    if load.shears_tip and not scene.solid:
+    if load.shears_tip:
         if kept.begun is None:
             path.restart(kept.rest)
             kept.stop = path.go(depth, np.zeros(2))
@@ -122,7 +122,7 @@ def _key(scene: Scene) -> str:
     """Return what scenes on one path have in common."""
     content, (load,), D = scene.dimensionless(), scene.loads, scene.design.D
     values = content["loads"][0]
-    if load.shears_tip and not scene.solid:
+    if load.shears_tip:
         # under a tilted plate the symmetry of the model depends on the direction of the shear
         values["shear"] = list(load.direction) if load.plate_tilt else "any"
     elif scene.model == "axisymmetric" and load.depth > FIRST_TOUCH * D:

@@ -34,8 +34,7 @@ ARC = 7
 
 def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any]:
     """Return the part `section` of a state."""
-    parts = _sides(solution) if solution.model in ("axisymmetric", "harmonic") else _cut(solution)
-    rest, moved, pressure, stretch, triangles = parts
+    rest, moved, pressure, stretch, triangles = _sides(solution)
     load, response = solution.load, solution.response
     c, s = plane_of(solution)
     along = c * load.imposed_shear[0] + s * load.imposed_shear[1]
@@ -147,15 +146,3 @@ def _shape_slopes() -> Array:
     by_a = [1 - 4 * c, 4 * a - 1, zero, 4 * (c - a), 4 * b, -4 * b]
     by_b = [1 - 4 * c, zero, 4 * b - 1, -4 * a, 4 * a, 4 * (c - b)]
     return np.stack([np.stack(by_a, axis=1), np.stack(by_b, axis=1)], axis=2)
-
-
-def _cut(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
-    """Return the same of a solution by tetrahedra, cut along its shear; the stretch is not shown there."""
-    from studies.output.section_picture import cut_of
-
-    pressure = cut_of(solution, "pressure")
-    count = len(pressure.rest)
-    numbers = 6 * np.arange(count)[:, None, None] + np.array(FLAT)
-    rest, moved = (points[..., [0, 2]].reshape(-1, 2) for points in (pressure.rest, pressure.moved))
-    triangles = np.asarray(numbers.reshape(-1, 3), dtype=np.int64)
-    return rest, moved, pressure.value.ravel(), np.ones(len(rest)), triangles

@@ -1,7 +1,7 @@
 """The deformed sensor in 3D for the page: skin of each half, cut face y = 0 and the magnet's pocket.
 
-The outline of a section is swept around the axis with the Fourier series of the solution, which takes milliseconds;
-`studies.report.deformed_surface`, which reads VTK grids, serves solutions by tetrahedra. Both give the same form.
+The outline of a section is swept around the axis with the Fourier series of the solution, which takes milliseconds.
+`studies.report.deformed_surface`, which reads VTK grids, gives the same form.
 """
 
 from __future__ import annotations
@@ -26,13 +26,7 @@ Part = tuple[Array, Array, Ints]
 
 def surface(solution: Solution) -> dict[str, Any]:
     """Return the part `sensor3d`: parts with deformed points, displacements and triangles, and the largest one."""
-    if solution.model in ("axisymmetric", "harmonic"):
-        parts = _parts(solution)
-    else:
-        from studies.output.vtk_files import field_grid
-        from studies.report import deformed_surface
-
-        parts = deformed_surface.parts_of(field_grid(solution))
+    parts = _parts(solution)
     return {"parts": {name: _data(*part) for name, part in parts.items()}, "largest": _largest(parts)}
 
 

@@ -13,8 +13,6 @@ const Explorer = (() => {
   const sides = { a: null, b: null }, answers = { a: {}, b: {} }, refusals = { a: null, b: null }, view = { ...VIEW }, turn = { ...SensorView.START };
   let fields = [], level = "standard", controls = null, views = null, requests = null, notice = "";
   let index = 0, top = 0, oldest = 0, current = "", pending = 0, drawing = false;
-  // sides whose present state may take minutes
-  const patient = new Set();
   const dirty = new Set(), shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
   const value = (side) => (name) => sides[side][name];
   const defaults = () => Object.fromEntries(fields.map((field) => [field.name, field.value]));
@@ -23,7 +21,7 @@ const Explorer = (() => {
 
   function set(side, name, next, done = true) {
     if (!sides[side] || (sides[side][name] === next && !done)) return;
-    if (sides[side][name] !== next) { sides[side][name] = next; patient.delete(side); requests.change(side); }
+    if (sides[side][name] !== next) { sides[side][name] = next; requests.change(side); }
     touch("controls", "state");
     if (done) commitSoon();
   }
@@ -40,10 +38,8 @@ const Explorer = (() => {
     // without a shear a bonded contact area has no effect, which the message would say at every press
     if (load.friction === "stick" && !load.shear) load.friction = "none";
     const state = { preset: "paper", design: changed, load, magnet: values.magnet, level };
-    return { state, formula_level: view.formula, parts: parts(), ...(patient.has(side) ? { on_request: true } : {}) };
+    return { state, formula_level: view.formula, parts: parts() };
   }
-
-  function solveSlowly(side) { patient.add(side); requests.change(side); }
 
   // ---- address and history
 
@@ -186,7 +182,7 @@ const Explorer = (() => {
   function caption(side) {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
     const last = answer ? "The last picture is shown in grey" : "There is no picture";
-    if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}`, offer: refusal.slow };
+    if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}` };
     if (!answer) return { chip: "", time: "", text: notice ? "" : "Solving the first state." };
     const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state");
     const own = share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
@@ -263,7 +259,7 @@ const Explorer = (() => {
   }
 
   return {
-    $, engine, sides, answers, view, refusals, turn, shownSides, set, message, solveSlowly, commit, commitSoon, undo, redo, show, refuse, progress, say,
+    $, engine, sides, answers, view, refusals, turn, shownSides, set, message, commit, commitSoon, undo, redo, show, refuse, progress, say,
     touch, draw, wire, address, look, complete, value, fields: () => fields, times: () => requests.times, requests: () => requests, notice: () => notice,
     resting: () => requests.resting() && !drawing,
     use(parts) { ({ fields, controls, views, requests } = { fields, controls, views, requests, ...parts }); },

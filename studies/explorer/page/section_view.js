@@ -5,7 +5,7 @@ const SectionView = (() => {
   const FINE = 0.01, STEP = 0.05, WIDE = 0.5;
 
   // `move(depth, shear, done)` sets the load; `load()` returns the present one.
-  function start(figure, { load, move, value, solve }) {
+  function start(figure, { load, move, value }) {
     const canvas = figure.querySelector("canvas"), handle = figure.querySelector(".plate"), caption = (name) => figure.querySelector(`figcaption .${name}`);
     let at = null, held = null, way = 1;
 
@@ -39,9 +39,6 @@ const SectionView = (() => {
       move(Math.max(0, tidy(depth + key[0] * by)), tidy(shear + way * key[1] * by), true);
     });
 
-    const slow = figure.querySelector(".slow");
-    slow.addEventListener("click", solve);
-
     // Where the present load puts the plate. The section lies along the line of the shear, which runs towards +x: a shear
     // that points the other way moves the plate to the left.
     function wanted(present, [c, s]) {
@@ -71,7 +68,7 @@ const SectionView = (() => {
         at = SectionDrawing.draw(canvas, { ...drawing, value, wish: far ? target : null });
         place(present && (held ? target : present));
       },
-      say({ chip, time, text, offer }) { slow.hidden = !offer; Format.put(caption("chip"), chip); caption("chip").dataset.level = chip; Format.put(caption("time"), time); Format.put(caption("text"), text); },
+      say({ chip, time, text }) { Format.put(caption("chip"), chip); caption("chip").dataset.level = chip; Format.put(caption("time"), time); Format.put(caption("text"), text); },
       grey(yes) { figure.classList.toggle("stale", yes); },
     };
   }

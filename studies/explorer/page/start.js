@@ -27,7 +27,7 @@
   const views = { sections: {}, sensors: {} };
   for (const side of ["a", "b"]) {
     views.sections[side] = SectionView.start($(`figure.section[data-side=${side}]`), {
-      load: () => sides[side], value: (name) => sides[side][name], solve: () => Explorer.solveSlowly(side),
+      load: () => sides[side], value: (name) => sides[side][name],
       move(depth, shear, done) { Explorer.set(side, "shear", shear, false); Explorer.set(side, "depth", depth, done); if (done) Explorer.commitSoon(); },
     });
     views.sensors[side] = SensorView.start($(`figure.sensor[data-side=${side}]`), Explorer.turn, () => Explorer.touch("turn"));
