@@ -102,7 +102,7 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
         name: [f for f, s in zip(other.frequency, other.shape, strict=True) if s == name] for name in set(one.shape)
     }
     rule = TANGENT_RULES["pressed frequency" if scene.loads[0].depth else "frequency", scene.magnet]
-    edge, unit = scene.accuracy.section_size, _frequency_unit(scene.design)
+    edge, unit = scene.accuracy.section_size, frequency_unit(scene.design)
     errors = []
     for frequency, name in zip(one.frequency, one.shape, strict=True):
         coarse = left[name].pop(0) if left[name] else None
@@ -112,7 +112,7 @@ def estimate_frequencies(one: Modes, other: Modes, scene: Scene) -> tuple[float 
 
 def _solve_modes(scene: Scene, count: int) -> Modes:
     """Return the lowest modes of a scene, without error estimates."""
-    press, depth = _solve_press(scene), scene.loads[0].depth
+    press, depth = solve_press(scene), scene.loads[0].depth
     blocks = {name: _order_matrices(press, scene, order) for order, name in enumerate(SHAPES)}
     blocks["torsion"] = _torsion_matrices(press, scene)
     values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
@@ -126,12 +126,12 @@ def _solve_modes(scene: Scene, count: int) -> Modes:
         raise BadInput(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
-    scale = _frequency_unit(scene.design)
+    scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
     return Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
 
 
-def _frequency_unit(design: Design) -> float:
+def frequency_unit(design: Design) -> float:
     """Return the frequency at which omega D (rho / E)^(1/2) is 1, Hz; inputs in mm, MPa and kg/m^3."""
     return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
 
@@ -150,7 +150,7 @@ def spring_mass(design: Design) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Press:
+class Press:
     """An axisymmetric press about which the sensor vibrates.
 
     Attributes
@@ -167,7 +167,7 @@ class _Press:
         return None if self.edge is None else glue(state, self.edge).plate
 
 
-def _solve_press(scene: Scene) -> _Press:
+def solve_press(scene: Scene) -> Press:
     """Solve for the press, on a mesh refined where the contact ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
     depth, edge = scene.loads[0].depth / D, None
@@ -184,10 +184,10 @@ def _solve_press(scene: Scene) -> _Press:
         raise BadInput(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
-    return _Press(state, edge)
+    return Press(state, edge)
 
 
-def _inertia(scene: Scene) -> tuple[float, float, float]:
+def magnet_inertia(scene: Scene) -> tuple[float, float, float]:
     """Return the magnet's mass and its moments of inertia across and along its axis, over those of silicone and D."""
     design = scene.design
     if scene.magnet != "rigid":
@@ -197,16 +197,16 @@ def _inertia(scene: Scene) -> tuple[float, float, float]:
     return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
 
 
-def _order_matrices(press: _Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+def _order_matrices(press: Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Return tangent and mass of the block of one order about a press."""
     state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
-    system, (m, across, _) = state.d.system, _inertia(scene)
+    system, (m, across, _) = state.d.system, magnet_inertia(scene)
     moved = ((m,), (m, across), ())[order]
     K = system.assemble(system.state(state.q), press.glue(state)).tangent
     return K, system.mass(1.0, np.array(moved[: system.n_rigid]))
 
 
-def _torsion_matrices(press: _Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Return tangent and mass of torsion about a press, from the axisymmetric model with u_theta."""
     d, low, at_press = press.state.d, press.state.d.system, press.state.d.system.state(press.state.q)
     e = replace(d.elements, angles=elements.torsion_fields())
@@ -228,7 +228,7 @@ def _torsion_matrices(press: _Press, scene: Scene) -> tuple[sp.csr_matrix, sp.cs
         prescribed=np.insert(at_press.u, 1, 0.0, axis=1),
         held=held,
     )
-    m, _, along = _inertia(scene)
+    m, _, along = magnet_inertia(scene)
     K = system.assemble(system.state(np.zeros(system.size)), press.glue(press.state)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
     # the magnet's motion along the axis is not part of torsion either

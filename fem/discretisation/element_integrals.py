@@ -54,6 +54,25 @@ def integrate(
     return energy, fu, fp, np.concatenate(Kuu[1:]), np.concatenate(Kup[1:])
 
 
+def material_stiffness(e: Elements, part: slice, u: Array, law: material.Law, mu: Array) -> Array:
+    """Return the pieces of the stiffness of the isochoric law alone, without its geometric part.
+
+    With the second Piola stress S of the law, dP_iJ/dF_kL = delta_ik S_JL + F_iM F_kN dS_MJ/dE_NL. The first term
+    turns a stress with the material (geometric stiffness); the second one is returned. Pressures do not contribute.
+
+    Parameters
+    ----------
+    u : nodal fields (n, fields).
+    mu : shear moduli (m, 1) of the batch.
+    """
+    k = material.kinematics(material.strain(gradient(e, part, u)), e.angles.components)
+    _, P, A = law(k, volumes(e, part) * mu, 0.0)
+    S = np.einsum("iJ...,iL...->JL...", k.H, P)
+    i, J = np.divmod(e.components, 3)
+    A -= (i[:, None] == i)[..., None, None] * S[J[:, None], J]
+    return displacement_stiffness(e, part, A)
+
+
 def gradient(e: Elements, part: slice, u: Array) -> Array:
     """Return the displacement gradients G, shape (3, 3, m, q t), of nodal fields u (n, fields)."""
     D, V = e.D[part], e.angles.V

@@ -36,8 +36,6 @@ from geometry.arrays import Array, Ints
 
 CHUNK = 4096
 """Integration points per batch, so that their tensors stay in the processor's cache."""
-
-
 NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
 """Radius over D below which a node lies on the axis."""
@@ -321,19 +319,22 @@ class System:
         if self.surface is not None and facets[0] is not None:
             self._loops.add_matrices(facets[0], self.surface.nodes, FACETS, self._reduced, data)
 
-    def mass(self, density: float, magnet: Array) -> sp.csr_matrix:
-        """Return the consistent mass matrix about the undeformed state (upper triangle); pressures have no mass.
+    def mass(self, density: float, magnet: Array, state: State | None = None) -> sp.csr_matrix:
+        """Return the consistent mass matrix (upper triangle); pressures have no mass.
 
         Parameters
         ----------
         density : density of the silicone.
         magnet : (n_rigid,) the magnet's mass or moment of inertia for each of its unknowns.
+        state : its magnet's rotation is the only part that matters; default: the undeformed state.
         """
-        e = self.elements
-        at_rest = self.state(np.zeros(self.size))
-        M = np.concatenate([element_integrals.mass(e, p, np.full(p.stop - p.start, density)) for p in self._parts])
-        outer, _ = self._with_motion(self._motion_derivative(at_rest), M[self._free_cells :], None)
-        blocks = [M[: self._free_cells], None, outer, None, None, np.diag(magnet)]
+        pieces = element_integrals.mass(self.elements, slice(None), np.full(len(self.elements.cells), density))
+        return self.displacement_matrix(pieces, state or self.state(np.zeros(self.size)), magnet)
+
+    def displacement_matrix(self, pieces: Array, state: State, magnet: Array) -> sp.csr_matrix:
+        """Return a matrix (upper triangle) without pressures; `pieces` as in `element_integrals.mass`."""
+        outer, _ = self._with_motion(self._motion_derivative(state), pieces[self._free_cells :], None)
+        blocks = [pieces[: self._free_cells], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
     def normal_displacements(self, points: Ints, plate: Plate) -> tuple[Ints, Array]:

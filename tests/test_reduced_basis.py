@@ -1,0 +1,63 @@
+"""Solutions at many frequencies by a reduced basis, against full complex solutions."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from fem.solvers.reduced_basis import NotReachedError, Problem, reduce
+
+
+def chain(n=60):
+    """A chain of masses on springs of which every third one does not relax, pulled at its end and in its middle."""
+    stiffness = 1.0 + 0.3 * np.sin(np.arange(n + 1))
+    relaxing = np.where(np.arange(n + 1) % 3, stiffness, 0.0)
+
+    def assembled(k):
+        return sp.diags([k[:-1] + k[1:], -k[1:-1]], [0, 1], format="csr")
+
+    b = np.zeros((n, 2))
+    b[-1, 0], b[n // 2, 1] = 1.0, 1.0
+    return Problem(assembled(stiffness), assembled(relaxing), sp.eye(n, format="csr"), b, n)
+
+
+def full(problem, c, eigenvalue):
+    K, R, M = (matrix + sp.triu(matrix, 1).T for matrix in (problem.K, problem.R, problem.M))
+    return spla.spsolve((K + c * R - eigenvalue * M).tocsc(), problem.b.astype(complex))
+
+
+C = np.geomspace(1e-3, 0.3, 40) + 0.1j
+EIGENVALUES = np.linspace(0.0, 0.2, 40)
+
+
+def test_reduced_solutions_equal_full_ones_at_every_frequency():
+    problem = chain()
+    system = reduce(problem, C, EIGENVALUES)
+    y = system.solve(C, EIGENVALUES)
+    for i in range(len(C)):
+        x = full(problem, C[i], EIGENVALUES[i])
+        assert np.linalg.norm(system.V @ y[i] - x) < 1e-8 * np.linalg.norm(x)
+
+
+def test_fewer_factorisations_are_made_than_there_are_frequencies():
+    assert reduce(chain(), C, EIGENVALUES).factorisations < len(C) / 4
+
+
+def test_the_error_bounds_the_tolerance_that_was_asked_for():
+    loose, tight = (reduce(chain(), C, EIGENVALUES, tolerance) for tolerance in (1e-3, 1e-9))
+    assert loose.error < 1e-3
+    assert tight.error < 1e-9
+    assert loose.V.shape[1] < tight.V.shape[1]
+
+
+def test_a_basis_that_cannot_reach_the_tolerance_is_reported():
+    with pytest.raises(NotReachedError, match="above 1e-30"):
+        reduce(chain(20), C, EIGENVALUES, 1e-30)
+
+
+def test_unstable_directions_at_rest_are_counted():
+    problem = chain(20)
+    soft = problem.K - 0.03 * sp.eye(20, format="csr")
+    lowest = np.linalg.eigvalsh((soft + sp.triu(soft, 1).T).toarray())
+    shifted = Problem(soft.tocsr(), problem.R, problem.M, problem.b, 20)
+    assert reduce(shifted, C, EIGENVALUES).unstable == np.count_nonzero(lowest < 0) > 0
