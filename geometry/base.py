@@ -16,8 +16,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from geometry.bad_input import nearest
 from geometry.cad import beam, cut, overlap, turned
-from geometry.design import BadInput, Design, nearest
+from geometry.design import BadInput, Design
 from geometry.fabrication import element_seats, engraved_marks
 from geometry.fabrication.element_seats import WEB, Block, Seats
 from geometry.fabrication.hall_bodies import CHIPS, SS495A, Vector, heights, places

@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
+
+from geometry.bad_input import BadInput as BadInput
+from geometry.bad_input import nearest, no_effect
 
 LEAST_WALL = 0.1
 """Least thickness of silicone between the magnet and any outer face, mm: a design below it is refused."""
@@ -57,12 +60,11 @@ OF_MAGNET = ("remanence", "magnet_north", "magnet_density")
 `magnet_edge_radius` is not listed: its default of 0.1 mm may stay when the magnet is removed.
 """
 
+OF_TIME = ("loss_factor", "loss_low", "loss_high", "prony", "modulus")
+"""Fields of the relaxation (see `geometry.relaxation`), which have no effect on a static state."""
+
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law: the energy divides by the exponent, so 0 is impossible."""
-
-
-class BadInput(ValueError):
-    """An input value that cannot be used. The text is one sentence with the value, its bound and the remedy."""
 
 
 def _quantity(default: float, unit: str, low: float, high: float, text: str, *, assumed: bool) -> Any:
@@ -74,6 +76,11 @@ def _quantity(default: float, unit: str, low: float, high: float, text: str, *, 
 
 def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -> Any:
     return field(default=default, metadata={"unit": "1", "choices": tuple(choices), "text": text, "assumed": assumed})
+
+
+def _words(default: str, text: str, *, assumed: bool) -> Any:
+    # free text: its metadata have neither a range nor choices
+    return field(default=default, metadata={"unit": "1", "text": text, "assumed": assumed})
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,10 +137,11 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A sensor. All fields are floats except `law`, `magnet_north` and `hall_layout`, which are names.
+    """A sensor. All fields are floats, except names (`law`, `magnet_north`, `hall_layout`, `modulus`) and `prony`.
 
-    The metadata of a field give its unit, its range or its choices, and a description. `assumed` is True where the
-    paper gives no value for the default.
+    `prony` lists measured Prony branches "g:tau g:tau ...", tau in s; see `geometry.relaxation`. The metadata of a
+    field give its unit, its range or its choices, and a description. `assumed` is True where the paper gives no value
+    for the default.
 
     Raises
     ------
@@ -144,7 +152,7 @@ class Design:
     >>> Design(L=3.0)
     Traceback (most recent call last):
         ...
-    geometry.design.BadInput: L must exceed the tip radius D/2 = 4 mm; got 3 mm
+    geometry.bad_input.BadInput: L must exceed the tip radius D/2 = 4 mm; got 3 mm
     """
 
     D: float = _quantity(8.0, "mm", 0.1, 200, "diameter of the beam", assumed=False)
@@ -192,6 +200,13 @@ class Design:
     chip_x: float = _quantity(
         0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
     )
+    loss_factor: float = _quantity(0.1, "1", 0.0, 1.0, "tan(delta) of the silicone (0: elastic)", assumed=True)
+    loss_low: float = _quantity(0.01, "Hz", 1e-6, 1e6, "least frequency with this loss factor", assumed=True)
+    loss_high: float = _quantity(1000.0, "Hz", 1e-6, 1e6, "greatest frequency with this loss factor", assumed=True)
+    prony: str = _words("", "measured branches g:tau g:tau ..., tau in s (empty: loss_factor holds)", assumed=True)
+    modulus: str = _choice(
+        "long-term", ("long-term", "instantaneous"), "which modulus E is, at rest or after a step", assumed=True
+    )
 
     def __post_init__(self) -> None:
         # a sweep makes a million designs: nearly all values are floats in their range, which need no conversion
@@ -207,6 +222,8 @@ class Design:
                 f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; "
                 f"got {self.hall_null:g} V"
             )
+        if not self.loss_low < self.loss_high:
+            raise BadInput(f"loss_low must be less than loss_high = {self.loss_high:g} Hz; got {self.loss_low:g} Hz")
         if self.hall_average % 1:
             raise BadInput(f"hall_average must be a whole number of samples; got {self.hall_average:g}")
         for name, alpha in (("ogden_alpha1", self.ogden_alpha1), ("ogden_alpha2", self.ogden_alpha2)):
@@ -277,6 +294,10 @@ class Design:
             reasons |= {name: f"hall_layout is {self.hall_layout}" for name in names if name not in used}
         if not self.hall_noise_density:
             reasons = {"hall_bandwidth": "hall_noise_density is 0"} | reasons
+        if self.prony:
+            reasons |= dict.fromkeys(("loss_factor", "loss_low", "loss_high"), "prony is given")
+        elif not self.loss_factor:
+            reasons |= dict.fromkeys(("loss_low", "loss_high", "modulus"), "loss_factor is 0")
         return reasons if self.shape.has_magnet else reasons | dict.fromkeys(OF_MAGNET, "magnet_diameter is 0")
 
     def unused_field_warnings(self) -> list[str]:
@@ -315,6 +336,13 @@ class Design:
     def value_warnings(self) -> list[str]:
         """Return warnings for every use of the design: fields without effect, or an E that no silicone has."""
         texts = self.unused_field_warnings()
+        if self.modulus == "instantaneous":
+            from geometry.prony import branches_of
+
+            rest = branches_of(self.prony, self.loss_factor, self.loss_low, self.loss_high).rest
+            if rest < 1:
+                note = f"static solves take E as it stands; at rest a force is {rest:.3g} times as large"
+                texts.append(f"modulus is instantaneous: {note}")
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             texts.append(
                 f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "
@@ -332,40 +360,6 @@ _VALUES = attrgetter(*(spec.name for spec, _, _ in _RANGES))
 """Returns the values of all fields of a design."""
 
 
-def no_effect(names: Sequence[str], reason: str) -> str:
-    """Return the warning that some settings have no effect, with the reason.
-
-    >>> no_effect(["f", "c"], "hall_layout is tmag5273a1")
-    'f, c have no effect: hall_layout is tmag5273a1'
-    """
-    return f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} no effect: {reason}"
-
-
-def nearest(word: str, words: Iterable[str]) -> str:
-    """Return the remedy for an unknown word: the most similar known word, or all of them if none is similar.
-
-    >>> nearest("magnet_hieght", ["D", "magnet_height"])
-    'did you mean magnet_height?'
-    """
-    known = list(words)
-    close = closest(word, known)
-    return f"did you mean {close}?" if close else f"choose one of {', '.join(known)}"
-
-
-def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the known word that differs in case only, or else the most similar one; None if none is similar.
-
-    >>> closest("d", ["D", "E"]), closest("magnet_hieght", ["D", "magnet_height"]), closest("colour", ["D"])
-    ('D', 'magnet_height', None)
-    """
-    import difflib
-
-    known = list(words)
-    # difflib distinguishes case, and would rate "d" and "D" as entirely different
-    same = [other for other in known if other.casefold() == word.casefold()]
-    return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
-
-
 def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     """Return the value of a field as a float or as a name; raise BadInput if its type or its range is wrong."""
     if "choices" in spec.metadata:
@@ -375,6 +369,14 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
         if value not in choices:
             raise BadInput(f"there is no {spec.name} {value!r}: {nearest(value, choices)}")
         return value
+    if "low" not in spec.metadata:
+        if not isinstance(value, str):
+            raise BadInput(f"{spec.name} must be a text ({spec.metadata['text']}); got {value!r}")
+        if value:
+            from geometry.prony import parse_branches
+
+            parse_branches(value)
+        return " ".join(value.split())
     low, high, unit = spec.metadata["low"], spec.metadata["high"], spec.metadata["unit"]
     unit = "" if unit == "1" else f" {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):

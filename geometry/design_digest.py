@@ -35,6 +35,11 @@ LATER: Fields = {
     "hall_bandwidth": 1000.0,
     "hall_noise_floor": 0.0,
     "hall_average": 1.0,
+    "loss_factor": 0.1,
+    "loss_low": 0.01,
+    "loss_high": 1000.0,
+    "prony": "",
+    "modulus": "long-term",
 }
 """Fields that `Design` got after the first labels were written, with their defaults, which older files mean."""
 MOST_NAMED = 3

@@ -17,8 +17,9 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+from geometry.bad_input import nearest
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
-from geometry.design import LEAST_WALL, BadInput, Design, nearest
+from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.printability import PROCESSES, Process, Range
 
 LARGEST_VENT = 0.8

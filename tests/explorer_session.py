@@ -111,6 +111,8 @@ def random_moves(page, count, seed=20):
             field = choose.choice(fields)
             if field["kind"] == "choice":
                 move(page, field["name"], choose.choice(field["choices"]))
+            elif field["kind"] == "text":
+                move(page, field["name"], choose.choice(["", "0.1:1"]))
             else:
                 slider = f"document.getElementById('field-{field['name']}-slider')"
                 low, high = page.run(f"[Number({slider}.min), Number({slider}.max)]")
@@ -154,6 +156,8 @@ def other_value(field):
     """Another value of a control: the next choice, or 15 % of the way to the farther end of the slider."""
     if "choices" in field:
         return next(one for one in field["choices"] if one != field["value"])
+    if field["kind"] == "text":
+        return "0.1:1"
     if field["kind"] == "logarithmic":
         return 700
     farther = max(field["slider"], key=lambda end: abs(end - field["value"]))

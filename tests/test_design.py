@@ -9,7 +9,7 @@ import pytest
 from analytic.parts import of_design
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
 
-FIELDS = [spec for spec in dataclasses.fields(Design) if "choices" not in spec.metadata]
+FIELDS = [spec for spec in dataclasses.fields(Design) if "low" in spec.metadata]
 NAMES = [spec.name for spec in FIELDS]
 
 
@@ -73,6 +73,8 @@ def test_whole_numbers_become_floats():
         ({"law": "yeo"}, "there is no law 'yeo': did you mean yeoh?"),
         ({"law": "Yeoh"}, "there is no law 'Yeoh': did you mean yeoh?"),
         ({"law": 3.0}, "law must be one of the names neo-hookean, mooney-rivlin, yeoh, ogden; got 3.0"),
+        ({"loss_low": 2000.0}, "loss_low must be less than loss_high = 1000 Hz; got 2000 Hz"),
+        ({"prony": 0.1}, "prony must be a text (measured branches g:tau g:tau ..., tau in s (empty: loss"),
         ({"ogden_alpha1": 0.0}, "ogden_alpha1 must be at least 0.01 or at most -0.01; got 0"),
     ],
 )
@@ -199,3 +201,23 @@ def test_remanence_has_no_effect_without_a_magnet():
     bare = {"magnet_diameter": 0.0, "magnet_height": 0.0}
     assert Design(**bare).unused_field_warnings() == []
     assert Design(**bare, remanence=1.0).unused_field_warnings() == ["remanence has no effect: magnet_diameter is 0"]
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"prony": "0.1:1", "loss_factor": 0.2}, "loss_factor has no effect: prony is given"),
+        ({"loss_factor": 0.0, "loss_low": 1.0}, "loss_low has no effect: loss_factor is 0"),
+        ({"loss_factor": 0.0, "modulus": "instantaneous"}, "modulus has no effect: loss_factor is 0"),
+        (
+            {"prony": "0.25:1", "modulus": "instantaneous"},
+            "modulus is instantaneous: static solves take E as it stands; at rest a force is 0.75 times as large",
+        ),
+    ],
+)
+def test_fields_of_the_relaxation_without_effect_are_named(values, sentence):
+    assert changed(**values).value_warnings() == [sentence]
+
+
+def test_prony_is_kept_with_single_blanks():
+    assert changed(prony="  0.1:1   0.2:10 ").prony == "0.1:1 0.2:10"

@@ -17,6 +17,7 @@ OTHER = Design(D=10.0, L=12.0, E=0.5, l0=9.2)
         ({"magnet_edge_radius": 0.2}, True),
         ({"f": 6.0, "l0": 8.0, "hall_gain": 20.0, "remanence": 1.0, "density": 1000.0}, False),
         ({"yeoh_2": 0.5, "magnet_north": "up"}, False),
+        ({"loss_factor": 0.3, "loss_low": 1.0, "prony": "0.1:1", "modulus": "instantaneous"}, False),
     ],
 )
 def test_states_depend_on_the_mechanical_fields(change, differs):

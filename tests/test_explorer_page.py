@@ -106,6 +106,8 @@ def test_every_control_changes_the_request(start):
         before = request(page)
         if "choices" in field:
             value = next(one for one in reversed(field["choices"]) if one != field["value"])
+        elif field["kind"] == "text":
+            value = "0.1:1"
         else:
             value = 400 if field["kind"] == "logarithmic" else 0.3 * field["slider"][0] + 0.7 * field["slider"][1]
         move(page, field["name"], value)

@@ -70,6 +70,10 @@ def test_f_and_E_make_no_further_problems():
     turned = Plan(**{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": NORTH})
     assert Cases(turned).distinct_problems().tolist() == [0]
     assert [row[2].magnet_north for row in seen(Cases(turned), range(2))] == ["down", "up"]
+    lossy = Plan(
+        **{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": grid({"loss_factor": [0.1, 0.2]})}
+    )
+    assert Cases(lossy).distinct_problems().tolist() == [0]
     pushed = Plan(**{name: getattr(only_E, name) for name in PLAN.__slots__} | {"load": {"imperfection": 0.01}})
     # a dead force is not proportional to E
     assert Cases(pushed).distinct_problems().tolist() == [0, 1]

@@ -14,7 +14,8 @@ import sqlite3
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-from geometry.design import BadInput, nearest
+from geometry.bad_input import nearest
+from geometry.design import BadInput
 from studies.exploration import store
 from studies.exploration.store_file import LISTED
 from studies.inputs.option_groups import Selection

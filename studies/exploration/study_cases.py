@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from fem.accuracy import Accuracy
 from fem.scene import Model
 from geometry.arrays import Array
-from geometry.design import BadInput, Design
+from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from studies.inputs.study_axes import DESIGN, LOAD, Factor
 from studies.inputs.study_input import QuantityName
@@ -34,9 +34,9 @@ from studies.inputs.user_input import Value
 READING_FIELDS = frozenset(
     name
     for name in DESIGN
-    if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence", "magnet_north")
+    if name.startswith("hall_") or name in ("f", "l0", "c", "chip_x", "remanence", "magnet_north", *OF_TIME)
 )
-"""Fields of a design on which the mechanics do not depend."""
+"""Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
 Columns = dict[str, NDArray[Any]]

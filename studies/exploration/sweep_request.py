@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geometry.design import BadInput, closest
+from geometry.bad_input import closest
+from geometry.design import BadInput
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.inputs import study_axes, study_input, user_input

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from geometry.design import Design
+from geometry.design import OF_TIME, Design
 from studies.explorer import (
     curve_answers,
     explorer_exports,
@@ -118,4 +118,5 @@ class Answers:
 def mechanics(design: Design) -> tuple[Any, ...]:
     """Return the fields of a design on which its curve and its stability depend."""
     names = [spec.name for spec in dataclasses.fields(design) if not spec.name.startswith(("hall_", "chip_"))]
-    return tuple(getattr(design, name) for name in names if name not in ("f", "c", "l0", "remanence", "magnet_north"))
+    idle = ("f", "c", "l0", "remanence", "magnet_north", *OF_TIME)
+    return tuple(getattr(design, name) for name in names if name not in idle)

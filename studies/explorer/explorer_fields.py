@@ -11,7 +11,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, Design
+from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, OF_TIME, Design
 from geometry.loads import STEEPEST
 
 Field = dict[str, Any]
@@ -29,6 +29,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("hall_noise_density", "hall_bandwidth", "hall_noise_floor", "hall_average", "hall_step", "hall_plate"),
     ),
     "Densities": ("density", "magnet_density"),
+    "Relaxation": OF_TIME,
 }
 """The fields of a design in the order of the page."""
 
@@ -55,6 +56,11 @@ LABELS = {
     "chip_x": "Chip at x",
     "density": "Silicone",
     "magnet_density": "Magnet",
+    "loss_factor": "Loss factor",
+    "loss_low": "Loss factor from",
+    "loss_high": "Loss factor to",
+    "prony": "Prony branches",
+    "modulus": "E is the modulus",
 }
 """Labels that differ from the field's name."""
 
@@ -90,10 +96,13 @@ SLIDERS: dict[str, tuple[float, float, float]] = {
     "hall_plate": (0, 1, 0.01),
     "density": (900, 1500, 10),
     "magnet_density": (7000, 8000, 10),
+    "loss_factor": (0, 0.5, 0.01),
+    "loss_low": (1e-3, 1, 0.001),
+    "loss_high": (10, 1e4, 10),
 }
 """Least and largest value and step of the sliders, in the unit of the field."""
 
-LOGARITHMIC = ("E", "hall_bandwidth")
+LOGARITHMIC = ("E", "hall_bandwidth", "loss_low", "loss_high")
 """Fields whose slider moves by equal ratios."""
 
 
@@ -119,6 +128,8 @@ def _design_field(group: str, spec: dataclasses.Field[Any], value: float | str) 
     common |= {"value": value, "needs": _needs(spec.name)}
     if "choices" in spec.metadata:
         return common | {"kind": "choice", "choices": list(spec.metadata["choices"]), "unit": ""}
+    if "low" not in spec.metadata:
+        return common | {"kind": "text", "unit": ""}
     low, high, step = SLIDERS[spec.name]
     unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
     kind = "logarithmic" if spec.name in LOGARITHMIC else "number"
@@ -134,6 +145,8 @@ def _needs(name: str) -> Field:
     needs: Field = {"law": laws} if laws else {}
     if layouts:
         needs["hall_layout"] = layouts
+    if name in ("loss_factor", "loss_low", "loss_high"):
+        needs["prony"] = [""]
     if name in OF_MAGNET or name == "magnet_edge_radius":
         needs["magnet_diameter"] = "positive"
     return needs

@@ -113,4 +113,6 @@ def _field(spec: dataclasses.Field[Any]) -> Data:
     }
     if "choices" in spec.metadata:
         return common | {"choices": list(spec.metadata["choices"])}
+    if "low" not in spec.metadata:
+        return common
     return common | {"low": spec.metadata["low"], "high": spec.metadata["high"]}

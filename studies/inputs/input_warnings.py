@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from geometry.design import Design, no_effect
+from geometry.bad_input import no_effect
+from geometry.design import Design
 from studies.output import console
 
 

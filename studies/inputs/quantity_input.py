@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import re
 
-from geometry.design import BadInput, nearest
+from geometry.bad_input import nearest
+from geometry.design import BadInput
 
 UNITS: dict[str, dict[str, float]] = {
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},

@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from geometry.design import BadInput, nearest
+from geometry.bad_input import nearest
+from geometry.design import BadInput
 from studies.inputs.user_input import FIELDS, Value
 
 MOST_VALUES = 1_000_000
@@ -65,8 +66,9 @@ DESIGN = {
     if "choices" in spec.metadata
     else Quantity(spec.metadata["unit"], spec.metadata["low"], spec.metadata["high"])
     for name, spec in FIELDS.items()
+    if name != "prony"
 }
-"""Fields of a design."""
+"""Fields of a design that can vary; a study's base design states `prony`, which is free text."""
 LOAD = {
     "depth": Quantity("mm", 0.0, open_low=True),
     "shear": Quantity("mm"),

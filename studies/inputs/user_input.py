@@ -11,7 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from geometry.design import PRESETS, BadInput, Design, nearest
+from geometry.bad_input import nearest
+from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Magnet
 
 AccuracyName = Literal["quick", "standard", "fine"]
@@ -20,7 +21,7 @@ Value = float | str
 """Value of a field of `Design`."""
 
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
-_KINDS: dict[str, type] = {name: str if "choices" in spec.metadata else float for name, spec in FIELDS.items()}
+_KINDS: dict[str, type] = {name: float if "low" in spec.metadata else str for name, spec in FIELDS.items()}
 _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from geometry.design import BadInput, Design, nearest
+from geometry.bad_input import nearest
+from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.exploration import store as stores
 from studies.exploration.needed_paths import Processes

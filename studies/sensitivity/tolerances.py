@@ -40,7 +40,7 @@ class Tolerances:
     >>> Tolerances(E=-1)
     Traceback (most recent call last):
         ...
-    geometry.design.BadInput: tolerance E must be a number of percent from 0 to 90; got -1
+    geometry.bad_input.BadInput: tolerance E must be a number of percent from 0 to 90; got -1
     """
 
     E: float = _tolerance(

@@ -29,7 +29,7 @@ def origin(name: str, design: Design) -> str:
 
 def shown(value: float | str) -> str:
     """Format a field's value for a table."""
-    return value if isinstance(value, str) else f"{value:g}"
+    return (value or "none") if isinstance(value, str) else f"{value:g}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from geometry.design import BadInput, closest
+from geometry.bad_input import closest
+from geometry.design import BadInput
 from studies.inputs import table_input
 
 STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 0.01)}

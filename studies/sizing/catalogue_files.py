@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from analytic.parts import CHIPS
-from geometry.design import HALL_LAYOUTS, BadInput, nearest
+from geometry.bad_input import nearest
+from geometry.design import HALL_LAYOUTS, BadInput
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table
 from studies.sizing.catalogue_entries import HallPartEntry, SiliconeEntry

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from geometry.design import LEAST_WALL, BadInput, nearest
+from geometry.bad_input import nearest
+from geometry.design import LEAST_WALL, BadInput
 from studies.sizing.catalogue_entries import HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.catalogue_files import CatalogueFile, read_catalogue
 from studies.sizing.requirements import CATALOGUES, Requirements

@@ -94,7 +94,7 @@ class Requirements:
     >>> Requirements(force_z=5.0, resolution_z=6.0)
     Traceback (most recent call last):
         ...
-    geometry.design.BadInput: resolution_z must be below the range force_z = 5 N; got 6 N
+    geometry.bad_input.BadInput: resolution_z must be below the range force_z = 5 N; got 6 N
     """
 
     force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "range of the press"})

@@ -11,7 +11,7 @@ const Controls = (() => {
     make("label", { for: id, title: field.help }, box, field.label);
     const tell = make("p", { class: "refusal", id: `${id}-refusal`, hidden: true }), common = { id, "aria-describedby": tell.id };
     const set = (value, done) => change(field, value, done);
-    const parts = { choice: () => choice(), friction: () => friction(), number: () => ranged(), logarithmic: () => ranged() }[field.kind]();
+    const parts = { choice: () => choice(), friction: () => friction(), number: () => ranged(), logarithmic: () => ranged(), text: () => entry() }[field.kind]();
     box.appendChild(tell);
 
     function choice() {
@@ -19,6 +19,12 @@ const Controls = (() => {
       for (const name of field.choices) make("option", { value: name }, select, name);
       select.addEventListener("change", () => set(select.value, true));
       return { show: (value) => { select.value = value; }, nodes: [select] };
+    }
+
+    function entry() {
+      const text = make("input", { ...common, type: "text", spellcheck: "false" }, box);
+      text.addEventListener("change", () => set(text.value.trim(), true));
+      return { show: (value) => { if (document.activeElement !== text) text.value = value; }, nodes: [text] };
     }
 
     function ranged(read = (value) => value, allowed = () => true) {

@@ -67,6 +67,7 @@ const Explorer = (() => {
       else if (key.startsWith("view.") && VIEWS[key.slice(5)]?.includes(text)) seen[key.slice(5)] = text;
       else if (!field) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
+      else if (field.kind === "text") read[side][name] = text;
       else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
       else unknown.push(`${key}=${text}`);
     }

@@ -26,12 +26,38 @@ const InputChecks = (() => {
         throw new BadInput(`there is no ${name} '${value}': choose one of ${choices.join(", ")}`, name);
       return value;
     }
+    if (low === undefined) return prony(value);
     if (typeof value !== "number") throw new BadInput(`${name} must be a number (${text}); got '${value}'`, name);
     const end = unit === "1" ? "" : ` ${unit}`;
     if (!(value >= low && value <= high))
       throw new BadInput(
         `${name} must lie between ${general(low)} and ${general(high)}${end}; got ${general(value)}${end}`, name);
     return value;
+  }
+
+  /** A text of Prony branches g:tau, words separated by single blanks: geometry/relaxation.py. */
+  function prony(text) {
+    const number = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)(?:[eE][-+]?\\d+)?", form = new RegExp(`^(${number}):(${number})$`);
+    const refuse = (sentence) => { throw new BadInput(sentence, "prony"); };
+    const words = text.split(/\s+/).filter(Boolean), branches = words.map((word) => {
+      const match = word.match(form);
+      if (!match) refuse(`prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '${word}'`);
+      return [Number(match[1]), Number(match[2])];
+    }).sort((one, other) => one[1] - other[1] || one[0] - other[0]);
+    branches.forEach(([, tau], i) => {
+      if (i && tau === branches[i - 1][1])
+        refuse(`prony lists the time tau = ${general(tau)} s twice: give one branch with the sum of both shares`);
+    });
+    for (const [g, tau] of branches) {
+      if (!(g >= 0 && g < 1)) refuse(`prony: the share g of a branch must be at least 0 and less than 1; got ${general(g)}`);
+      if (!(tau >= 1e-12 && tau <= 1e12))
+        refuse(`prony: the time tau of a branch must lie between 1e-12 and 1e+12 s; got ${general(tau)} s`);
+    }
+    const sum = branches.reduce((part, [g]) => part + g, 0);
+    if (!(sum < 1)) refuse(`prony: the shares g of all branches must add up to less than 1; got ${general(sum)}`);
+    if (words.length && !sum)
+      refuse("prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic silicone");
+    return words.join(" ");
   }
 
   function checkDesign(design, { least_alpha: leastAlpha, least_wall: leastWall }) {
@@ -42,6 +68,10 @@ const InputChecks = (() => {
       throw new BadInput(
         `hall_null must lie between hall_low = ${general(low)} V and hall_high = ${general(high)} V; ` +
         `got ${general(rest)} V`, "hall_null");
+    if (!(design.loss_low < design.loss_high))
+      throw new BadInput(
+        `loss_low must be less than loss_high = ${general(design.loss_high)} Hz; got ${general(design.loss_low)} Hz`,
+        "loss_low");
     if (design.hall_average % 1)
       throw new BadInput(
         `hall_average must be a whole number of samples; got ${general(design.hall_average)}`, "hall_average");

@@ -1,0 +1,215 @@
+"""Relaxation of the silicone: Prony branches, the modulus over time and frequency, and the range they speak for.
+
+With the instantaneous shear modulus G0, branches (g_i, tau_i) and the share rest = 1 - sum g_i that never relaxes,
+
+    G(t) / G0 = rest + sum g_i exp(-t / tau_i)                              after a step of the strain at t = 0,
+    G*(w) / G0 = rest + sum g_i i w tau_i / (1 + i w tau_i) = G' + i G''    under a strain exp(i w t),
+
+w = 2 pi f in rad/s. The loss factor is tan(delta) = G'' / G', positive: the stress leads the strain. Fast limit
+(t -> 0, w -> inf): 1. Slow limit (t -> inf, w -> 0): rest. The bulk modulus does not relax. The long-term modulus
+is rest times the instantaneous one; the field `modulus` of a design says which of the two its E is.
+
+A design without measured branches (`prony`) has a loss factor that is constant in a band of frequencies. Its branches
+follow from G'' - tan(delta) G' = 0 over the band, which is linear in h_i = g_i / rest >= 0: a problem of non-negative
+least squares, of which every solution has sum g_i = sum h_i / (1 + sum h_i) < 1.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from geometry.arrays import Array
+from geometry.bad_input import BadInput
+
+TIMES = (1e-12, 1e12)
+"""Range of a branch's time, s: beyond it, a number is taken for a mistake."""
+FLATNESS = 0.02
+"""Largest relative deviation of the loss factor within the band for which it is constant."""
+PER_DECADE = 2
+"""Branches for each decade of a band with constant loss: the loss factor then varies by about 0.1 %."""
+BEYOND = 0.5
+"""Decades by which the branches reach beyond both ends of the band: branches inside it alone cannot hold its ends."""
+MOST_DECADES = 10.0
+"""Widest band of a constant loss factor: each further decade adds branches, which every solve carries."""
+LEAST_REST = 1e-4
+"""Least share of the stress that must remain in the long term: the instantaneous modulus of no silicone is larger."""
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_BRANCH = re.compile(rf"({_NUMBER}):({_NUMBER})")
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxation:
+    """Prony branches; without branches the silicone is elastic.
+
+    Attributes
+    ----------
+    shares : g_i, share of each branch in the instantaneous modulus.
+    times : tau_i, s.
+    covered : shortest and longest time, s, for which the branches were measured or assumed; default: the shortest and
+        the longest branch.
+
+    Raises
+    ------
+    BadInput
+        A share is negative, the shares add up to 1 or more, or a time is not positive.
+
+    >>> Relaxation((0.2, 0.3), (0.1, 10.0)).modulus([0.0, 1e9]).tolist()
+    [1.0, 0.5]
+    """
+
+    shares: tuple[float, ...]
+    times: tuple[float, ...]
+    covered: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for g, tau in zip(self.shares, self.times, strict=True):
+            if not 0 <= g < 1:
+                raise BadInput(f"the share g of a branch must be at least 0 and less than 1; got {g:g}")
+            if not TIMES[0] <= tau <= TIMES[1]:
+                raise BadInput(
+                    f"the time tau of a branch must lie between {TIMES[0]:g} and {TIMES[1]:g} s; got {tau:g} s"
+                )
+        if not sum(self.shares) < 1:
+            raise BadInput(f"the shares g of all branches must add up to less than 1; got {sum(self.shares):g}")
+
+    @property
+    def rest(self) -> float:
+        """Long-term over instantaneous modulus."""
+        return 1.0 - math.fsum(self.shares)
+
+    @property
+    def speaks_for(self) -> tuple[float, float]:
+        """Shortest and longest time, s, for which the branches hold; 0 and infinity without branches."""
+        if self.covered is not None:
+            return self.covered
+        return (min(self.times), max(self.times)) if self.times else (0.0, math.inf)
+
+    @property
+    def speaks_for_frequencies(self) -> tuple[float, float]:
+        """Lowest and highest frequency, Hz: 1 / (2 pi t) of the longest and of the shortest time."""
+        short, long = self.speaks_for
+        return 1 / (2 * math.pi * long), 1 / (2 * math.pi * short) if short > 0 else math.inf
+
+    def modulus(self, t: ArrayLike) -> Array:
+        """Return G(t) / G0 at times t >= 0 after a step, s; same shape as t."""
+        t = np.asarray(t, dtype=float)
+        return np.asarray(self.rest + np.exp(-t[..., None] / np.array(self.times)) @ np.array(self.shares))
+
+    def complex_modulus(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Return G*(w) / G0 at angular frequencies, rad/s; same shape as omega."""
+        x = 1j * np.asarray(omega, dtype=float)[..., None] * np.array(self.times)
+        return np.asarray(self.rest + (x / (1 + x)) @ np.array(self.shares))
+
+    def loss_factor(self, omega: ArrayLike) -> Array:
+        """Return tan(delta) at angular frequencies, rad/s; same shape as omega."""
+        g = self.complex_modulus(omega)
+        return np.asarray(g.imag / g.real)
+
+
+def parse_branches(text: str) -> Relaxation:
+    """Return the branches in a text "g:tau g:tau ..." with tau in s, by rising tau.
+
+    A branch with g = 0 is left out, but its tau counts as covered: fits write one where their data reach further than
+    their branches.
+
+    Raises
+    ------
+    BadInput
+        The text has another form, lists a time twice, or its branches are impossible.
+
+    >>> parse_branches("0.03:0.1 0.05:0.01 0:10")
+    Relaxation(shares=(0.05, 0.03), times=(0.01, 0.1), covered=(0.01, 10.0))
+    """
+    pairs: list[tuple[float, float]] = []
+    for word in text.split():
+        match = _BRANCH.fullmatch(word)
+        if not match:
+            raise BadInput(f"prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '{word}'")
+        pairs.append((float(match[2]), float(match[1])))
+    pairs.sort()
+    for (tau, _), (other, _) in itertools.pairwise(pairs):
+        if tau == other:
+            raise BadInput(f"prony lists the time tau = {tau:g} s twice: give one branch with the sum of both shares")
+    if not pairs:
+        return Relaxation((), ())
+    try:
+        # checked with the empty branches, whose times must be possible too
+        Relaxation(tuple(g for _, g in pairs), tuple(tau for tau, _ in pairs))
+    except BadInput as error:
+        raise BadInput(f"prony: {error}") from None
+    kept = [(tau, g) for tau, g in pairs if g > 0]
+    if not kept:
+        raise BadInput(
+            "prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic silicone"
+        )
+    return Relaxation(tuple(g for _, g in kept), tuple(tau for tau, _ in kept), (pairs[0][0], pairs[-1][0]))
+
+
+def branches_text(relaxation: Relaxation) -> str:
+    """Return branches as the field `prony` takes them; `parse_branches` is the inverse.
+
+    >>> branches_text(parse_branches("0.050:0.01 0:10"))
+    '0.05:0.01 0:10'
+    """
+    pairs = dict(zip(relaxation.times, relaxation.shares, strict=True))
+    ends = relaxation.speaks_for if relaxation.times else ()
+    pairs = dict.fromkeys(ends, 0.0) | pairs
+    return " ".join(f"{g:.6g}:{tau:.6g}" for tau, g in sorted(pairs.items()))
+
+
+@functools.lru_cache(maxsize=1000)
+def constant_loss(loss_factor: float, low: float, high: float) -> Relaxation:
+    """Return branches whose loss factor is constant within 2 % over a band of frequencies.
+
+    Parameters
+    ----------
+    loss_factor : tan(delta); 0 gives no branches.
+    low, high : ends of the band, Hz.
+
+    Raises
+    ------
+    BadInput
+        The band is too wide, or nearly all stress would relax.
+    """
+    if not loss_factor > 0:
+        return Relaxation((), ())
+    decades = math.log10(high / low)
+    if not 0 < decades <= MOST_DECADES:
+        raise BadInput(
+            f"the band of a constant loss factor must be above 0 and at most {MOST_DECADES:g} decades wide; got "
+            f"{low:g} to {high:g} Hz: change loss_low or loss_high"
+        )
+    from scipy.optimize import nnls
+
+    count = math.ceil((decades + 2 * BEYOND) * PER_DECADE) + 1
+    times = np.geomspace(10**BEYOND / low, 10**-BEYOND / high, count)[::-1] / (2 * math.pi)
+    x = 2 * math.pi * np.geomspace(low, high, 40 * math.ceil(decades) + 1)[:, None] * times
+    storage, loss = x * x / (1 + x * x), x / (1 + x * x)
+    scale = np.ones(len(x))
+    for _ in range(4):
+        # the error of tan(delta) is that of G'' - tan(delta) G' over G', so the rows are weighed with the last G'
+        h, _ = nnls((loss / loss_factor - storage) / scale[:, None], 1 / scale)
+        scale = 1 + storage @ h
+    rest = 1 / (1 + h.sum())
+    error = float(np.max(np.abs(loss @ h / scale / loss_factor - 1)))
+    if not (error <= FLATNESS and rest >= LEAST_REST):
+        raise BadInput(
+            f"a loss factor of {loss_factor:g} from {low:g} to {high:g} Hz leaves less than {LEAST_REST:g} of the "
+            f"instantaneous modulus in the long term: lower loss_factor or narrow the band loss_low to loss_high"
+        )
+    kept = h > 0
+    ends = (1 / (2 * math.pi * high), 1 / (2 * math.pi * low))
+    return Relaxation(tuple((h[kept] * rest).tolist()), tuple(times[kept].tolist()), ends)
+
+
+def branches_of(prony: str, loss_factor: float, loss_low: float, loss_high: float) -> Relaxation:
+    """Return the branches of these fields of a design: `prony`, or those of the loss factor if it is empty."""
+    return parse_branches(prony) if prony else constant_loss(loss_factor, loss_low, loss_high)

@@ -1,0 +1,113 @@
+"""The relaxation of a design: its branches, its two moduli, and the times and frequencies for which they speak.
+
+`geometry.prony` has the equations. Branches that were measured over seconds say nothing about 600 Hz: times and
+frequencies outside the covered range are refused, or allowed on request and marked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from geometry.design import BadInput, Design
+from geometry.prony import Relaxation as Relaxation
+from geometry.prony import branches_of
+from geometry.prony import constant_loss as constant_loss
+from geometry.prony import parse_branches as parse_branches
+
+
+def relaxation_of(design: Design) -> Relaxation:
+    """Return the branches of a design: `prony`, or those of its constant loss factor.
+
+    >>> relaxation_of(Design(loss_factor=0.0))
+    Relaxation(shares=(), times=(), covered=None)
+    """
+    return branches_of(design.prony, design.loss_factor, design.loss_low, design.loss_high)
+
+
+def moduli(design: Design) -> tuple[float, float]:
+    """Return the instantaneous and the long-term Young's modulus of a design at small strain, MPa.
+
+    The ratio of both is that of the shear moduli, exactly for nu = 0.5; the bulk does not relax.
+
+    >>> moduli(Design(E=1.0, prony="0.5:1", modulus="instantaneous"))
+    (1.0, 0.5)
+    """
+    rest = relaxation_of(design).rest
+    return (design.E, design.E * rest) if design.modulus == "instantaneous" else (design.E / rest, design.E)
+
+
+def relaxation_notes(design: Design) -> list[str]:
+    """Return sentences: which modulus E is, where the branches come from, and what is assumed.
+
+    >>> relaxation_notes(Design(prony="0.5:1", modulus="long-term"))[0]
+    'E = 1 MPa is the long-term modulus (assumed); the instantaneous modulus is 2 MPa'
+    """
+    relaxation, (fast, slow) = relaxation_of(design), moduli(design)
+    if not relaxation.times:
+        return [f"the silicone is elastic (loss_factor is 0): E = {design.E:g} MPa at every rate"]
+    instantaneous = design.modulus == "instantaneous"
+    other = (
+        f"the {'long-term' if instantaneous else 'instantaneous'} modulus is {slow if instantaneous else fast:.4g}"
+    )
+    # the default may be a choice as well, but nothing says so
+    assumed = "" if instantaneous else " (assumed)"
+    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{assumed}; {other} MPa"
+    count = f"{len(relaxation.times)} Prony branch{'es' if len(relaxation.times) > 1 else ''}"
+    if design.prony:
+        return [which, f"{count} from the field prony, which speak for {_range_text(relaxation)}"]
+    source = (
+        f"{count} of a constant loss factor of {design.loss_factor:g} from {design.loss_low:g} to "
+        f"{design.loss_high:g} Hz, which is an assumption, not a measurement: magtip fit turns tests into branches"
+    )
+    return [which, source]
+
+
+def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequencies: Iterable[float] = ()) -> str:
+    """Return the sentence that refuses times, s, or frequencies, Hz, outside the covered range; "" if all are inside.
+
+    >>> range_sentence(Relaxation((0.5,), (1.0,), (0.1, 10.0)), frequencies=[1.0, 600.0])
+    'the branches speak for 0.1 to 10 s (0.0159 to 1.59 Hz), not for 600 Hz'
+    """
+    outside = [
+        f"{text} {unit}"
+        for values, (low, high), unit in (
+            (list(times), relaxation.speaks_for, "s"),
+            (list(frequencies), relaxation.speaks_for_frequencies, "Hz"),
+        )
+        if (text := _outside(values, low, high))
+    ]
+    return f"the branches speak for {_range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
+
+
+def _range_text(relaxation: Relaxation) -> str:
+    (short, long), (low, high) = relaxation.speaks_for, relaxation.speaks_for_frequencies
+    return f"{short:.3g} to {long:.3g} s ({low:.3g} to {high:.3g} Hz)"
+
+
+def _outside(values: Sequence[float], low: float, high: float) -> str:
+    """Return the least and the largest value outside a range; the ends of the range may differ by rounding."""
+    beyond = [value for value in values if not low * (1 - 1e-6) <= value <= high * (1 + 1e-6)]
+    if not beyond:
+        return ""
+    return f"{min(beyond):.3g}" if min(beyond) == max(beyond) else f"{min(beyond):.3g} to {max(beyond):.3g}"
+
+
+def check_range(
+    design: Design, *, times: Iterable[float] = (), frequencies: Iterable[float] = (), beyond: bool = False
+) -> list[str]:
+    """Check that the branches of a design speak for times, s, and frequencies, Hz; return a warning if they do not.
+
+    Parameters
+    ----------
+    beyond : whether values outside the range are allowed, and only marked by the warning.
+
+    Raises
+    ------
+    BadInput
+        A value is outside the range, and `beyond` is False.
+    """
+    sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
+    if sentence and not beyond:
+        remedy = "measure further" if design.prony else "change loss_low or loss_high"
+        raise BadInput(f"{sentence}: {remedy}, or allow such values with --extrapolate, which marks the results")
+    return [f"{sentence}: the results are an extrapolation"] if sentence else []
