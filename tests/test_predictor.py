@@ -9,7 +9,7 @@ from fem.discretisation import symmetry_models
 from fem.solvers import predictor
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import follow_segment
-from fem.solvers.path_state import at_rest, with_predictor
+from fem.solvers.path_state import at_rest, glue, with_predictor
 from fem.solvers.predictor import predict
 from geometry.design import paper
 
@@ -70,3 +70,18 @@ def test_one_that_was_left_behind_says_nothing(gripped, solvers):
     assert predict(*solvers, elsewhere, ASIDE) == (elsewhere, 0)
     alone = replace(gripped, reduced=None)
     assert predict(*solvers, alone, ASIDE) == (alone, 0)
+
+
+def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers):
+    solid = symmetry_models.solid(SHAPE, 0.4998, "ignored", 0.6, 0.3, half=True)
+    section = symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1)
+    pressed, sheared = np.array([0.05, 0.0, 0.0]), np.array([0.05, 0.05, 0.0])
+    alone = at_rest(solid)
+    state, _ = predict(*solvers, with_predictor(alone, section), pressed)
+    np.testing.assert_array_equal(state.position, pressed)
+    in_steps = follow_segment(solvers[0], alone, pressed).state
+    assert state.energy == pytest.approx(in_steps.energy, rel=1e-8)
+    state, _ = predict(*solvers, glue(state, 0.2), sheared)
+    np.testing.assert_array_equal(state.position, sheared)
+    in_steps = follow_segment(solvers[0], glue(in_steps, 0.2), sheared).state
+    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)

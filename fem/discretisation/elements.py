@@ -205,7 +205,9 @@ class Surface:
 
     def displacement(self, u: Array) -> Array:
         """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
-        return np.asarray((u[self.nodes].reshape(len(self.nodes), -1) @ self.spread).reshape(self.points.shape))
+        return np.asarray(
+            (u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.spread).reshape(self.points.shape)
+        )
 
     @functools.cached_property
     def _upward_spread(self) -> Array:
@@ -214,7 +216,7 @@ class Surface:
 
     def upward_displacement(self, u: Array) -> Array:
         """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
-        return np.asarray(u[self.nodes].reshape(len(self.nodes), -1) @ self._upward_spread)
+        return np.asarray(u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self._upward_spread)
 
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.
@@ -247,8 +249,8 @@ class Surface:
 
     def forces(self, traction: Array) -> Array:
         """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""
-        weighted = (self.weights[..., None] * traction).reshape(len(self.nodes), -1)
-        return np.asarray((weighted @ self.spread.T).reshape(*self.nodes.shape, -1))
+        weighted = (self.weights[..., None] * traction).reshape(len(self.nodes), self.spread.shape[1])
+        return np.asarray((weighted @ self.spread.T).reshape(*self.nodes.shape, self.E.shape[2]))
 
 
 _FACET_NODES = {

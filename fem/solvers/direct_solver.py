@@ -10,6 +10,7 @@ import ctypes
 import functools
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,15 +85,23 @@ class Solver:
         self.kept: Ints = np.zeros(0, dtype=np.int64)
         self._condensing: _Pardiso | None = None
 
-    def factorise(self, matrix: sp.csr_matrix, *, symmetric: bool = True) -> None:
-        """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError."""
+    def factorise(
+        self, matrix: sp.csr_matrix, *, symmetric: bool = True, order: Callable[[], Ints] | None = None
+    ) -> None:
+        """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
+
+        order : returns the order (n,) in which PARDISO eliminates the unknowns of a large symmetric matrix; called
+            once. Default: PARDISO's own.
+        """
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
         self._symmetric = symmetric
         if self._use_pardiso:
             handle = self._handles.get(symmetric)
             if handle is None:
-                handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=not symmetric)
+                own = None if order is None or not symmetric or matrix.shape[0] < FEW else order()
+                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own)
+                self._handles[symmetric] = handle
             handle.factorise(matrix)
             if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
                 handle.close()
@@ -102,7 +111,7 @@ class Solver:
         # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix, in an order computed once
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
-            self._order = _nested_dissection(full)
+            self._order = nested_dissection(full)
         self._lu = _superlu(full[self._order][:, self._order])
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
@@ -136,7 +145,7 @@ class Solver:
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr()
         inner = np.setdiff1d(np.arange(full.shape[0]), kept)
         if self._inner_order is None or not same:
-            self._inner_order = inner[_nested_dissection(full[inner][:, inner])]
+            self._inner_order = inner[nested_dissection(full[inner][:, inner])]
         order = self._inner_order
         self._lu = _superlu(full[order][:, order])
         self._coupling = full[order][:, kept]
@@ -236,27 +245,38 @@ class _Pardiso:
         displacement-pressure systems need it only where elements, and with them pivots, differ by orders of
         magnitude.
     kept : unknowns that are not eliminated, but left in a Schur complement.
+    order : order in which the unknowns are eliminated; default: PARDISO's own. Without `match` or `kept`.
 
     Attributes
     ----------
     iparm : (64,) MKL's parameters, numbered from 0.
     """
 
-    def __init__(self, matrix: sp.csr_matrix, *, symmetric: bool, match: bool, kept: Ints | None = None) -> None:
+    def __init__(
+        self,
+        matrix: sp.csr_matrix,
+        *,
+        symmetric: bool,
+        match: bool,
+        kept: Ints | None = None,
+        order: Ints | None = None,
+    ) -> None:
         self._mkl = _mkl()
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         size = matrix.shape[0]
         # Newton's method corrects small errors of a solve, so solutions are refined only where pivots were perturbed
-        order, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
+        method, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
         self.iparm = np.zeros(64, dtype=np.int32)
-        for i, value in {1: 1, 2: order, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
+        for i, value in {1: 1, 2: method, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
             self.iparm[i - 1] = value
         # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
         self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
         memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
         if kept is not None:
             permutation[kept], self.iparm[35] = 1, 2
+        elif order is not None:
+            permutation[:], self.iparm[4] = order, 1
         self._kept = memory, permutation, matrix.indptr, matrix.indices
         first = _address(self._numbers)
         most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
@@ -303,8 +323,8 @@ def _address(array: NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
 
 
-def _nested_dissection(matrix: sp.csr_matrix) -> Ints:
-    """Return an order of the unknowns of a symmetric matrix that keeps its factors sparse."""
+def nested_dissection(matrix: sp.csr_matrix) -> Ints:
+    """Return an order of the unknowns of a symmetric matrix, both triangles of it, that keeps its factors sparse."""
     import pymetis
 
     rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))

@@ -21,6 +21,9 @@ cut the tip. At 1 the contact radius has as many elements as the diameter D."""
 RIM_SHARE = 0.25
 """Edge length where an area glued to a tilted plate ends, over the distance of its centre from the axis or over its
 radius, whichever is less: the radius at which it ends changes around the axis by twice that distance."""
+SOLID_PREDICTOR_HARMONICS = 2
+"""Harmonics of the section that predicts the states of tetrahedra: with one, a correction takes an iteration more,
+which costs more than the second harmonic."""
 PRESS_FILLET = 0.5
 """Edge length at the magnet's fillet, over the fillet's radius, for a press. Presses go deeper than shears do, and
 larger elements would be inverted there; a shear would gain nothing from smaller ones."""
@@ -35,7 +38,8 @@ class PathModels:
     first : model at the start of the path.
     raised : model with harmonics on the same mesh that replaces `first` when the shear begins; the sideways stability
         of an axisymmetric press is also computed in it.
-    predictor : model with one harmonic on the same mesh that predicts the states of a model with more.
+    predictor : model that predicts the states of the model with harmonics, or of tetrahedra: one harmonic on the same
+        mesh, or a section with harmonics.
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
         radius.
     """
@@ -107,17 +111,33 @@ def friction_plate(scene: Scene) -> PathModels:
 
 
 def tetrahedra(scene: Scene, mesh: skfem.MeshTet2 | None) -> PathModels:
-    """Return the model of any load on a solid, refined where the tied area ends if that is known, else at the tip."""
+    """Return the models of any load on a solid, refined where the tied area ends, or else at the tip."""
     size, patch = scene.accuracy.solid_size, scene.accuracy.solid_patch
     body: Literal["half", "full"] = "half" if scene.model == "half" else "full"
     solid = replace(specification(scene, size, size / 2), body=body, push=scene.push, mesh=mesh)
     radius = None if mesh is not None else _sheared_radius(scene)
     if radius is None:
         fine = scene.sideways or scene.plate_tilt
-        return PathModels(replace(solid, tip_size=patch) if fine else solid)
+        predictor = None if mesh is not None else _section_predictor(scene, None)
+        return PathModels(replace(solid, tip_size=patch) if fine else solid, predictor=predictor)
+    rim = radius, min(patch, radius / 3)
     return PathModels(
-        replace(solid, rim=(radius, min(patch, radius / 3))), glued_radius=None if scene.push else radius
+        replace(solid, rim=rim),
+        predictor=_section_predictor(scene, rim),
+        glued_radius=None if scene.push else radius,
     )
+
+
+def _section_predictor(scene: Scene, rim: tuple[float, float] | None) -> MeshSpecification | None:
+    """Return the section that predicts the states of half a solid; None for loads whose states are not near enough.
+
+    A grip covers other points of the skin of a section, the branch of an imperfect press depends on the mesh, and
+    Coulomb friction on the increments.
+    """
+    if scene.model != "half" or scene.grip is not None or scene.push or scene.plate_tilt or scene.coulomb is not None:
+        return None
+    section = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
+    return replace(section, rim=rim, harmonics=SOLID_PREDICTOR_HARMONICS)
 
 
 def _section(scene: Scene, size: float) -> MeshSpecification:

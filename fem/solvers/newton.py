@@ -209,7 +209,7 @@ def _evaluate_step(
 
 def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int | None:
     """Factorise a tangent; return the number of its unstable directions, None where that is not known."""
-    solver.factorise(assembly.tangent, symmetric=assembly.symmetric)
+    solver.factorise(assembly.tangent, symmetric=assembly.symmetric, order=system.pattern.elimination_order)
     negative = solver.negative()
     return None if negative is None else negative - system.n_pressure
 

@@ -6,7 +6,9 @@ increment depends on, so equal increments from equal states give equal results.
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +18,7 @@ from fem.contact import coulomb_friction, plate_contact
 from fem.contact.coulomb_friction import Friction
 from fem.contact.plate_contact import KAPPA, SECTION_KAPPA, Plate
 from fem.discretisation import elements, single_order
+from fem.discretisation.section_interpolation import interpolate_section
 from fem.discretisation.symmetry_models import Discretisation, raise_harmonics
 from geometry.arrays import Array
 
@@ -71,6 +74,7 @@ class PathState:
     direction : (3,) unit vector of the last motion under Coulomb friction; zeros before the first.
     past : up to two earlier states, oldest first, on the smooth path to this one.
     reduced : present state of the predictor; None without a predictor.
+    raise_unknowns : returns the unknowns of this model for those of the predictor; None without a predictor.
     """
 
     d: Discretisation
@@ -90,6 +94,7 @@ class PathState:
     direction: Array = field(default_factory=lambda: np.zeros(3))
     past: tuple[PastState, ...] = ()
     reduced: PathState | None = None
+    raise_unknowns: Callable[[Array], Array] | None = None
 
     @property
     def skin(self) -> elements.Surface:
@@ -174,13 +179,17 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
 
     Parameters
     ----------
-    d : model of the predictor, with fewer harmonics on the same mesh.
+    d : model of the predictor: fewer harmonics on the same mesh, or the section with harmonics for tetrahedra.
     low : the same state with at most the predictor's harmonics; None at rest.
     """
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
     # its energy and stability follow with its first increment
     reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q)
-    return replace(state, reduced=reduced)
+    if state.d.revolved:
+        return replace(
+            state, reduced=reduced, raise_unknowns=functools.partial(raise_harmonics, d.system, state.d.system)
+        )
+    return replace(state, reduced=reduced, raise_unknowns=interpolate_section(d.system, state.d.system))
 
 
 def glue(state: PathState, radius: float | None) -> PathState:
@@ -189,7 +198,9 @@ def glue(state: PathState, radius: float | None) -> PathState:
     assert plate.tied is not None
     reduced = state.reduced
     if reduced is not None:
-        reduced = replace(reduced, bond=_bond(reduced, plate.tied))
+        # a section has other points on its skin than tetrahedra
+        same = reduced.d.revolved == state.d.revolved
+        reduced = replace(reduced, bond=_bond(reduced, plate.tied)) if same else glue(reduced, radius)
     return replace(state, bond=_bond(state, plate.tied), reduced=reduced)
 
 

@@ -1,0 +1,93 @@
+"""Unknowns of tetrahedra from a state of the section with harmonics of one beam: a first guess for Newton's method.
+
+Each node of the tetrahedra lies at a point (r, z) of a triangle of the section and at an angle theta. The triangle is
+curved, so the point's local coordinates are found by Newton's method, from those in the straight triangle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fem.discretisation import elements
+from fem.discretisation.elements import Elements
+from fem.discretisation.nonlinear_system import System
+from geometry.arrays import Array, Ints
+
+NEAREST, CORRECTIONS = 12, 3
+"""Triangles, those with the nearest centres, among which that of a point is sought; and Newton steps for its local
+coordinates, whose error is far below that of the guess after them."""
+
+
+@dataclass(frozen=True, slots=True)
+class SectionInterpolation:
+    """Interpolation from a section with harmonics to tetrahedra of the half y >= 0.
+
+    Attributes
+    ----------
+    section, solid : the two systems.
+    cells : (n,) triangle of each node of the tetrahedra.
+    shape, pressure_shape : (n, 6) and (n, 3) shape functions of its nodes and corners there.
+    E, C : (n, 3, f) displacement x, y, z of each field, and (n, k) pressure of each pressure field.
+    """
+
+    section: System
+    solid: System
+    cells: Ints
+    shape: Array
+    pressure_shape: Array
+    E: Array
+    C: Array
+
+    def __call__(self, q: Array) -> Array:
+        """Return the unknowns of the tetrahedra for unknowns q of the section."""
+        state, e = self.section.state(q), self.section.elements
+        fields = np.einsum("na,naf->nf", self.shape, state.u[e.cells[self.cells]])
+        rows = np.zeros(len(e.nodes), dtype=np.int64)
+        rows[self.section.corner_nodes] = np.arange(len(self.section.corner_nodes))
+        orders = np.einsum("nc,nck->nk", self.pressure_shape, state.p[rows[e.corners[self.cells]]])
+        u, p = np.einsum("nif,nf->ni", self.E, fields), np.sum(self.C * orders, axis=1)
+        return self.solid.unknowns(u, p[self.solid.corner_nodes, None], self.section.motion(q))
+
+
+def interpolate_section(section: System, solid: System) -> SectionInterpolation:
+    """Return the interpolation from a section with harmonics to tetrahedra of the half y >= 0."""
+    x, y, z = solid.elements.nodes.T
+    cells, local = _locate(section.elements, np.stack([np.hypot(x, y), z], axis=1))
+    angles = section.elements.angles
+    series = elements.fields_at(np.arctan2(y, x), angles.harmonics, sines=angles.sines)
+    E = np.einsum("ijn,njf->nif", elements.rotations(series.theta), series.E)
+    shape, _ = _shape_functions(local)
+    return SectionInterpolation(section, solid, cells, shape, _barycentric(local), E, series.C)
+
+
+def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:
+    """Return the triangle of each point (n, 2), and the point's local coordinates (n, 2) in it."""
+    corners = e.nodes[e.corners]
+    _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAREST, len(corners)))
+    sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+    local = np.einsum("nkij,nkj->nki", np.linalg.inv(sides)[near], points[:, None] - corners[near, 0])
+    # a point beside the straight triangles, at a curved side, belongs to the one that it is least outside of
+    best = np.argmax(_barycentric(local).min(axis=-1), axis=1)
+    cells, local = near[np.arange(len(points)), best], local[np.arange(len(points)), best]
+    nodes = e.nodes[e.cells[cells]]
+    for _ in range(CORRECTIONS):
+        shape, slopes = _shape_functions(local)
+        jacobian = np.einsum("nai,naj->nij", nodes, slopes)
+        off = points - np.einsum("na,nai->ni", shape, nodes)
+        local = local + np.linalg.solve(jacobian, off[..., None])[..., 0]
+    return cells, local
+
+
+def _barycentric(local: Array) -> Array:
+    """Return the barycentric coordinates (..., 3) of local coordinates (..., 2)."""
+    return np.concatenate([1 - local.sum(axis=-1, keepdims=True), local], axis=-1)
+
+
+def _shape_functions(local: Array) -> tuple[Array, Array]:
+    """Return the quadratic shape functions (n, 6) of a triangle and their slopes (n, 6, 2) at local coordinates."""
+    quadratic, _ = elements.bases(2)
+    values, slopes = zip(*(quadratic.lbasis(local.T, i) for i in range(6)), strict=True)
+    return np.stack(values, axis=-1), np.stack([slope.T for slope in slopes], axis=1)
