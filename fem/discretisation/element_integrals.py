@@ -14,6 +14,7 @@ import numpy as np
 
 from fem import material
 from fem.discretisation.elements import Elements
+from fem.discretisation.overstress import Overstress
 from geometry.arrays import Array, Ints
 
 
@@ -24,6 +25,7 @@ def integrate(
     law: material.Law,
     moduli: tuple[Array, Array],
     p: Array,
+    viscous: Overstress | None = None,
     *,
     tangent: bool,
 ) -> tuple[float, Array, Array, Array, Array]:
@@ -34,6 +36,7 @@ def integrate(
     parts, strains : batches and the strains at their points.
     moduli : shear moduli and inverse bulk moduli, (m, 1) each.
     p : (m, c, n) pressures at the corners.
+    viscous : what a time step adds to the law; default: nothing.
     tangent : if not, the pieces are empty.
     """
     fu, fp = np.empty((len(p), e.angles.fields * e.cells.shape[1])), np.empty((len(p), p[0].size))
@@ -42,7 +45,9 @@ def integrate(
         k = material.kinematics(strain, e.angles.components, tangent=tangent)
         pressures, w, mu, soft = pressure(e, part, p), volumes(e, part), moduli[0][part], moduli[1][part]
         # laws are linear in modulus and pressure: weighting these two is cheaper than weighting the tensors
-        W, P, A = law(k, w * mu, w * pressures)
+        W, P, A = law(k, w * mu if viscous is None else w * (viscous.factor * mu), w * pressures)
+        if viscous is not None:
+            viscous.part(part).add(k, mu, w, W, P, A)
         energy += float(W.sum() - np.vdot(w * pressures * soft, pressures) / 2)
         fu[part] = displacement_forces(e, part, P)
         fp[part] = pressure_forces(e, part, w * (k.Jm1 - pressures * soft))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.discretisation.elements import Angles, Elements
+from fem.discretisation.overstress import Overstress
 from fem.material import Law, numbered
 from fem.solvers.sparse_pattern import Pattern
 from geometry import compiled
@@ -90,15 +91,18 @@ class Loops:
         changes = [self._kinematics(part, u, np.empty((0, 0)))[1].min() for part in (*self._inner, *self._near)]
         return float(np.min(changes))
 
-    def assemble(self, u: Array, p: Array, T: Array, *, tangent: bool) -> tuple[float, Array, Array, Array]:
+    def assemble(
+        self, u: Array, p: Array, T: Array, viscous: Overstress | None = None, *, tangent: bool
+    ) -> tuple[float, Array, Array, Array]:
         """Return energy, nodal forces (nodes, f), volumes (corners, n), and entries (nnz,) of the tangent, or none.
 
         T : (nodes, f, r) derivative of the displacements by the magnet's motion.
+        viscous : what a time step adds to the law; default: nothing.
         """
         forces, volumes, energy = np.zeros(u.shape), np.zeros(p.shape), 0.0
         data = self._constant.copy() if tangent else np.empty(0)
         for part in (*self._inner, *self._near):
-            energy += self._add_batch(part, u, p, T, forces, volumes, data, tangent=tangent)
+            energy += self._add_batch(part, u, p, T, viscous, forces, volumes, data, tangent=tangent)
         return energy, forces, volumes, data
 
     def add_matrices(self, matrices: Array, nodes: Ints, group: int, number: Ints, data: Array) -> None:
@@ -144,7 +148,17 @@ class Loops:
         return G, Jm1
 
     def _add_batch(
-        self, part: slice, u: Array, p: Array, T: Array, forces: Array, volumes: Array, data: Array, *, tangent: bool
+        self,
+        part: slice,
+        u: Array,
+        p: Array,
+        T: Array,
+        viscous: Overstress | None,
+        forces: Array,
+        volumes: Array,
+        data: Array,
+        *,
+        tangent: bool,
     ) -> float:
         """Add forces, volumes and tangent of a batch to arrays; return its energy."""
         e = self._elements
@@ -164,11 +178,16 @@ class Loops:
             self._mu[part], self._inverse_K[part], corners, e.weights[part], a.weights, e.pressure_shape, a.C, p,
             w, modulus, pressure, weighted, soft,
         )  # fmt: skip
+        if viscous is not None:
+            modulus *= viscous.factor
         W, P, A = self._buffer("W", n), self._buffer("P", 9, n), self._buffer("A", 9, 9, n if tangent else 0)
         self._laws.stress(
             self._law, self._constants, G.reshape(9, -1), Jm1, Hm1, modulus.ravel(), weighted.ravel(), W, P, A,
             tangent=tangent,
         )  # fmt: skip
+        if viscous is not None:
+            own = viscous.part(part, angles_first=True)
+            self._add_overstress(own, G.reshape(9, -1), Jm1, self._mu[part], w.ravel(), W, P, A, tangent=tangent)
         energy = self._kernels.integrate_forces(
             cells, corners, e.D[part], e.pressure_shape, a.V, a.C, self._carried, w, pressure, soft,
             Jm1.reshape(shape), W.reshape(shape), P.reshape(9, *shape), forces, volumes,
@@ -180,6 +199,23 @@ class Loops:
             )
             self._add_tangent(part, self._stiffness(part, A.reshape(9, 9, *shape)), Y, T, data)
         return float(energy)
+
+    def _add_overstress(
+        self, viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array,
+        *, tangent: bool,
+    ) -> None:  # fmt: skip
+        """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
+
+        mu : (m,) moduli of the elements; w : (n,) weights of the points.
+        """
+        from fem.discretisation import viscous_compiled
+
+        if viscous.H is not None:
+            viscous_compiled.add_dead_stress(G, viscous.H, w, W, P, A, tangent)
+        t, q = len(self._elements.angles.theta), self._elements.weights.shape[1]
+        for one in viscous.branches:
+            own = one.share * np.tile(np.repeat(mu, q), t)
+            viscous_compiled.add_branch(G, Jm1, one.A, one.b, own, w, W, P, A, tangent)
 
     def _stiffness(self, part: slice, A: Array) -> Array:
         """Return the stiffness (m, entries) of the elements of a batch, for weighted tangents A (9, 9, t, points)."""

@@ -30,6 +30,7 @@ from fem.contact.plate_contact import Plate
 from fem.discretisation import element_integrals, element_loops
 from fem.discretisation.element_loops import FACETS, MOTION, Loops
 from fem.discretisation.elements import Elements, Surface
+from fem.discretisation.overstress import Overstress
 from fem.discretisation.rigid_inclusion import RigidBody
 from fem.solvers.sparse_pattern import Pattern, Side
 from geometry.arrays import Array, Ints
@@ -103,6 +104,7 @@ class System:
     free, eliminated : (nodes, fields) masks of the displacements that are unknowns, and of those that are fixed or
         follow the magnet.
     corner_nodes : nodes that carry pressures.
+    viscous : what a time step of a viscoelastic law adds to the law; None without one.
     """
 
     def __init__(
@@ -120,6 +122,7 @@ class System:
         held: Array | None = None,
     ) -> None:
         self.law = law
+        self.viscous: Overstress | None = None
         self.surface = surface
         self.fixed = fixed
         self.dead = np.zeros(fixed.shape) if dead is None else dead
@@ -264,7 +267,7 @@ class System:
         compiled = element_loops.usable(self.law, self.elements)
         T = self._motion_derivative(state)
         if compiled:
-            energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, tangent=tangent)
+            energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
         else:
             energy, forces, volumes, groups = self._integrate(state, T, tangent)
         springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
@@ -291,7 +294,7 @@ class System:
         e, inner, moduli = self.elements, self._free_cells, (self.mu, self.inverse_K)
         strains = state.strains or self._strains(state)
         energy, fu, fp, K, C = element_integrals.integrate(
-            e, self._parts, strains, self.law, moduli, state.p[self._corners], tangent=tangent
+            e, self._parts, strains, self.law, moduli, state.p[self._corners], self.viscous, tangent=tangent
         )
         forces = element_integrals.sum_entries(e.places, fu, state.u.shape)
         rows = np.arange(state.p.size).reshape(state.p.shape)[self._corners]

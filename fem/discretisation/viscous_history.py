@@ -1,0 +1,190 @@
+"""The viscous history of a body at its integration points.
+
+Arrays over points have the shape (..., t, m, q): angles, elements in the order of `nonlinear_system.System`, points
+of each. The two histories have the same methods: `overstress` before a step, `advance` after it. Equations:
+`fem.viscoelasticity`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem import material
+from fem import viscoelasticity as laws
+from fem.discretisation import element_integrals
+from fem.discretisation.elements import Elements
+from fem.discretisation.overstress import Overstress, ViscousBranch
+from geometry.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Branches:
+    """Branches of the silicone in units of the given modulus.
+
+    Attributes
+    ----------
+    shares, times : (b,) g_i of the instantaneous modulus, and tau_i in s.
+    instantaneous : instantaneous modulus over the modulus E of the design, 1 or 1 / rest.
+    """
+
+    shares: Array
+    times: Array
+    instantaneous: float
+
+    @property
+    def rest(self) -> float:
+        """Long-term over instantaneous modulus."""
+        return 1 - float(self.shares.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class PointState:
+    """Strain and elastic stress at the integration points of a state.
+
+    Attributes
+    ----------
+    C : (6, t, m, q) right Cauchy-Green tensor.
+    J : (t, m, q) volume ratio.
+    W, S : (t, m, q) and (6, t, m, q) isochoric energy and second Piola-Kirchhoff stress with the modulus E.
+    weights : (t, m, q) volumes of the points.
+    mu : shear modulus of the elements, (m, 1).
+    """
+
+    C: Array
+    J: Array
+    W: Array
+    S: Array
+    weights: Array
+    mu: Array
+
+    def integral(self, values: Array) -> float:
+        """Return the integral of values (t, m, q) over the body."""
+        return float(np.vdot(self.weights, values))
+
+
+@dataclass(frozen=True, slots=True)
+class LinearHistory:
+    """History of the law "prony": overstresses Q (b, 6, t, m, q) over E, and S_iso with E at the same time."""
+
+    branches: Branches
+    Q: Array
+    S: Array
+
+    def overstress(self, dt: float) -> Overstress:
+        """Return what a step of length dt, s, adds."""
+        own = self.branches
+        e, w = laws.decay(dt / own.times)
+        H = np.tensordot(e, self.Q, axes=1) - own.instantaneous * float(own.shares @ w) * self.S
+        return Overstress(own.instantaneous * (own.rest + float(own.shares @ w)), H)
+
+    def advance(self, now: PointState, dt: float) -> LinearHistory:
+        """Return the history after a step to a state."""
+        own = self.branches
+        e, w = laws.decay(dt / own.times)
+        gained = np.multiply.outer(own.instantaneous * own.shares * w, now.S - self.S)
+        gained += e[:, None, None, None, None] * self.Q
+        return replace(self, Q=gained, S=now.S)
+
+    def stored(self, now: PointState) -> float:
+        """Return the energy stored by the isochoric stresses."""
+        own = self.branches
+        energy = own.instantaneous * own.rest * now.W
+        for share, Q in zip(own.shares, self.Q, strict=True):
+            energy = energy + laws.overstress_energy(Q, now.C, own.instantaneous * share * now.mu)
+        return now.integral(energy)
+
+    def stress(self, now: PointState) -> Array:
+        """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
+        elastic = self.branches.instantaneous * self.branches.rest * now.S
+        return np.asarray(elastic + self.Q.sum(axis=0))
+
+    def revolve(self, angles: int) -> LinearHistory:
+        """Return the history of a section without angles at several angles."""
+        return replace(self, Q=np.repeat(self.Q, angles, axis=-3), S=np.repeat(self.S, angles, axis=-3))
+
+
+@dataclass(frozen=True, slots=True)
+class FiniteHistory:
+    """History of the law "finite": viscous strains (b, 6, t, m, q), and Cbar (6, t, m, q) at the same time."""
+
+    branches: Branches
+    viscous: Array
+    Cbar: Array
+
+    def overstress(self, dt: float) -> Overstress:
+        """Return what a step of length dt, s, adds."""
+        own = self.branches
+        steps = (laws.viscous_step(Ci, self.Cbar, dt / tau) for Ci, tau in zip(self.viscous, own.times, strict=True))
+        branches = tuple(
+            ViscousBranch(A, b, own.instantaneous * float(share))
+            for (A, b), share in zip(steps, own.shares, strict=True)
+        )
+        return Overstress(own.instantaneous * own.rest, branches=branches)
+
+    def advance(self, now: PointState, dt: float) -> FiniteHistory:
+        """Return the history after a step to a state."""
+        Cbar, own = now.J ** (-2 / 3) * now.C, self.branches
+        viscous = [
+            laws.viscous_strain(*laws.viscous_step(Ci, self.Cbar, dt / tau), Cbar)
+            for Ci, tau in zip(self.viscous, own.times, strict=True)
+        ]
+        return replace(self, viscous=np.array(viscous).reshape(self.viscous.shape), Cbar=Cbar)
+
+    def stored(self, now: PointState) -> float:
+        """Return the energy stored by the isochoric stresses."""
+        own = self.branches
+        energy = own.instantaneous * own.rest * now.W
+        for share, Ci in zip(own.shares, self.viscous, strict=True):
+            stretch = laws.contract(self.Cbar, laws.inverse(Ci)) - 3
+            energy = energy + own.instantaneous * share * now.mu / 2 * stretch
+        return now.integral(energy)
+
+    def stress(self, now: PointState) -> Array:
+        """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
+        own = self.branches
+        S = own.instantaneous * own.rest * now.S
+        for share, Ci in zip(own.shares, self.viscous, strict=True):
+            # a step of length 0 leaves C_i as it is
+            S = (
+                S
+                + laws.branch_stress(
+                    Ci, np.zeros(now.J.shape), now.C, now.J, own.instantaneous * share * now.mu, tangent=False
+                )[1]
+            )
+        return S
+
+    def revolve(self, angles: int) -> FiniteHistory:
+        """Return the history of a section without angles at several angles."""
+        return replace(
+            self, viscous=np.repeat(self.viscous, angles, axis=-3), Cbar=np.repeat(self.Cbar, angles, axis=-3)
+        )
+
+
+def measure(e: Elements, law: material.Law, mu: Array, u: Array) -> PointState:
+    """Return strain, energy and stress at the integration points, for nodal fields u and shear moduli mu (m, 1)."""
+    (m, q), t = e.weights.shape, len(e.angles.theta)
+    k = material.kinematics(material.strain(element_integrals.gradient(e, slice(0, m), u)), tangent=False)
+    W, P, _ = law(k, mu)
+    # S = F^-1 P, and H = F^-T
+    S = np.stack([np.einsum("i...,i...->...", k.H[:, I], P[:, J]) for I, J in laws.PAIRS])
+
+    def by_angle(values: Array) -> Array:
+        return np.ascontiguousarray(np.moveaxis(values.reshape(*values.shape[:-1], q, t), -1, -3))
+
+    weights = e.angles.weights[:, None, None] * e.weights
+    return PointState(by_angle(laws.cauchy_green(k.G)), by_angle(1 + k.Jm1), by_angle(W), by_angle(S), weights, mu)
+
+
+History = LinearHistory | FiniteHistory
+
+
+def at_rest(law: str, branches: Branches, points: tuple[int, int, int]) -> History:
+    """Return the history of an undeformed body with points (t, m, q), by the law "prony" or "finite"."""
+    count, zero = len(branches.times), np.zeros((6, *points))
+    if law == "prony":
+        return LinearHistory(branches, np.zeros((count, 6, *points)), zero)
+    unit = zero.copy()
+    unit[:3] = 1.0
+    return FiniteHistory(branches, np.repeat(unit[None], count, axis=0), unit)
