@@ -117,16 +117,16 @@ class Relaxation:
 def parse_branches(text: str) -> Relaxation:
     """Return the branches in a text "g:tau g:tau ..." with tau in s, by rising tau.
 
-    A branch with g = 0 is left out, but its tau counts as covered: fits write one where their data reach further than
-    their branches.
+    Two entries with g = 0 mark the shortest and the longest time that the measurement covers; without them it is
+    taken to cover the times from the shortest to the longest branch.
 
     Raises
     ------
     BadInput
         The text has another form, lists a time twice, or its branches are impossible.
 
-    >>> parse_branches("0.03:0.1 0.05:0.01 0:10")
-    Relaxation(shares=(0.05, 0.03), times=(0.01, 0.1), covered=(0.01, 10.0))
+    >>> parse_branches("0.03:0.1 0.05:0.01 0:0.005 0:10")
+    Relaxation(shares=(0.05, 0.03), times=(0.01, 0.1), covered=(0.005, 10.0))
     """
     pairs: list[tuple[float, float]] = []
     for word in text.split():
@@ -135,34 +135,34 @@ def parse_branches(text: str) -> Relaxation:
             raise BadInput(f"prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '{word}'")
         pairs.append((float(match[2]), float(match[1])))
     pairs.sort()
-    for (tau, _), (other, _) in itertools.pairwise(pairs):
-        if tau == other:
-            raise BadInput(f"prony lists the time tau = {tau:g} s twice: give one branch with the sum of both shares")
-    if not pairs:
-        return Relaxation((), ())
     try:
-        # checked with the empty branches, whose times must be possible too
+        # the marks are checked too: their times must be possible
         Relaxation(tuple(g for _, g in pairs), tuple(tau for tau, _ in pairs))
     except BadInput as error:
         raise BadInput(f"prony: {error}") from None
-    kept = [(tau, g) for tau, g in pairs if g > 0]
-    if not kept:
+    branches, marks = [pair for pair in pairs if pair[1]], [tau for tau, g in pairs if not g]
+    for (tau, _), (other, _) in itertools.pairwise(branches):
+        if tau == other:
+            raise BadInput(f"prony lists the time tau = {tau:g} s twice: give one branch with the sum of both shares")
+    if pairs and not branches:
         raise BadInput(
             "prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic silicone"
         )
-    return Relaxation(tuple(g for _, g in kept), tuple(tau for tau, _ in kept), (pairs[0][0], pairs[-1][0]))
+    if marks and (len(marks) != 2 or marks[0] == marks[1]):
+        raise BadInput("prony: entries with g = 0 mark the covered times, so give two, the shortest and the longest")
+    covered = (marks[0], marks[1]) if marks else None
+    return Relaxation(tuple(g for _, g in branches), tuple(tau for tau, _ in branches), covered)
 
 
 def branches_text(relaxation: Relaxation) -> str:
     """Return branches as the field `prony` takes them; `parse_branches` is the inverse.
 
-    >>> branches_text(parse_branches("0.050:0.01 0:10"))
-    '0.05:0.01 0:10'
+    >>> branches_text(parse_branches("0.050:0.01 0:10 0:0.1"))
+    '0.05:0.01 0:0.1 0:10'
     """
-    pairs = dict(zip(relaxation.times, relaxation.shares, strict=True))
-    ends = relaxation.speaks_for if relaxation.times else ()
-    pairs = dict.fromkeys(ends, 0.0) | pairs
-    return " ".join(f"{g:.6g}:{tau:.6g}" for tau, g in sorted(pairs.items()))
+    pairs = list(zip(relaxation.times, relaxation.shares, strict=True))
+    pairs += [(tau, 0.0) for tau in relaxation.covered or ()]
+    return " ".join(f"{g:.6g}:{tau:.6g}" for tau, g in sorted(pairs))
 
 
 @functools.lru_cache(maxsize=1000)

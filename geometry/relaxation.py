@@ -14,6 +14,9 @@ from geometry.prony import branches_of
 from geometry.prony import constant_loss as constant_loss
 from geometry.prony import parse_branches as parse_branches
 
+ROUNDING = 1e-5
+"""Relative difference that is rounding: the field `prony` has times to six digits."""
+
 
 def relaxation_of(design: Design) -> Relaxation:
     """Return the branches of a design: `prony`, or those of its constant loss factor.
@@ -54,7 +57,7 @@ def relaxation_notes(design: Design) -> list[str]:
     which = f"E = {design.E:g} MPa is the {design.modulus} modulus{assumed}; {other} MPa"
     count = f"{len(relaxation.times)} Prony branch{'es' if len(relaxation.times) > 1 else ''}"
     if design.prony:
-        return [which, f"{count} from the field prony, which speak for {_range_text(relaxation)}"]
+        return [which, f"{count} from the field prony, which speak for {range_text(relaxation)}"]
     source = (
         f"{count} of a constant loss factor of {design.loss_factor:g} from {design.loss_low:g} to "
         f"{design.loss_high:g} Hz, which is an assumption, not a measurement: magtip fit turns tests into branches"
@@ -76,17 +79,18 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
         )
         if (text := _outside(values, low, high))
     ]
-    return f"the branches speak for {_range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
+    return f"the branches speak for {range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
 
 
-def _range_text(relaxation: Relaxation) -> str:
+def range_text(relaxation: Relaxation) -> str:
+    """Return the covered range in words, as times and as frequencies."""
     (short, long), (low, high) = relaxation.speaks_for, relaxation.speaks_for_frequencies
     return f"{short:.3g} to {long:.3g} s ({low:.3g} to {high:.3g} Hz)"
 
 
 def _outside(values: Sequence[float], low: float, high: float) -> str:
     """Return the least and the largest value outside a range; the ends of the range may differ by rounding."""
-    beyond = [value for value in values if not low * (1 - 1e-6) <= value <= high * (1 + 1e-6)]
+    beyond = [value for value in values if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING)]
     if not beyond:
         return ""
     return f"{min(beyond):.3g}" if min(beyond) == max(beyond) else f"{min(beyond):.3g} to {max(beyond):.3g}"

@@ -209,6 +209,7 @@ def test_commands_are_those_of_the_server(page, design, load):
         ({"prony": "-0.1:1"}, {}),
         ({"prony": "0.1:1  0.2:1.0"}, {}),
         ({"prony": "0:1"}, {}),
+        ({"prony": "0.1:1 0:2"}, {}),
         ({}, {"depth": 8}),
         ({}, {"depth": -1}),
         ({}, {"friction": -0.1}),

@@ -51,7 +51,7 @@ def test_shapes_follow_the_argument_and_no_branches_are_elastic():
 def test_the_covered_range_is_that_of_the_branches_or_of_the_data():
     assert SERIES.speaks_for == (0.01, 20.0)
     assert SERIES.speaks_for_frequencies == pytest.approx((1 / (40 * math.pi), 1 / (0.02 * math.pi)))
-    assert parse_branches("0.1:1 0:0.1 0:100").speaks_for == (0.1, 100.0)
+    assert parse_branches("0.1:1 0.1:200 0:0.1 0:100").speaks_for == (0.1, 100.0)
 
 
 def test_text_and_branches_are_inverse():
@@ -73,6 +73,7 @@ def test_text_and_branches_are_inverse():
         ("1:1", "got 1"),
         ("0.5:1 0.5:2", "prony: the shares g of all branches must add up to less than 1; got 1"),
         ("0.1:1 0.2:1.0", "prony lists the time tau = 1 s twice: give one branch with the sum of both shares"),
+        ("0.1:1 0:2", "prony: entries with g = 0 mark the covered times, so give two, the shortest and the longest"),
         ("0:1 0:2", "prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic"),
     ],
 )

@@ -62,7 +62,7 @@ def test_notes_name_the_modulus_and_the_source_of_the_branches(fields, parts):
 
 
 def test_branches_of_a_design_are_its_text_or_its_loss_factor():
-    assert relaxation_of(MEASURED) == Relaxation((0.1, 0.2), (0.1, 10.0), (0.1, 10.0))
+    assert relaxation_of(MEASURED) == Relaxation((0.1, 0.2), (0.1, 10.0))
     assert relaxation_of(Design(loss_factor=0.2)) == constant_loss(0.2, 0.01, 1000.0)
     assert relaxation_of(Design(loss_factor=0.0)).times == ()
 

@@ -45,7 +45,10 @@ VERBS = {
         "catalogue_commands": "catalogue",
         "sizing_commands": "size",
     },
-    "Simulation": {"simulation_commands": "solve analytic compare stability modes fit demo"},
+    "Simulation": {
+        "simulation_commands": "solve analytic compare stability modes demo",
+        "material_commands": "fit",
+    },
     "Sensing": {"sensing_commands": "field readings decode table layout"},
     "Exploration": {
         "explorer_commands": "explore",

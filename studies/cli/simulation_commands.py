@@ -1,4 +1,4 @@
-"""The verbs of mechanics: solve, analytic, stability, modes, compare, fit for the material, and demo."""
+"""The verbs of mechanics: solve, analytic, stability, modes, compare, and demo."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import contextlib
 import dataclasses
 from pathlib import Path
 from typing import Annotated
-
-from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
@@ -25,17 +23,12 @@ from studies.inputs.option_groups import (
     SHEAR_Y,
     STANDARD,
     TOLERANCE,
-    LawName,
     Method,
     Motion,
     Whole,
 )
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
-from studies.output.records import FlatRow
-
-COLUMNS = "CSV: stretch, strain or strain_percent; nominal_stress_MPa, nominal_stress_kPa or nominal_stress_Pa."
-Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
 
 
 def solve(
@@ -286,72 +279,6 @@ def compare(
             sweep_request.show(summary[name], name.capitalize(), wide=wide)
             print_remarks(summary[name], sweep_request.CASE)
     return report_failures([*summary["press"], *summary["shear"]])
-
-
-def fit(
-    data: Data,
-    /,
-    *,
-    law: LawName | None = None,
-    out: Path | None = None,
-    nu: float = 0.4998,
-    wide: Wide = False,
-    as_json: AsJson = False,
-) -> int:
-    """Fit E and the material laws to a uniaxial test of a silicone; rank the laws and show where each is stable.
-
-    Two or three values from a data sheet are enough for laws with as few constants.
-
-    Parameters
-    ----------
-    law
-        Law for design.toml; default: the best one that fits the test and is stable in the test and in a press to
-        3/8 D.
-    out
-        Folder for the table, the plot and design.toml with the chosen law.
-    nu
-        Poisson's ratio for which E is given.
-    """
-    command_line = command(fit, locals())
-    from studies.simulation import material_fit as study
-    from studies.simulation.law_selection import reasons
-
-    atomic_files.check_apart(atomic_files.inside(out, study.FILES), [data])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        rows = study.run(data, nu, folder, law, progress, command_line)
-    if as_json:
-        console.report([row.row() for row in rows], as_json=True)
-    else:
-        _print_laws([row.texts() for row in rows], wide=wide)
-        for reason in filter(None, (reasons(row.judged) for row in rows)):
-            console.note(f"{reason}.")
-    chosen = [row for row in rows if row.judged.chosen]
-    for row in chosen or rows:
-        for warning in row.warnings:
-            console.warn(warning)
-    if not chosen:
-        console.say(
-            "magtip: no law is chosen and no design.toml written: every fitted E is outside the range of a design"
-        )
-        return FAILED
-    return GOOD
-
-
-def _print_laws(rows: list[FlatRow], *, wide: bool) -> None:
-    """Print the laws as three tables that fit into 80 columns, or as a wide one."""
-    ranking = (
-        "ranked by AICc"
-        if rows[0]["ranked_by"] == "AICc"
-        else "ranked by number of constants (too few points for AICc)"
-    )
-    title = f"Laws, best first, {ranking}"
-    if wide:
-        console.report(rows, as_json=False, title=title, wide=True)
-        return
-    fits = ("law", "chosen", "AICc", "rms_percent", "small_strain_excess_percent", "E_MPa")
-    ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
-    for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges)):
-        console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:

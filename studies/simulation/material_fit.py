@@ -97,7 +97,7 @@ def run(
     """
     data = read(path)
     if folder is not None:
-        _refuse_foreign(folder / "design.toml")
+        refuse_foreign(folder / "design.toml")
     if progress is not None:
         progress(0.0, "fits of all laws")
     laws = choose(fit(data, nu), data, asked)
@@ -118,7 +118,7 @@ def run(
     return rows
 
 
-def _refuse_foreign(file: Path) -> None:
+def refuse_foreign(file: Path) -> None:
     """Refuse to replace a design file that this module has not written, since it may be the user's own."""
     if file.exists() and not file.read_bytes().startswith(MARK.encode()):
         raise BadInput(f"{str(file)!r} was not written by magtip fit and would be overwritten: choose another folder")
@@ -135,10 +135,10 @@ def design_text(path: str, fit: Fit, nu: float, command: str) -> str:
     lines = [
         f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}" for name, value in values.items()
     ]
-    head = f"{MARK}{_printable(Path(path).name)}: rms residual {100 * fit.share:.3g} % of the largest stress"
-    return "\n".join([head, f"# by {_printable(command)}", *lines, ""])
+    head = f"{MARK}{printable(Path(path).name)}: rms residual {100 * fit.share:.3g} % of the largest stress"
+    return "\n".join([head, f"# by {printable(command)}", *lines, ""])
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """Return the text without characters that a comment cannot contain."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -67,17 +67,17 @@ def read(path: str) -> Specimen:
     line, header = rows.pop(0) if rows else (1, [])
     if not header:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
-    along, across = _column(path, line, header, tuple(STRETCH)), _column(path, line, header, tuple(STRESS))
+    along, across = column_of(path, line, header, tuple(STRETCH)), column_of(path, line, header, tuple(STRESS))
     offset, factor = STRETCH[header[along]]
     stretch, stress = [], []
     for line, row in rows:
-        value = offset + factor * _value(path, line, header, row, along)
+        value = offset + factor * value_of(path, line, header, row, along)
         if not LOWEST <= value <= HIGHEST:
             raise BadInput(
                 f"{path!r}, line {line}, column {header[along]}: the stretch must lie between {LOWEST:g} and "
                 f"{HIGHEST:g}; got {value:g}: check the column's unit"
             )
-        force = STRESS[header[across]] * _value(path, line, header, row, across)
+        force = STRESS[header[across]] * value_of(path, line, header, row, across)
         if not abs(force) <= MOST_STRESS:
             raise BadInput(
                 f"{path!r}, line {line}, column {header[across]}: the stress must lie within "
@@ -107,7 +107,7 @@ def _check_curve(
             )
 
 
-def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
+def column_of(path: str, line: int, header: list[str], wanted: tuple[str, ...]) -> int:
     """Return the index of the only column with a wanted name."""
     found = [k for k, name in enumerate(header) if name in wanted]
     if len(found) > 1:
@@ -124,12 +124,11 @@ def _column(path: str, line: int, header: list[str], wanted: tuple[str, ...]) ->
         meant = closest(name, wanted) if name else None
         if meant:
             raise BadInput(f"{path!r}, line {line}: there is no column {name!r}: did you mean {meant}?")
-    raise BadInput(
-        f"{path!r}, line {line}: the header needs a column {' or '.join(wanted)}; got {', '.join(header)!r:.80}"
-    )
+    names = ", ".join(filter(None, header))
+    raise BadInput(f"{path!r}, line {line}: the header needs a column {' or '.join(wanted)}; got {names!r:.80}")
 
 
-def _value(path: str, line: int, header: list[str], row: list[str], column: int) -> float:
+def value_of(path: str, line: int, header: list[str], row: list[str], column: int) -> float:
     table_input.check_length(Path(path), line, header, row)
     value = table_input.number(row[column])
     if value is None or not math.isfinite(value):

@@ -44,10 +44,6 @@ const InputChecks = (() => {
       if (!match) refuse(`prony must list branches g:tau with tau in s, such as 0.05:0.01 0.03:0.1; got '${word}'`);
       return [Number(match[1]), Number(match[2])];
     }).sort((one, other) => one[1] - other[1] || one[0] - other[0]);
-    branches.forEach(([, tau], i) => {
-      if (i && tau === branches[i - 1][1])
-        refuse(`prony lists the time tau = ${general(tau)} s twice: give one branch with the sum of both shares`);
-    });
     for (const [g, tau] of branches) {
       if (!(g >= 0 && g < 1)) refuse(`prony: the share g of a branch must be at least 0 and less than 1; got ${general(g)}`);
       if (!(tau >= 1e-12 && tau <= 1e12))
@@ -55,8 +51,15 @@ const InputChecks = (() => {
     }
     const sum = branches.reduce((part, [g]) => part + g, 0);
     if (!(sum < 1)) refuse(`prony: the shares g of all branches must add up to less than 1; got ${general(sum)}`);
-    if (words.length && !sum)
+    const positive = branches.filter(([g]) => g), marks = branches.filter(([g]) => !g);
+    positive.forEach(([, tau], i) => {
+      if (i && tau === positive[i - 1][1])
+        refuse(`prony lists the time tau = ${general(tau)} s twice: give one branch with the sum of both shares`);
+    });
+    if (words.length && !positive.length)
       refuse("prony lists no branch with a share g above 0: leave it empty; loss_factor=0 makes an elastic silicone");
+    if (marks.length && (marks.length !== 2 || marks[0][1] === marks[1][1]))
+      refuse("prony: entries with g = 0 mark the covered times, so give two, the shortest and the longest");
     return words.join(" ");
   }
 

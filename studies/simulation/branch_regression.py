@@ -1,0 +1,241 @@
+"""Fit Prony branches to a relaxation test or a dynamic test, and choose their number by AICc.
+
+The model is linear in the moduli E_0 (long-term) and E_i >= 0 of the branches for given times tau_i:
+
+    step at t = 0:  E(t) = E_0 + sum E_i exp(-t / tau_i)
+    ramp over T:    E(t) = E_0 + sum E_i (tau_i / T) (1 - exp(-T / tau_i)) exp(-(t - T) / tau_i)    for t >= T,
+                    E(t) = E_0 t / T + sum E_i (tau_i / T) (1 - exp(-t / tau_i))                    for t < T,
+    dynamic:        E*(w) = E_0 + sum E_i i w tau_i / (1 + i w tau_i),
+
+where E(t) is the stress over that of the elastic silicone with E = 1 at the held stretch, and the elastic stress
+rises linearly during the ramp. Residuals have one weight in E(t), and one weight relative to |E*| in storage and
+loss.
+
+Non-negative least squares over ten times per decade of the test leave a few groups of neighbours, each of which
+becomes a branch. Least squares over log(tau_i), with the moduli from non-negative least squares inside, move the
+times within the test, and up to `REACH` beyond the ends at which a branch outside the test still shows. Then the two
+neighbours whose merger costs least are merged, until no branch is left. Of all numbers N of branches the least AICc
+is chosen (2 N + 2 parameters: moduli, times and the noise); of those within 2 of the least, the fewest branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.arrays import Array
+from geometry.design import BadInput
+from geometry.prony import Relaxation
+from studies.simulation.law_regression import ALIKE, EXACT, aicc
+from studies.simulation.relaxation_test import Test
+
+PER_DECADE = 10
+"""Times per decade of the first search: branches closer than a fifth of a decade cannot be told apart by tests."""
+NEGLIGIBLE = 1e-6
+"""Share of the modulus below which a branch is rounding."""
+MOST_BRANCHES = 12
+"""Most branches that are polished: one per decade holds every smooth relaxation within 6 %."""
+REACH = {"relaxation": (1.0, 3.0), "dynamic": (3.0, 3.0)}
+"""Factors by which times may be shorter than the shortest time of a test, and longer than its longest. A branch that
+has relaxed before a relaxation test begins leaves nothing to see."""
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class BranchFit:
+    """Branches fitted to a test.
+
+    Attributes
+    ----------
+    relaxation : branches, whose covered range is that of the test.
+    instantaneous, long_term : Young's moduli, MPa; `..._half_width` is half the width of the 95 % interval.
+    aicc : Akaike's corrected criterion.
+    rms : root mean square of the residual over the largest E(t), or relative to |E*|.
+    """
+
+    relaxation: Relaxation
+    instantaneous: float
+    long_term: float
+    instantaneous_half_width: float
+    long_term_half_width: float
+    aicc: float
+    rms: float
+
+    @property
+    def count(self) -> int:
+        """Number of branches."""
+        return len(self.relaxation.times)
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """A test as a problem of least squares.
+
+    `b` holds the weighed values over `scale`, MPa, shape (m,), and `weight` the weights of the rows, shape (m,).
+    """
+
+    test: Test
+    weight: Array
+    b: Array
+    scale: float
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Shortest and longest time that a branch may have, s."""
+        (low, high), (short, long) = self.test.covered, REACH[self.test.kind]
+        # points within a ramp show branches that are shorter than the ramp, for which the test does not speak
+        low = min(low, float(self.test.at[0])) if self.test.kind == "relaxation" else low
+        return low / short, high * long
+
+    def matrix(self, times: Array) -> Array:
+        """Return the weighed columns of the long-term modulus and of branches with these times, shape (m, N + 1)."""
+        return self.weight[:, None] * kernel(self.test, times)
+
+    def moduli(self, times: Array) -> tuple[Array, float]:
+        """Return the moduli for these times over `scale`, shape (N + 1,), and the norm of the residual."""
+        from scipy.optimize import nnls
+
+        x, norm = nnls(self.matrix(times), self.b)
+        return x, float(norm)
+
+
+def kernel(test: Test, times: Array) -> Array:
+    """Return what the model has for moduli of 1: columns of the long-term modulus and of each time, shape (m, N + 1).
+
+    A dynamic test has all storage moduli first, then all loss moduli: m = 2 n.
+    """
+    at, tau = test.at[:, None], times[None, :]
+    if test.kind == "dynamic":
+        x = 2 * np.pi * at * tau
+        rest, zero = np.ones_like(at), np.zeros_like(at)
+        return np.vstack([np.hstack([rest, x * x / (1 + x * x)]), np.hstack([zero, x / (1 + x * x)])])
+    T = test.ramp or 0.0
+    if not T:
+        return np.hstack([np.ones_like(at), np.exp(-at / tau)])
+    # within the ramp only its elapsed part counts
+    elapsed = np.minimum(at, T)
+    return np.hstack([elapsed / T, -tau / T * np.expm1(-elapsed / tau) * np.exp(-(at - elapsed) / tau)])
+
+
+def fit(test: Test) -> tuple[list[BranchFit], int]:
+    """Return a fit for each number of branches, the most first, and the index of the chosen one.
+
+    Raises
+    ------
+    BadInput
+        The branches of the best fit take all of the modulus, so that nothing remains in the long term.
+    """
+    problem = _problem(test)
+    m = len(problem.b)
+    times = _first_times(problem, min((m - 4) // 2, MOST_BRANCHES))
+    fits: list[BranchFit] = []
+    while True:
+        times = _polished(problem, times)
+        if not fits or len(times) < fits[-1].count:
+            fits.append(_assessed(problem, times))
+        if not len(times):
+            break
+        times = _merged(problem, times)
+    least = min(each.aicc for each in fits)
+    chosen = max(k for k, each in enumerate(fits) if each.aicc <= least + ALIKE)
+    if not fits[chosen].long_term > NEGLIGIBLE * fits[chosen].instantaneous:
+        raise BadInput(
+            "the shares g of the fitted branches add up to 1, so that no stress remains in the long term: test for "
+            "longer times or lower frequencies"
+        )
+    return fits, chosen
+
+
+def _problem(test: Test) -> _Problem:
+    if test.kind == "dynamic":
+        size = np.abs(test.values)
+        scale = float(size.max())
+        weight = np.tile(scale / size, 2)
+        return _Problem(test, weight, weight * np.concatenate([test.values.real, test.values.imag]) / scale, scale)
+    scale = float(test.values.max())
+    return _Problem(test, np.ones(len(test.at)), test.values / scale, scale)
+
+
+def _first_times(problem: _Problem, most: int) -> Array:
+    """Return the times of groups of neighbours that a search over evenly spaced times leaves; at most `most`."""
+    low, high = problem.ends
+    grid = np.geomspace(low, high, int(np.ceil(PER_DECADE * np.log10(high / low))) + 2)
+    x = problem.moduli(grid)[0][1:]
+    groups: list[list[int]] = []
+    for k in np.flatnonzero(x > NEGLIGIBLE * x.sum()).tolist():
+        if groups and groups[-1][-1] == k - 1:
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    times = np.array([np.exp(np.average(np.log(grid[group]), weights=x[group])) for group in groups])
+    while len(times) > most:
+        times = _merged(problem, times)
+    return times
+
+
+def _merged(problem: _Problem, times: Array) -> Array:
+    """Return the times with two neighbours merged or one left out, whichever costs least, shape (N - 1,)."""
+    x = problem.moduli(times)[0][1:] + 1e-300
+    candidates = [np.delete(times, k) for k in range(len(times))]
+    for k in range(len(times) - 1):
+        middle = np.exp(np.average(np.log(times[k : k + 2]), weights=x[k : k + 2]))
+        candidates.append(np.concatenate([times[:k], [middle], times[k + 2 :]]))
+    return min(candidates, key=lambda one: problem.moduli(one)[1])
+
+
+def _polished(problem: _Problem, times: Array) -> Array:
+    """Return the times of the least residual near these, within the test; branches without a share are left out."""
+    from scipy.optimize import least_squares
+
+    if not len(times):
+        return times
+    low, high = np.log(problem.ends)
+
+    def residual(logs: Array) -> Array:
+        tau = np.exp(logs)
+        return np.asarray(problem.matrix(tau) @ problem.moduli(tau)[0] - problem.b)
+
+    start = np.clip(np.log(times), low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+    best = least_squares(residual, start, bounds=(low, high), xtol=1e-10, ftol=1e-12, gtol=1e-14, max_nfev=60)
+    times = np.sort(np.exp(best.x))
+    x = problem.moduli(times)[0]
+    return np.asarray(times[x[1:] > NEGLIGIBLE * x.sum()])
+
+
+def _assessed(problem: _Problem, times: Array) -> BranchFit:
+    """Return the fit with these times, with its criterion and its confidence."""
+    from scipy.special import stdtrit
+
+    x, norm = problem.moduli(times)
+    m, N = len(problem.b), len(times)
+    A, step = problem.matrix(times), 1e-6
+    ahead, behind = (problem.matrix(times * np.exp(way * step)) for way in (1, -1))
+    # derivatives by the moduli and by log(tau): the times are fitted too, which widens the intervals
+    jacobian = np.hstack([A, x[1:] * (ahead - behind)[:, 1:] / (2 * step)])
+    free = max(m - (2 * N + 1), 1)
+    covariance = norm**2 / free * np.linalg.pinv(jacobian.T @ jacobian)
+    total = np.concatenate([np.ones(N + 1), np.zeros(N)])
+    wide = float(stdtrit(free, (1 + CONFIDENCE) / 2)) * problem.scale
+    rms = norm / np.sqrt(m)
+    criterion = aicc(m, 2 * N + 2, max(rms, EXACT))
+    assert criterion is not None, "the reader refuses tests of too few points"
+    # without a long-term modulus the shares add up to 1, which no relaxation may have: `fit` refuses it
+    shares = x[1:] / max(x.sum(), 1e-300) * (1 if x[0] > 0 else 1 - 1e-12)
+    return BranchFit(
+        Relaxation(tuple(shares.tolist()), tuple(times.tolist()), problem.test.covered),
+        instantaneous=problem.scale * float(x.sum()),
+        long_term=problem.scale * float(x[0]),
+        instantaneous_half_width=wide * float(np.sqrt(max(total @ covariance @ total, 0.0))),
+        long_term_half_width=wide * float(np.sqrt(max(covariance[0, 0], 0.0))),
+        aicc=criterion,
+        rms=rms if rms > EXACT else 0.0,
+    )
+
+
+def model(test: Test, fit: BranchFit) -> Array:
+    """Return the fitted E(t), or E* as complex numbers, at the points of a test, MPa, shape (n,)."""
+    moduli = fit.instantaneous * np.array([fit.relaxation.rest, *fit.relaxation.shares])
+    values = kernel(test, np.array(fit.relaxation.times)) @ moduli
+    half = len(test.at)
+    return np.asarray(values[:half] + 1j * values[half:]) if test.kind == "dynamic" else values
