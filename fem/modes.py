@@ -42,7 +42,7 @@ SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
 MOST = 40
 """Largest number of modes that can be requested."""
-MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, NOTHING = 400, 3, 1e-8, 1e-14
+MOST_STEPS, CHECK_EVERY, EIGEN_TOLERANCE, NOTHING = 400, 3, 1e-6, 1e-14
 """Of Lanczos' method: most steps, ten for each of the most modes; steps between two checks, which cost as much as a
 step; relative residual of an eigenvalue, whose error is its square; and length of a vector, over the first
 eigenvalue, below which there are no further ones."""
@@ -247,6 +247,8 @@ def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]
     ----------
     K, M : upper triangles (n, n); M may be singular.
     """
+    M = M.copy()
+    M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
     whole, n = (M + sp.triu(M, 1).T).tocsr(), K.shape[0]
     most = min(n, MOST_STEPS)
     V, MV, T = np.empty((most, n)), np.empty((most, n)), np.zeros((most, most))

@@ -61,6 +61,13 @@ def test_every_model(name):
     assert second == pytest.approx(first, rel=REL)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_the_mass_of_every_model(name):
+    system = SCENES[name]()
+    first, second = both(lambda: system.mass(2.0, np.arange(1.0, 1 + system.n_rigid)))
+    assert abs(second - first).max() <= REL * abs(first).max()
+
+
 @pytest.mark.parametrize("name", ["cylinder", "harmonics"])
 def test_inverted_silicone_is_refused(name):
     system = SCENES[name]()

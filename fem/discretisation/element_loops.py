@@ -236,10 +236,33 @@ class Loops:
 
     def _add_tangent(self, part: slice, K: Array, Y: Array, T: Array, data: Array) -> None:
         """Add stiffness K (m, entries) and coupling Y of a batch to the entries of the tangent."""
-        e, pattern, near = self._elements, self._pattern, part in self._near
-        cells, corners, where, M = e.cells[part], self._corners[part], self._products.where, e.pressure_shape
-        B = self._buffer("B", *cells.shape, M.shape[1] * Y.shape[1])
+        e, M = self._elements, self._elements.pressure_shape
+        B = self._buffer("B", *e.cells[part].shape, M.shape[1] * Y.shape[1])
         self._kernels.coupling(e.D[part], M, Y, B)
+        self._scatter(part, K, B, T, data)
+
+    def assemble_displacements(self, pieces: Array, T: Array) -> Array:
+        """Return the entries (nnz,) of element matrices without pressures, `pieces` of `element_integrals.mass`."""
+        e, where, data = self._elements, self._products.where, np.zeros(self._pattern.entries)
+        a, fields = where.shape[:2]
+        coupled = e.pressure_shape.shape[1] * fields * e.angles.pressures
+        for part in (*self._inner, *self._near):
+            own, cells = pieces[part], e.cells[part]
+            K = self._buffer("K", len(cells), self._products.size)
+            if e.B is not None:
+                K[:, where] = np.transpose(own.reshape(-1, fields, a, fields, a), (0, 2, 1, 4, 3))
+            else:
+                for group in self._products.groups:
+                    pairs = slice(group.first, group.first + group.count)
+                    entries = slice(group.first * a * a, pairs.stop * a * a)
+                    K[:, entries] = np.moveaxis(own[:, pairs], 1, -1).reshape(len(own), -1)
+            self._scatter(part, K, np.zeros((*cells.shape, coupled)), T, data)
+        return data
+
+    def _scatter(self, part: slice, K: Array, B: Array, T: Array, data: Array) -> None:
+        """Add stiffness K (m, entries) and coupling B (m, a, c f n) of a batch to the entries of the tangent."""
+        e, pattern, near = self._elements, self._pattern, part in self._near
+        cells, corners, where = e.cells[part], self._corners[part], self._products.where
         offset, coupled = pattern.offsets[NEAR if near else INNER], pattern.offsets[NEAR + 1 if near else INNER + 1]
         first = self._near[0].start if near else 0
         own = slice(part.start - first, part.stop - first)

@@ -258,9 +258,8 @@ class System:
         return replace(state, strains=strains, least_J=1 + least) if least > -1 else None
 
     def _strains(self, state: State) -> tuple[material.Strain, ...]:
-        return tuple(
-            material.strain(element_integrals.gradient(self.elements, part, state.u)) for part in self._parts
-        )
+        e = self.elements
+        return tuple(material.strain(element_integrals.gradient(e, part, state.u)) for part in self._parts)
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
@@ -336,7 +335,12 @@ class System:
 
     def displacement_matrix(self, pieces: Array, state: State, magnet: Array) -> sp.csr_matrix:
         """Return a matrix (upper triangle) without pressures; `pieces` as in `element_integrals.mass`."""
-        outer, _ = self._with_motion(self._motion_derivative(state), pieces[self._free_cells :], None)
+        T = self._motion_derivative(state)
+        if element_loops.usable(self.law, self.elements):
+            data = self._loops.assemble_displacements(pieces, T)
+            self._add_small_groups(np.diag(magnet), [None], data)
+            return self.pattern.with_data(data)
+        outer, _ = self._with_motion(T, pieces[self._free_cells :], None)
         blocks = [pieces[: self._free_cells], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
 
@@ -383,10 +387,7 @@ class System:
     def _with_motion(self, T: Array, K: Array, C: Array | None) -> list[Array | None]:
         """Return the matrices of the elements at the magnet, bordered by the unknowns of its motion.
 
-        Parameters
-        ----------
-        T : derivative of the displacements by the motion, from `_motion_derivative`.
-        K, C : pieces of the elements' stiffness, and their coupling or None.
+        T is from `_motion_derivative`; K and C are the pieces of the elements' stiffness, and their coupling or None.
         """
         if not len(K):
             return [None, None]
