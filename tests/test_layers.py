@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,12 @@ FILES = sorted(path for package in ALLOWED for path in (ROOT / package).rglob("*
 
 def name(path):
     return path.relative_to(ROOT).as_posix()
+
+
+@cache
+def tree_of(path):
+    """The syntax tree of a file, parsed once for all checks."""
+    return ast.parse(path.read_text("utf-8"))
 
 
 def top(node):
@@ -103,12 +110,14 @@ def circles(graph):
     return sorted(sorted(group) for group in groups if len(group) > 1)
 
 
+@cache
 def import_graph():
     """What each module of the four packages imports of them."""
     names = {module_name(path): path for path in FILES}
-    return {name: imported_modules(ast.parse(path.read_text("utf-8")), set(names)) for name, path in names.items()}
+    return {name: imported_modules(tree_of(path), set(names)) for name, path in names.items()}
 
 
+@cache
 def imports(tree):
     return [node for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))]
 
@@ -128,7 +137,7 @@ def at_import_time(body):
 
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_imports_run_one_way(path):
-    ours = {package for node in imports(ast.parse(path.read_text("utf-8"))) for package in top(node)} & set(ALLOWED)
+    ours = {package for node in imports(tree_of(path)) for package in top(node)} & set(ALLOWED)
     assert ours <= ALLOWED[path.relative_to(ROOT).parts[0]]
 
 
@@ -161,7 +170,7 @@ def test_sub_packages_of_studies_import_only_those_below():
 
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_slow_imports_stay_inside_functions(path):
-    found = {package for node in at_import_time(ast.parse(path.read_text("utf-8")).body) for package in top(node)}
+    found = {package for node in at_import_time(tree_of(path).body) for package in top(node)}
     assert not found & HEAVY
 
 

@@ -7,14 +7,14 @@ from studies.benchmarks import sweep_kills
 
 @pytest.fixture(scope="module")
 def kills(tmp_path_factory):
-    """Five kills; the rows of completed sweeps are compared with those of an undisturbed one on the way."""
+    """Three kills; the rows of completed sweeps are compared with those of an undisturbed one on the way."""
     axes = ("L=lin:10:16:12", "depth=0.2,0.4")
-    return list(sweep_kills.kills(tmp_path_factory.mktemp("kills"), 5, axes=axes))
+    return list(sweep_kills.kills(tmp_path_factory.mktemp("kills"), 3, axes=axes))
 
 
 def test_the_state_of_each_printed_row_is_in_the_store(kills):
     assert sum(kill.rows for kill in kills) > 0
-    assert [kill.lost for kill in kills] == [0] * 5
+    assert [kill.lost for kill in kills] == [0] * 3
 
 
 def test_no_more_solves_are_repeated_than_there_were_workers(kills):
@@ -25,7 +25,7 @@ def test_no_more_solves_are_repeated_than_there_were_workers(kills):
 
 def test_no_worker_process_survives(kills):
     assert max(kill.workers for kill in kills) == sweep_kills.WORKERS
-    assert [kill.survivors for kill in kills] == [0] * 5
+    assert [kill.survivors for kill in kills] == [0] * 3
 
 
 def test_the_store_stays_intact(kills):
