@@ -1,0 +1,161 @@
+"""Steady vibration about pressed and sheared states, by invariants and against other solves."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fem import vibration
+from fem.accuracy import QUICK, STANDARD
+from fem.modes import frequency_unit, modes
+from fem.solvers.direct_solver import Solver
+from fem.vibration_blocks import build_blocks, read_pose
+from geometry.design import BadInput, paper
+from geometry.loads import Load
+from geometry.prony import Relaxation
+
+ROUGH = replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)
+"""Exact relations hold on any mesh."""
+GLUED = Load(depth=1.0, friction="stick")
+SHEARED = Load(depth=1.0, shear_x=0.5, friction="stick")
+
+
+@functools.cache
+def sensor(load, *, magnet="rigid", band=(1.0, 1000.0), **fields):
+    return vibration.vibrating_sensor(replace(paper(), **fields), load, band, ROUGH, magnet=magnet)
+
+
+def full_solution(problem, c, eigenvalue):
+    """Solve A x = b with A = P + i Q as the symmetric real system of P and Q, refined once."""
+    K, R, M = (matrix + sp.triu(matrix, 1).T for matrix in (problem.K, problem.R, problem.M))
+    P, Q = K + c.real * R - eigenvalue * M, c.imag * R
+    A, b = sp.bmat([[P, -Q], [-Q, -P]], format="csr"), np.vstack([problem.b, 0 * problem.b])
+    solver = Solver()
+    solver.factorise(sp.triu(A, format="csr"))
+    x = solver.solve(b)
+    x += solver.solve(b - A @ x)
+    solver.close()
+    return x[: len(problem.b)] + 1j * x[len(problem.b) :]
+
+
+@pytest.mark.parametrize(("load", "frequencies"), [(GLUED, (1.0, 620.0, 1000.0)), (SHEARED, (600.0,))])
+def test_the_reduced_basis_gives_the_force_and_pose_of_full_solutions(load, frequencies):
+    reduced = sensor(load)
+    unit, rest = frequency_unit(reduced.scene.design), reduced.relaxation.rest
+    E, D = reduced.scene.design.E, reduced.scene.design.D
+    answer, first = reduced.at(frequencies), 0
+    for block in build_blocks(reduced.scene)[1]:
+        columns = slice(first, first + len(block.motions))
+        rows = [("x", "z").index(motion) for motion in block.motions]
+        for i, f in enumerate(frequencies):
+            c = complex(reduced.relaxation.complex_modulus(2 * np.pi * f)) / rest - 1
+            x = full_solution(block.problem, c, (f / unit) ** 2)
+            force = (block.held - block.problem.b.T @ x) * E * D
+            pose = read_pose(block, x.real) + 1j * read_pose(block, x.imag)
+            assert np.abs(answer.force[i, columns][:, rows].T - force).max() < 1e-8 * np.abs(force).max()
+            assert np.abs(answer.shift[i, columns].T - pose[:2]).max() < 1e-8 * np.abs(pose).max()
+            assert np.abs(answer.tilt[i, columns] - pose[2] / D).max() < 1e-8 * np.abs(pose).max()
+        first = columns.stop
+
+
+@pytest.mark.parametrize("load", [Load(), GLUED])
+def test_without_damping_the_resonances_are_the_modes(load):
+    natural = modes(paper(), count=4, depth=load.depth, accuracy=ROUGH, estimate=False)
+    first = {shape: f for f, shape in reversed(list(zip(natural.frequency, natural.shape, strict=True)))}
+    own = sensor(load).undamped(1)
+    assert own["z"][0] == pytest.approx(first["axial"], rel=1e-8)
+    assert own["x"][0] == pytest.approx(first["bending"], rel=1e-8)
+    # the motion of an elastic sensor changes its sign where it resonates
+    elastic = sensor(load, loss_factor=0.0)
+    below, above = elastic.at(first["bending"] * np.array([1 - 1e-4, 1 + 1e-4])).shift[:, 1, 0].real
+    assert below > 0 > above
+
+
+def test_a_slow_motion_has_the_stiffness_of_an_elastic_sensor():
+    slow = sensor(GLUED, band=(1e-4, 1.0), loss_low=1.0).at([1e-4]).force
+    elastic = sensor(GLUED, band=(1e-4, 1.0), loss_factor=0.0).at([1e-4]).force
+    assert np.abs(slow - elastic).max() < 1e-3 * np.abs(elastic).max()
+    assert np.abs(elastic.imag).max() == 0
+
+
+def test_forces_are_reciprocal_and_take_up_work_at_every_frequency():
+    force = sensor(SHEARED).at(np.geomspace(1.0, 1000.0, 60)).force[:, :, [1, 0]]
+    assert np.abs(force[:, 0, 1] - force[:, 1, 0]).max() < 1e-8 * np.abs(force).max()
+    # the work of a cycle is pi s . Im(Z) s
+    assert np.linalg.eigvalsh(force.imag).min() > 0
+
+
+def test_an_instantaneous_modulus_relaxes_before_the_sensor_vibrates():
+    branches = {"nu": 0.5, "prony": "0.5:0.01"}
+    given, long_term = (sensor(GLUED, **branches, modulus=name) for name in ("instantaneous", "long-term"))
+    one, other = given.at([16.0]), long_term.at([16.0])
+    assert given.state.response.force[2] == pytest.approx(0.5 * long_term.state.response.force[2], rel=1e-9)
+    # slow enough for the masses, which are equal
+    assert abs(one.force[0, 0, 1] / other.force[0, 0, 1]) == pytest.approx(0.5, rel=0.02)
+
+
+def test_the_bulk_modulus_does_not_relax():
+    design = replace(paper(), nu=0.45, modulus="instantaneous")
+    at_rest = vibration.relaxed(design, Relaxation((0.4,), (1.0,)))
+    bulk, shear = (
+        (d.E / (3 * (1 - 2 * d.nu)) for d in (design, at_rest)),
+        (d.E / (1 + d.nu) for d in (design, at_rest)),
+    )
+    one, other = bulk
+    assert other == pytest.approx(one, rel=1e-12)
+    one, other = shear
+    assert other == pytest.approx(0.6 * one, rel=1e-12)
+
+
+def test_similar_sensors_vibrate_alike():
+    """Twice the size at half the frequency, twice the modulus and density: forces per mm are four times as large."""
+    one = sensor(GLUED).at([200.0])
+    large = {name: 2 * getattr(paper(), name) for name in ("D", "L", "magnet_diameter", "magnet_height")}
+    large |= {"magnet_edge_radius": 2 * paper().magnet_edge_radius, "l0": 2 * paper().l0, "f": 2 * paper().f}
+    both = {"E": 2 * paper().E, "density": 2 * paper().density, "magnet_density": 2 * paper().magnet_density}
+    other = sensor(
+        Load(depth=2.0, friction="stick"), band=(1.0, 500.0), loss_low=0.005, loss_high=500.0, **large, **both
+    ).at([100.0])
+    assert np.abs(other.force[0, 0, 1] / one.force[0, 0, 1]) == pytest.approx(4.0, rel=1e-6)
+    assert other.shift == pytest.approx(one.shift, rel=1e-6, abs=1e-6)
+    assert other.kept_amplitude == pytest.approx(2 * one.kept_amplitude, rel=1e-6)
+
+
+def test_contact_is_kept_as_in_a_hertz_contact():
+    """The pressure ratio is 2 d (1 - r^2 / a^2): a quarter of the area is lost at d / 2, all force at 2 d / 3."""
+    depth = 0.1
+    pressed = vibration.vibrating_sensor(
+        replace(paper(), loss_factor=0.0), Load(depth=depth), (0.1, 1.0), STANDARD, magnet="ignored"
+    )
+    slow = pressed.at([0.1])
+    assert slow.kept_amplitude[0, 0] == pytest.approx(depth / 2, rel=0.15)  # five elements across the contact
+    assert pressed.state.response.force[2] / slow.force[0, 0, 1].real == pytest.approx(2 / 3 * depth, rel=0.03)
+
+
+def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance():
+    shaken = sensor(Load()).at([5.0, 10.0])
+    assert np.abs(shaken.shift[1, 1, 0] / shaken.shift[0, 1, 0]) == pytest.approx(4.0, rel=0.1)
+    assert np.isnan(shaken.force).all()
+
+
+@pytest.mark.parametrize(
+    ("band", "load", "words"),
+    [
+        ((0.0, 10.0), GLUED, "rise from above 0"),
+        ((10.0, 1.0), GLUED, "rise from above 0"),
+        ((1.0, 1e6), GLUED, "carries shear waves"),
+        ((1.0, 10.0), Load(depth=1.0, friction=0.5), "friction none or stick"),
+        ((1.0, 10.0), Load(grip=1.0, shear_x=0.1), "upright plate"),
+    ],
+)
+def test_bands_and_loads_that_are_refused(band, load, words):
+    with pytest.raises(BadInput, match=words):
+        vibration.vibrating_sensor(paper(), load, band, QUICK)
+
+
+def test_an_unstable_press_is_refused():
+    slender = replace(paper(), L=32.0)
+    with pytest.raises(BadInput, match="unstable"):
+        vibration.vibrating_sensor(slender, Load(depth=6.0, friction="stick"), (1.0, 10.0), QUICK)
