@@ -31,6 +31,9 @@ the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE 
 SHORTEST = 1e-3
 """Increment over D, or over the length of a segment shorter than D, below which the path stops: if even such a small
 increment fails, the path has reached a limit."""
+PREDICTED, PREDICTED_TOLERANCE = 0.4, 0.1
+"""Longest shear over D that a predictor follows in one increment, and its Newton tolerance: the prediction is off by
+some percent anyway, from the harmonics that it leaves out."""
 PASSED_TOLERANCE, SOLID_PASSED_TOLERANCE = 1e-4, 3e-3
 """Newton tolerances of intermediate states without friction, on sections and in tetrahedra, whose iterations cost
 more. The next increment corrects the remaining residual."""
@@ -86,13 +89,13 @@ class Segment:
 
 
 def follow_segment(
-    solver: Solver, state: PathState, goal: Array, *, passing: bool = False, friction_step_factor: float = 1.0
+    solver: Solver, state: PathState, goal: Array, *, predicts: bool = False, friction_step_factor: float = 1.0
 ) -> Segment:
     """Move in a straight line to a position (3,) in increments.
 
     Parameters
     ----------
-    passing : solve the goal itself only to the looser tolerance.
+    predicts : whether the states are only a prediction, solved to PREDICTED_TOLERANCE.
     friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, iterations = state.position, 0
@@ -101,6 +104,8 @@ def follow_segment(
         return Segment(state, "", 0)
     state = _set_direction(state, (goal - start) / length)
     longest = _longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
+    if predicts and start[0] == goal[0] and length <= PREDICTED:
+        longest = 1.0
     # `place` and `step` are shares of the segment's length
     place, step = 0.0, min(longest, 1.0)
     while place < 1:
@@ -108,7 +113,7 @@ def follow_segment(
         # the tolerance of 1e-3 avoids a tiny last increment
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
-        tolerance = _tolerance(state, passed=passing or target < 1)
+        tolerance = PREDICTED_TOLERANCE if predicts else _tolerance(state, passed=target < 1)
         tried = apply_increment(solver, state, position, tolerance, sure=step * length <= SURE)
         iterations += tried.iterations
         if tried.state is not None:
@@ -118,7 +123,7 @@ def follow_segment(
         # the path is too curved here for extrapolation: the retry starts from the last state
         state, step = replace(state, past=()), (target - place) / 2
         if tried.stop and step * length < SHORTEST * min(length, 1.0):
-            if state.friction is not None or passing:
+            if state.friction is not None or predicts:
                 return Segment(state, tried.stop, iterations)
             state, more = _solve_fully(solver, state)
             return Segment(state, tried.stop, iterations + more)

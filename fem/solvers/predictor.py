@@ -42,7 +42,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     added = state.q - raise_unknowns(before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
-    ahead = follow_segment(reduced_solver, before, goal, passing=True)
+    ahead = follow_segment(reduced_solver, before, goal, predicts=True)
     state = replace(state, reduced=ahead.state)
     # another number of unstable directions means another branch
     if ahead.stop or (ahead.state.unstable or 0) != (state.unstable or 0):
