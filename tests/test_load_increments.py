@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fem.discretisation import symmetry_models
-from fem.solvers import load_increments
+from fem.solvers import extrapolation, load_increments
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import apply_increment, follow_segment
-from fem.solvers.newton import TOLERANCE
+from fem.solvers.newton import TOLERANCE, newton, reference_size
 from fem.solvers.path_state import at_rest, glue, with_harmonics
 from geometry.design import paper
 
@@ -134,3 +134,17 @@ def test_a_segment_that_stops_short_keeps_the_last_good_state(solver, monkeypatc
     assert 0.04 <= reached.state.position[0] <= 0.05
     assert not start.position.any()
     assert not start.q.any()
+
+
+def test_a_last_step_without_a_check_reaches_the_tolerance(solver):
+    state, position = pressed(solver), np.array([0.07, 0.0, 0.0])
+    system, plate = state.d.system, state.plate_at(position)
+    guess = extrapolation.extrapolate_unknowns(state, position)
+    pressed_points = extrapolation.extrapolate_contact(state, position)
+    sure, quick = (newton(system, solver, guess, plate, pressed_points, confirm=confirm) for confirm in (True, False))
+    after = system.assemble(quick.state, plate, tangent=False)
+    assert reference_size(system, quick.state, after).share(after) < 2 * TOLERANCE
+    # one residual less: the assembly is that before the last step
+    assert reference_size(system, sure.state, quick.assembly).share(quick.assembly) > TOLERANCE
+    assert quick.iterations == sure.iterations
+    assert quick.assembly.energy == pytest.approx(sure.assembly.energy, rel=1e-10)

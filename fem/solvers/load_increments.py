@@ -173,7 +173,7 @@ def _find_equilibrium(
         # plain steps are damped, and reach some states that settled steps do not
         if answer is not None and answer.converged:
             return answer
-    return newton(system, solver, guess, plate, pressed, tolerance=tolerance)
+    return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=False)
 
 
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:

@@ -53,7 +53,7 @@ class Equilibrium:
 
     Attributes
     ----------
-    state, assembly : the last state whose residual was computed.
+    state, assembly : the last state, and its residual or, see `newton`, that of the state before.
     iterations : number of linear solves.
     reason : why it stopped, a key of STOPPED; empty when converged.
     unstable : number of unstable directions of the last tangent; None where that is not known.
@@ -79,6 +79,7 @@ def newton(
     *,
     most: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
+    confirm: bool = True,
 ) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess.
 
@@ -97,6 +98,8 @@ def newton(
         settle.
     most : largest number of iterations.
     tolerance : see above.
+    confirm : compute the residual after the last step. Otherwise that step is not assembled where it leaves at most
+        the share of the step before, and this reaches the tolerance; the assembly is then that before the step.
     """
     unstable: int | None = None
     state = system.admissible(q)
@@ -129,6 +132,8 @@ def newton(
         trial = backtrack(system, state, step)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
+        if not confirm and not unstable and iteration > 1 and _reaches(rate, left, tolerance, plate):
+            return Equilibrium(trial, assembly, iteration + 1, "", unstable)
         full, before = state.q - trial.q, size.merit(assembly)
         state, assembly, rate = _evaluate_step(system, plate, trial, size, before, rate, left, tolerance)
         if iteration >= PATIENCE and rate > 1 / 2:
@@ -217,6 +222,16 @@ def _count_unstable(system: System, solver: Solver, assembly: Assembly) -> int |
 def keeps_factorisation(rate: float, left: float, tolerance: float) -> bool:
     """Return whether to reuse the factorisation for steps that leave a share `rate` of the residual `left`."""
     return rate <= CHORD or rate**CHORDS * left <= tolerance
+
+
+def _reaches(rate: float, left: float, tolerance: float, plate: Plate | None) -> bool:
+    """Return whether a step from a residual `left` reaches the tolerance if it leaves the last step's share `rate`.
+
+    The factorisation is that of the step before or a newer one, so the share does not grow. Friction may hold points
+    that reverse, which only the next residual shows.
+    """
+    # the rate holds once the contact is settled: steps that leave more than CHORD may still change it
+    return rate <= CHORD and rate * left <= tolerance and (plate is None or plate.friction is None)
 
 
 def _norm(x: Array) -> float:
