@@ -1,8 +1,12 @@
-"""Fixtures that several test files share: running a command line, reading the JSON that it prints."""
+"""Fixtures that several test files share: running a command line, reading the JSON that it prints, a browser."""
 
+import gc
+import itertools
 import json
+import os
 
 import pytest
+from browser import Browser, executable
 
 from geometry.design import BadInput
 from studies.cli import entry_point
@@ -36,6 +40,12 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: place.get(item.path.stem, len(LONGEST)))
 
 
+def pytest_collection_finish():
+    """Exempt what the collection leaves, millions of objects, from each later collection of garbage."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
     """The user's cache of meshes is neither read nor filled by tests; children inherit this."""
@@ -45,10 +55,29 @@ def own_cache(tmp_path_factory):
         yield
 
 
+@pytest.fixture(scope="session")
+def store_folders(tmp_path_factory):
+    """Numbered paths in one folder; `mktemp` for each test would list the folders of all tests before."""
+    root = tmp_path_factory.mktemp("stores")
+    return (root / str(k) for k in itertools.count())
+
+
 @pytest.fixture(autouse=True)
-def own_store(tmp_path_factory, monkeypatch):
+def own_store(store_folders, monkeypatch):
     """Each test has a store of solved states of its own, empty at first."""
-    monkeypatch.setenv("MAGTIP_STORE", str(tmp_path_factory.mktemp("store") / "solved.sqlite"))
+    monkeypatch.setenv("MAGTIP_STORE", str(next(store_folders) / "solved.sqlite"))
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """A headless Chromium; without one, tests are skipped, or fail where the environment says that one is needed."""
+    if executable() is None:
+        reason = "no Chromium is installed (Debian: apt-get install chromium)"
+        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with Browser() as browser:
+        yield browser
 
 
 @pytest.fixture

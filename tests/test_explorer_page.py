@@ -4,7 +4,6 @@ import base64
 import http.client
 import io
 import json
-import os
 import re
 import time
 import tomllib
@@ -13,7 +12,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from browser import Browser, executable
 from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE, RESPONSE, TYPE
 from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, percentile, random_moves, rest, server
 
@@ -22,17 +20,6 @@ from studies.inputs import user_input
 
 QUICK = "#preset=paper&level=quick"
 SECTION, SENSOR = "figure.section canvas", "figure.sensor canvas"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if executable() is None:
-        reason = "no Chromium is installed (Debian: apt-get install chromium)"
-        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    with Browser() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

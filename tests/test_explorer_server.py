@@ -292,9 +292,9 @@ def test_many_moves_leave_no_error_and_no_memory(loop, running, live):
             else:
                 assert math.isfinite(answer["data"]["response"]["force"][2])
 
-    loop.run_until_complete(moves(24))
+    loop.run_until_complete(moves(16))
     before = memory(pids)
-    loop.run_until_complete(moves(36))
+    loop.run_until_complete(moves(20))
     assert memory(pids) < 1.15 * before
     assert len(running.shared.pages) == 1
 

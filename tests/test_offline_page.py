@@ -2,14 +2,12 @@
 
 import json
 import math
-import os
 import re
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser, executable
 
 from geometry.design import BadInput, Design, paper
 from studies.explorer import offline_model, offline_page, offline_sections, state_commands
@@ -18,7 +16,7 @@ from studies.output import atomic_files
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST_BYTES = 5e6
-DESIGNS, LOADS = 100, 10
+DESIGNS, LOADS = 40, 10
 AGREEMENT = 1e-6
 ENGINE = """
 window.theModel = OfflineModel.load(OfflineData.decoded(MAGTIP_OFFLINE.model));
@@ -49,16 +47,10 @@ def file(sections, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def page(file):
-    if executable() is None:
-        reason = "no Chromium is installed (Debian: apt-get install chromium)"
-        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    with Browser() as browser:
-        page = browser.page(file)
-        page.run(ENGINE)
-        yield page
+def page(chromium, file):
+    page = chromium.page(file)
+    page.run(ENGINE)
+    return page
 
 
 @pytest.fixture(scope="module")
@@ -153,24 +145,24 @@ def answers(page, cases):
     return [(plain(ours[k]), plain(by_python(case, ["state"]))) for k, case in enumerate(cases)]
 
 
-def test_javascript_and_python_agree_on_a_thousand_states(answers):
-    assert len(answers) == 1000
+def test_javascript_and_python_agree_on_random_states(answers):
+    assert len(answers) == DESIGNS * LOADS
     solved = [(ours["state"], theirs["state"]) for ours, theirs in answers if "state" in theirs]
-    assert len(solved) > 400
+    assert len(solved) > 160
     difference, place = max(worst(*pair) for pair in solved)
     assert difference < AGREEMENT, place
 
 
 def test_refused_states_agree_in_words(answers):
     refused = [(ours.get("error"), theirs["error"]) for ours, theirs in answers if "error" in theirs]
-    assert len(refused) > 100
+    assert len(refused) > 40
     assert [ours for ours, _ in refused] == [theirs for _, theirs in refused]
     assert len({re.sub(r"[\d.]+", "#", theirs) for _, theirs in refused}) >= 5
 
 
 def test_curves_stability_and_field_lines_agree(page, cases, answers):
     parts = ["curve", "stability", "fieldLines"]
-    some = [case for case, (_, theirs) in zip(cases, answers, strict=True) if "state" in theirs][::100]
+    some = [case for case, (_, theirs) in zip(cases, answers, strict=True) if "state" in theirs][::40]
     ours = plain(page.run(f"theAnswers({json.dumps(some)}, {json.dumps(parts)})"))
     theirs = [plain(by_python(case, parts)) for case in some]
     difference, place = worst(ours, theirs)

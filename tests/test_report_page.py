@@ -3,13 +3,12 @@
 import base64
 import io
 import json
-import os
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser, executable
+from browser import Browser
 
 from fem import equilibrium
 from fem.accuracy import QUICK
@@ -35,17 +34,6 @@ CONTRAST = """(() => {
   return Object.fromEntries(names.map((name) => [name, ratio(light(name))]));
 })()"""
 """Contrast of texts and of series to the ground, by the definition of WCAG 2."""
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if executable() is None:
-        reason = "no Chromium is installed (Debian: apt-get install chromium)"
-        if os.environ.get("MAGTIP_NEEDS_BROWSER"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    with Browser() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ silicones = ["Smooth-Sil 940"]
 hall_parts = ["DRV5055A2"]
 D = ["9 mm", "11 mm"]
 """
-SMALL = ["--population", "16", "--generations", "3", "--points", "1", "--sensors", "20", "--accuracy", "quick"]
+SMALL = ["--population", "12", "--generations", "2", "--points", "1", "--sensors", "20", "--accuracy", "quick"]
 
 
 def size(folder, needed, store, *options):

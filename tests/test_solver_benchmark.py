@@ -202,13 +202,16 @@ def test_scripts_of_peers_and_magtip_do_not_import_each_other():
 
 def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
     accuracy = {"section_size": 0.12}
+    begin = time.perf_counter()
     found = peers.magtip(solver_benchmark.spec("axisymmetric", "ignored", [{"depth": 0.5}], accuracy))
+    whole = time.perf_counter() - begin
     here = trace(paper(), [Load(depth=0.5)], replace(STANDARD, **accuracy), magnet="ignored", estimate=False)
     assert found["status"] == "ok", found
     assert found["forces_N"][0] == pytest.approx(here[0].response.force, rel=1e-9)
     assert 0.01 < found["cpu_s"] < 20
-    # the first process after an installation compiles all functions for numba before the clock starts
-    assert 0.05 < found["import_s"] < 120
+    # the imports are a part of the life of the process
+    assert found["import_s"] > 0.05
+    assert found["import_s"] + found["cpu_s"] < whole
     assert 40 < found["base_MB"] <= found["peak_MB"] < 2000
 
 
