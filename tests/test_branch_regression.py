@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from geometry.design import BadInput
 from geometry.prony import Relaxation
-from studies.simulation.branch_regression import fit, kernel, model
+from studies.simulation.branch_regression import fit, kernel, model, thinned
 from studies.simulation.relaxation_test import Test
 
 SERIES = Relaxation((0.15, 0.1, 0.2), (0.03, 1.0, 40.0))
@@ -110,3 +110,22 @@ def test_a_constant_stress_has_no_branches():
     best = chosen(Test("relaxation", TIMES, 0.5 + 1e-3 * np.random.default_rng(3).normal(size=60), ""))
     assert best.count == 0
     assert best.long_term == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_long_recording_is_averaged_over_intervals_of_the_logarithm():
+    at = np.arange(1, 100_001) * 0.002
+    noise = 2e-3 * np.random.default_rng(0).normal(size=len(at))
+    test = Test("relaxation", at, E * SERIES.modulus(at) + noise, "youngs_modulus_MPa")
+    short = thinned(test)
+    assert 100 < len(short.at) < 250
+    assert (np.diff(short.at) > 0).all()
+    best = chosen(short)
+    assert best.relaxation.times == pytest.approx(SERIES.times, rel=0.1)
+    assert (best.instantaneous, best.long_term) == pytest.approx((E, E * SERIES.rest), rel=0.01)
+
+
+def test_means_of_a_dynamic_test_keep_both_parts():
+    at = np.geomspace(0.01, 1.0, 1000)
+    short = thinned(Test("dynamic", at, SERIES.complex_modulus(2 * np.pi * at), ""))
+    assert len(short.at) == 80
+    assert np.abs(short.values - SERIES.complex_modulus(2 * np.pi * short.at)).max() < 1e-4

@@ -20,7 +20,7 @@ is chosen (2 N + 2 parameters: moduli, times and the noise); of those within 2 o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,10 @@ NEGLIGIBLE = 1e-6
 """Share of the modulus below which a branch is rounding."""
 MOST_BRANCHES = 12
 """Most branches that are polished: one per decade holds every smooth relaxation within 6 %."""
+MOST_POINTS = 400
+"""Most points that are fitted one by one: a recording of more is averaged, see `thinned`."""
+BINS = 40
+"""Intervals per decade of an average: within one, a branch falls by at most 2 % of its share."""
 REACH = {"relaxation": (1.0, 3.0), "dynamic": (3.0, 3.0)}
 """Factors by which times may be shorter than the shortest time of a test, and longer than its longest. A branch that
 has relaxed before a relaxation test begins leaves nothing to see."""
@@ -118,6 +122,25 @@ def kernel(test: Test, times: Array) -> Array:
     return np.hstack([elapsed / T, -tau / T * np.expm1(-elapsed / tau) * np.exp(-(at - elapsed) / tau)])
 
 
+def thinned(test: Test) -> Test:
+    """Return a test of at most `MOST_POINTS` points as it is, of a longer one its means over log-spaced intervals.
+
+    A machine records at a constant rate: a fit of all points would take long, and gain nothing, because within an
+    interval the model is constant. Each mean has the weight of its readings.
+    """
+    if len(test.at) <= MOST_POINTS:
+        return test
+    count = int(np.ceil(BINS * np.log10(test.at[-1] / test.at[0])))
+    share = np.log(test.at / test.at[0]) / np.log(test.at[-1] / test.at[0])
+    place = np.minimum((count * share).astype(int), count - 1)
+    _, index, sizes = np.unique(place, return_inverse=True, return_counts=True)
+    at = np.exp(np.bincount(index, np.log(test.at)) / sizes)
+    values = np.bincount(index, test.values.real) / sizes
+    if test.kind == "dynamic":
+        values = values + 1j * np.bincount(index, test.values.imag) / sizes
+    return replace(test, at=at, values=values, counts=sizes.astype(float))
+
+
 def fit(test: Test) -> tuple[list[BranchFit], int]:
     """Return a fit for each number of branches, the most first, and the index of the chosen one.
 
@@ -148,13 +171,15 @@ def fit(test: Test) -> tuple[list[BranchFit], int]:
 
 
 def _problem(test: Test) -> _Problem:
+    counts = np.ones(len(test.at)) if test.counts is None else test.counts
+    each = np.sqrt(counts / counts.mean())
     if test.kind == "dynamic":
         size = np.abs(test.values)
         scale = float(size.max())
-        weight = np.tile(scale / size, 2)
+        weight = np.tile(each * scale / size, 2)
         return _Problem(test, weight, weight * np.concatenate([test.values.real, test.values.imag]) / scale, scale)
     scale = float(test.values.max())
-    return _Problem(test, np.ones(len(test.at)), test.values / scale, scale)
+    return _Problem(test, each, each * test.values / scale, scale)
 
 
 def _first_times(problem: _Problem, most: int) -> Array:

@@ -12,7 +12,7 @@ from geometry.prony import branches_text
 from geometry.relaxation import range_text
 from studies.output.atomic_files import write_text
 from studies.output.records import FlatRow
-from studies.simulation.branch_regression import BranchFit, fit, model
+from studies.simulation.branch_regression import BranchFit, fit, model, thinned
 from studies.simulation.law_regression import MISFIT
 from studies.simulation.material_fit import MARK, printable, refuse_foreign
 from studies.simulation.relaxation_test import Test, read
@@ -112,7 +112,7 @@ def run(
     test = read(path, nu, stretch, ramp)
     if folder is not None:
         refuse_foreign(folder / "design.toml")
-    fits, chosen = fit(test)
+    fits, chosen = fit(thinned(test))
     order = sorted(range(len(fits)), key=lambda k: fits[k].aicc)
     remarks = tuple(_remarks(test))
     rows = [BranchRow(fits[k], test, place + 1, k == chosen, remarks) for place, k in enumerate(order)]

@@ -52,6 +52,7 @@ class Test:
     column : name of the values' column.
     has_modulus : False for a stress without the stretch that belongs to it.
     ramp : time in which the stretch rose, s; None if it is not stated.
+    counts : number of readings of which each value is the mean, shape (n,); None: one each.
     """
 
     __test__ = False  # the name is that of the field; pytest collects classes that begin with it
@@ -62,6 +63,7 @@ class Test:
     column: str
     has_modulus: bool = True
     ramp: float | None = None
+    counts: Array | None = None
 
     @property
     def covered(self) -> tuple[float, float]:
