@@ -46,8 +46,9 @@ VERBS = {
         "sizing_commands": "size",
     },
     "Simulation": {
-        "simulation_commands": "solve analytic compare stability modes demo",
+        "simulation_commands": "solve analytic compare stability modes",
         "material_commands": "fit",
+        "demo_commands": "demo",
     },
     "Sensing": {"sensing_commands": "field readings decode table layout"},
     "Exploration": {

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from geometry.relaxation import range_text
 from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
@@ -124,6 +123,7 @@ def _fit_branches(
     as_json: bool,
 ) -> int:
     """Fit Prony branches and print them; see `fit`."""
+    from geometry.relaxation import range_text
     from studies.simulation import relaxation_fit as study
 
     with atomic_files.results(out) as folder:

@@ -1,4 +1,4 @@
-"""The verbs of mechanics: solve, analytic, stability, modes, compare, and demo."""
+"""The verbs of mechanics: solve, analytic, stability, modes and compare."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from studies.cli.command_output import print_record, print_remarks, report_failu
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
 from studies.inputs import user_input
-from studies.inputs.exit_status import FAILED, GOOD
+from studies.inputs.exit_status import GOOD
 from studies.inputs.input_warnings import say_no_effect
 from studies.inputs.option_groups import (
     ACCURACY,
@@ -279,25 +279,3 @@ def compare(
             sweep_request.show(summary[name], name.capitalize(), wide=wide)
             print_remarks(summary[name], sweep_request.CASE)
     return report_failures([*summary["press"], *summary["shear"]])
-
-
-def demo(*, out: Path = Path("out/demo")) -> int:
-    """Study the paper's sensor from start to end: CAD, mould, mesh, finite elements, formulas, comparison, report.
-
-    Parameters
-    ----------
-    out
-        Output folder.
-    """
-    command_line = command(demo, locals())
-    from studies import demo as study
-
-    with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
-        outcome = study.run(folder, command=command_line, progress=progress)
-    for sentence in outcome["summary"]["sentences"]:
-        console.note(f"- {sentence}")
-    console.note(f"All results are in {out}; start with REPORT.md.")
-    if outcome["status"] != "ok":
-        console.say(f"magtip: part of the demo failed: {outcome['message']}")
-        return FAILED
-    return GOOD
