@@ -196,4 +196,5 @@ def start_path(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> Path:
         mu=scene.coulomb,
         friction_step_factor=scene.accuracy.friction_step_factor,
         predictor=None if models.predictor is None else models.predictor.build,
+        rough=models.rough,
     )

@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.accuracy import STANDARD, Accuracy, coarser
-from fem.contact.contact_extent import find_contact_edge
+from fem.contact.contact_extent import find_press
 from fem.contact.plate_contact import Plate
 from fem.discretisation import elements, rigid_inclusion, single_order
 from fem.discretisation.mesh_specification import specification
@@ -170,12 +170,12 @@ class Press:
 def solve_press(scene: Scene) -> Press:
     """Solve for the press, on a mesh refined where the contact ends."""
     size, patch, D = scene.accuracy.section_size, scene.accuracy.section_patch, scene.design.D
-    depth, edge = scene.loads[0].depth / D, None
+    depth, edge, rough = scene.loads[0].depth / D, None, None
     section = specification(scene, size, size / 2)
     if depth:
-        edge = find_contact_edge(section, patch, depth)
+        edge, rough = find_press(section, patch, depth)
         section = replace(section, rim=(edge, min(patch, edge / 4)))
-    path = Path(section.build())
+    path = Path(section.build(), rough=rough)
     try:
         reason, state = path.go(depth, np.zeros(2)), path.state
     finally:

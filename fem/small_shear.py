@@ -13,7 +13,7 @@ import numpy as np
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
-from fem.contact.contact_extent import find_contact_edge
+from fem.contact.contact_extent import find_press
 from fem.discretisation import elements, single_order
 from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import Assembly
@@ -113,9 +113,9 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge = find_contact_edge(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
+    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
     section = fine_section(scene, edge)
-    path = Path(section.build())
+    path = Path(section.build(), rough=press)
     try:
         reason, pressed = path.go(depth, np.zeros(2)), path.state
     finally:

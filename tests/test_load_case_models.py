@@ -20,7 +20,7 @@ def scene(*loads, accuracy=QUICK, model="auto"):
 @pytest.fixture
 def end_at(monkeypatch):
     """Contacts end at 0.2 D, without a press that finds it."""
-    monkeypatch.setattr(load_case_models, "find_contact_edge", lambda section, edge_length, depth: 0.2)
+    monkeypatch.setattr(load_case_models, "find_press", lambda section, edge_length, depth: (0.2, None))
 
 
 def test_a_press_begins_axisymmetric_with_one_harmonic_at_hand():

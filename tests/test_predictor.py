@@ -10,7 +10,7 @@ from fem.solvers import predictor
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import follow_segment
 from fem.solvers.path_state import at_rest, glue, with_predictor
-from fem.solvers.predictor import predict
+from fem.solvers.predictor import correct_press, predict
 from geometry.design import paper
 
 SHAPE = paper().shape.without_magnet().scaled(1 / 8)
@@ -85,3 +85,17 @@ def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers
     np.testing.assert_array_equal(state.position, sheared)
     in_steps = follow_segment(solvers[0], glue(in_steps, 0.2), sheared).state
     np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
+
+
+def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):
+    rough, fine = (symmetry_models.section(SHAPE, 0.4998, "ignored", size, size / 2) for size in (0.3, 0.2))
+    pressed = np.array([0.1, 0.0, 0.0])
+    other = follow_segment(solvers[1], at_rest(rough), pressed).state
+    state, iterations = correct_press(solvers[0], at_rest(fine), other, pressed)
+    in_steps = follow_segment(solvers[0], at_rest(fine), pressed)
+    np.testing.assert_array_equal(state.position, pressed)
+    np.testing.assert_allclose(state.u, in_steps.state.u, atol=1e-8)
+    assert state.unstable == in_steps.state.unstable
+    assert iterations > 0
+    rest = at_rest(fine)
+    assert correct_press(solvers[0], rest, other, pressed / 2) == (rest, 0)

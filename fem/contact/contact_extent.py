@@ -30,23 +30,29 @@ def find_contact_edge(section: MeshSpecification, edge_length: float, depth: flo
     edge_length : edge length at the edge of the contact, over D; at most EDGE_SHARE of the radius.
     depth : depth of the press, over D.
     """
+    return find_press(section, edge_length, depth)[0]
+
+
+def find_press(section: MeshSpecification, edge_length: float, depth: float) -> tuple[float, PathState]:
+    """Return the radius of `find_contact_edge`, and the press from which it results."""
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
-        end = solve_contact_edge(replace(section, rim=(radius, min(edge_length, EDGE_SHARE * radius))).build(), depth)
+        state = solve_press(replace(section, rim=(radius, min(edge_length, EDGE_SHARE * radius))).build(), depth)
+        end = measure_contact_edge(state)
         if not end:  # the press did not reach first touch: the press on the final mesh reports why
             break
         change, radius = end / radius - 1, end
         if abs(change) < SETTLED_RADIUS:
             break
-    return radius
+    return radius, state
 
 
-def solve_contact_edge(d: Discretisation, depth: float) -> float:
-    """Solve a press to a depth over D and return the undeformed radius at which its contact ends, over D."""
+def solve_press(d: Discretisation, depth: float) -> PathState:
+    """Solve a press to a depth over D; return its last state."""
     path = Path(d)
     try:
         path.go(depth, np.zeros(2))
-        return measure_contact_edge(path.state)
+        return path.state
     finally:
         path.close()
 

@@ -1,7 +1,8 @@
-"""Unknowns of tetrahedra from a state of the section with harmonics of one beam: a first guess for Newton's method.
+"""Unknowns on another mesh from a state of a section of the same beam: a first guess for Newton's method.
 
-Each node of the tetrahedra lies at a point (r, z) of a triangle of the section and at an angle theta. The triangle is
-curved, so the point's local coordinates are found by Newton's method, from those in the straight triangle.
+Each node of the other section or of the tetrahedra lies at a point (r, z) of a triangle of the section, and in
+tetrahedra at an angle theta. The triangle is curved, so the point's local coordinates are found by Newton's method,
+from those in the straight triangle.
 """
 
 from __future__ import annotations
@@ -23,44 +24,48 @@ coordinates, whose error is far below that of the guess after them."""
 
 @dataclass(frozen=True, slots=True)
 class SectionInterpolation:
-    """Interpolation from a section with harmonics to tetrahedra of the half y >= 0.
+    """Interpolation from a section to another one with the same fields, or to tetrahedra of the half y >= 0.
 
     Attributes
     ----------
-    section, solid : the two systems.
-    cells : (n,) triangle of each node of the tetrahedra.
+    section, other : the two systems.
+    cells : (n,) triangle of each node of the other mesh.
     shape, pressure_shape : (n, 6) and (n, 3) shape functions of its nodes and corners there.
-    E, C : (n, 3, f) displacement x, y, z of each field, and (n, k) pressure of each pressure field.
+    E, C : in tetrahedra, (n, 3, f) displacement x, y, z of each field, and (n, k) pressure of each pressure field.
     """
 
     section: System
-    solid: System
+    other: System
     cells: Ints
     shape: Array
     pressure_shape: Array
-    E: Array
-    C: Array
+    E: Array | None = None
+    C: Array | None = None
 
     def __call__(self, q: Array) -> Array:
-        """Return the unknowns of the tetrahedra for unknowns q of the section."""
+        """Return the unknowns on the other mesh for unknowns q of the section."""
         state, e = self.section.state(q), self.section.elements
-        fields = np.einsum("na,naf->nf", self.shape, state.u[e.cells[self.cells]])
+        u = np.einsum("na,naf->nf", self.shape, state.u[e.cells[self.cells]])
         rows = np.zeros(len(e.nodes), dtype=np.int64)
         rows[self.section.corner_nodes] = np.arange(len(self.section.corner_nodes))
-        orders = np.einsum("nc,nck->nk", self.pressure_shape, state.p[rows[e.corners[self.cells]]])
-        u, p = np.einsum("nif,nf->ni", self.E, fields), np.sum(self.C * orders, axis=1)
-        return self.solid.unknowns(u, p[self.solid.corner_nodes, None], self.section.motion(q))
+        p = np.einsum("nc,nck->nk", self.pressure_shape, state.p[rows[e.corners[self.cells]]])
+        if self.E is not None and self.C is not None:
+            u, p = np.einsum("nif,nf->ni", self.E, u), np.sum(self.C * p, axis=1, keepdims=True)
+        return self.other.unknowns(u, p[self.other.corner_nodes], self.section.motion(q))
 
 
-def interpolate_section(section: System, solid: System) -> SectionInterpolation:
-    """Return the interpolation from a section with harmonics to tetrahedra of the half y >= 0."""
-    x, y, z = solid.elements.nodes.T
+def interpolate_section(section: System, other: System) -> SectionInterpolation:
+    """Return the interpolation from a section to another one with the same fields, or to tetrahedra of the half."""
+    if other.elements.dim == 2:
+        cells, local = _locate(section.elements, other.elements.nodes)
+        return SectionInterpolation(section, other, cells, _shape_functions(local)[0], _barycentric(local))
+    x, y, z = other.elements.nodes.T
     cells, local = _locate(section.elements, np.stack([np.hypot(x, y), z], axis=1))
     angles = section.elements.angles
     series = elements.fields_at(np.arctan2(y, x), angles.harmonics, sines=angles.sines)
     E = np.einsum("ijn,njf->nif", elements.rotations(series.theta), series.E)
     shape, _ = _shape_functions(local)
-    return SectionInterpolation(section, solid, cells, shape, _barycentric(local), E, series.C)
+    return SectionInterpolation(section, other, cells, shape, _barycentric(local), E, series.C)
 
 
 def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:

@@ -9,11 +9,11 @@ from typing import Literal
 import skfem
 
 from fem.accuracy import QUICK
-from fem.contact.contact_extent import find_contact_edge
+from fem.contact.contact_extent import find_press
 from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.scene import Scene
 from fem.solvers.depth_ranges import graded_depth, harmonics_at
-from fem.solvers.path_state import FIRST_TOUCH
+from fem.solvers.path_state import FIRST_TOUCH, PathState
 
 TIP = 1.0
 """Edge length at the tip over the section's edge length times a / D, where a is the radius at which the plate would
@@ -42,12 +42,14 @@ class PathModels:
         mesh, or a section with harmonics.
     glued_radius : undeformed radius over D of the area that is glued when the shear begins; default: the contact
         radius.
+    rough : press on another mesh, from which that on this one starts.
     """
 
     first: MeshSpecification
     raised: MeshSpecification | None = None
     predictor: MeshSpecification | None = None
     glued_radius: float | None = None
+    rough: PathState | None = None
 
 
 def path_models(scene: Scene, mesh: skfem.MeshTet2 | None = None) -> PathModels:
@@ -90,12 +92,12 @@ def tilted_plate(scene: Scene) -> PathModels:
 
 def glued_plate(scene: Scene) -> PathModels:
     """Return the models of a plate that is glued after the press: a section refined at the edge of the contact."""
-    radius = _glued_radius(scene)
+    radius, rough = _glued_press(scene)
     section = _fine_at(scene, radius)
     high = _harmonic(scene, section)
     if scene.push:  # the contact is not a circle then: the points that touch are glued
         return PathModels(high, predictor=_predictor(high))
-    return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius)
+    return PathModels(section, raised=high, predictor=_predictor(high), glued_radius=radius, rough=rough)
 
 
 def grip(scene: Scene) -> PathModels:
@@ -173,7 +175,7 @@ def _sheared_radius(scene: Scene) -> float | None:
     if scene.grip is not None:
         radius = _gripped_radius(scene)
         return None if radius == scene.shape.R else radius
-    return None if scene.plate_tilt or scene.coulomb is not None else _glued_radius(scene)
+    return None if scene.plate_tilt or scene.coulomb is not None else _glued_press(scene)[0]
 
 
 def _gripped_radius(scene: Scene) -> float:
@@ -183,9 +185,9 @@ def _gripped_radius(scene: Scene) -> float:
     return math.sqrt(height * (2 * R - height)) if height < R else R
 
 
-def _glued_radius(scene: Scene) -> float:
-    """Return the undeformed radius over D at which the contact ends when the plate is glued, from coarse presses."""
+def _glued_press(scene: Scene) -> tuple[float, PathState]:
+    """Return the undeformed radius over D at which the contact ends when the plate is glued, and a coarse press."""
     sheared = scene.sheared
     assert sheared is not None
     rough = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
-    return find_contact_edge(rough, scene.accuracy.section_patch, sheared.depth / scene.design.D)
+    return find_press(rough, scene.accuracy.section_patch, sheared.depth / scene.design.D)

@@ -18,7 +18,7 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import Segment, follow_segment
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
-from fem.solvers.predictor import predict
+from fem.solvers.predictor import correct_press, predict
 from geometry.arrays import Array
 
 
@@ -39,6 +39,7 @@ class Path:
         without Coulomb friction.
     kappa : stiffness number of the plate on a section without Coulomb friction, see `fem.contact.plate_contact`;
         default: SECTION_KAPPA.
+    rough : state of a press on another mesh, from which a press to the same depth starts.
 
     Attributes
     ----------
@@ -58,6 +59,7 @@ class Path:
         friction_step_factor: float = 1.0,
         predictor: Callable[[], Discretisation] | None = None,
         kappa: float | None = None,
+        rough: PathState | None = None,
     ) -> None:
         self.raised, self._predictor, self._rim, self._friction_factor = raised, predictor, rim, friction_step_factor
         # one solver each for the model and its predictor: both keep the symbolic factorisation of their pattern
@@ -65,7 +67,7 @@ class Path:
         state = at_rest(d, grip, tilt, mu, kappa)
         if predictor is not None and raised is None:
             state = with_predictor(state, predictor())
-        self.state, self.iterations = state, 0
+        self.state, self.iterations, self._rough = state, 0, rough
 
     def go(self, depth: float, shear: Array) -> Stop:
         """Move to a depth, then to a shear (2,); return why the path stopped on the way, empty if it did not."""
@@ -105,7 +107,11 @@ class Path:
         """Follow a straight segment to a position (3,), by the predictor where possible."""
         if not np.linalg.norm(goal - state.position):
             return Segment(state, "", 0)
-        state, before = predict(self._solver, self._reduced_solver, state, goal)
+        if self._rough is None:
+            state, before = predict(self._solver, self._reduced_solver, state, goal)
+        else:
+            state, before = correct_press(self._solver, state, self._rough, goal)
+            self._rough = None
         # returns at once if the prediction has reached the goal
         reached = follow_segment(self._solver, state, goal, friction_step_factor=self._friction_factor)
         return replace(reached, iterations=before + reached.iterations)

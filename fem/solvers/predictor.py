@@ -3,7 +3,8 @@
 Most of the solution is in the first harmonic, and a section has it all at a tenth of the cost of tetrahedra. The
 predictor follows a segment in increments, which are cheap for it. At its end the difference of the two models at the
 start is added to the prediction, and the full model is corrected once, without increments of its own. Where that does
-not converge, or leads to another branch, the full model takes its own increments.
+not converge, or leads to another branch, the full model takes its own increments. A press may also start from the
+state of a press on another mesh.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from fem.contact import plate_contact
+from fem.discretisation.section_interpolation import interpolate_section
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import CRUSHED, follow_segment, least_J
 from fem.solvers.newton import newton
@@ -51,6 +53,19 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     return after, ahead.iterations + iterations
 
 
+def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Array) -> tuple[PathState, int]:
+    """Move from rest to a position (3,) by correcting the state `rough` of another mesh, if it is the same press.
+
+    Returns
+    -------
+    As `predict`.
+    """
+    if state.position.any() or not np.array_equal(rough.position, goal) or rough.unstable:
+        return state, 0
+    guess = interpolate_section(rough.d.system, state.d.system)(rough.q)
+    return _correct(solver, state, guess, goal)
+
+
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
     """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
@@ -63,4 +78,6 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tup
         return state, answer.iterations
     q, energy = answer.state.q, answer.assembly.energy
     # intermediate states are unknown, so the next guess cannot be extrapolated
-    return replace(state, position=goal, q=q, energy=energy, least_J=least, past=()), answer.iterations
+    unstable = state.unstable if answer.unstable is None else answer.unstable
+    state = replace(state, position=goal, q=q, energy=energy, least_J=least, unstable=unstable, past=())
+    return state, answer.iterations
