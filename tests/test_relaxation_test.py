@@ -93,7 +93,21 @@ STRESS = "time_s,nominal_stress_MPa"
             {},
             "must both be Young's moduli",
         ),
-        ("time_s,youngs_modulus_MPa", rows(1.0)[:5], {}, "has 5 points: a fit of branches needs at least 6"),
+        ("time_s,foo", rows(1.0), {}, "the header needs a column nominal_stress_MPa or"),
+        ("frequency_Hz,storage_modulus_MPa", rows(1.0), {}, "or tan_delta besides frequency_Hz, storage_modulus_MPa"),
+        (
+            "time_s,youngs_modulus_MPa",
+            rows(1.0),
+            {"stretch": 1.2},
+            "which needs no held stretch: leave --stretch out",
+        ),
+        ("time_s,nominal_stress_MPa", [], {"ramp": 1.0}, "has too few points (0)"),
+        (
+            "time_s,youngs_modulus_MPa",
+            rows(1.0)[:5],
+            {},
+            "has too few points (5): a fit of branches needs at least 6",
+        ),
         (
             "time_s,youngs_modulus_MPa",
             rows(1.0, times=TIMES - 0.1),

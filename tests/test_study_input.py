@@ -24,6 +24,7 @@ def test_axes():
         (["D=6,6.0"], ["axis D lists a value twice"]),
         (["D=6", "D=7"], ["axis D is given twice"]),
         (["dephts=1"], ["'dephts'", "did you mean depth"]),
+        (["prony=1"], ["prony is a text and no axis: state it in the design, or vary loss_factor"]),
         (["zzz=1"], ["there is no axis 'zzz'", "such as D, L, f, E, depth, shear"]),
         (
             ["law=yeoh,steel"],

@@ -105,6 +105,8 @@ def check_name(name: str, among: Mapping[str, Quantity] = AXES) -> None:
     """Raise BadInput unless an axis has this name."""
     if name in among:
         return
+    if name in FIELDS and name not in DESIGN:
+        raise BadInput(f"{name} is a text and no axis: state it in the design, or vary loss_factor")
     common = ", ".join(known for known in COMMON if known in among)
     raise BadInput(
         f"there is no axis {name!r}: {nearest(name, among)}"

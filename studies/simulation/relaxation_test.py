@@ -98,8 +98,6 @@ def read(path: str, nu: float, stretch: float | None = None, ramp: float | None 
     """
     rows = [(line, [cell.strip() for cell in row]) for line, row in table_input.csv_rows(Path(path), comments=True)]
     table = _Table(path, rows[0][0], rows[0][1], rows[1:])
-    if len(table.rows) < FEWEST:
-        raise BadInput(f"{path!r} has {len(table.rows)} points: a fit of branches needs at least {FEWEST}")
     return _dynamic(table, nu) if kind_of(path) == "dynamic" else _relaxation(table, nu, stretch, ramp)
 
 
@@ -113,11 +111,23 @@ class _Table:
     rows: table_input.Rows
 
     def values(self, names: Mapping[str, float]) -> tuple[str, Array]:
-        """Return the name of the only column among some, and its values in the unit whose factor is 1, shape (n,)."""
+        """Return the name of the only column among some, and its values in the unit whose factor is 1, shape (n,).
+
+        A missing column is the first thing to say, and a missing row the second.
+        """
         # a column of another quantity is not taken for a misspelt one of this
         header = ["" if name in KNOWN and name not in names else name for name in self.header]
+        if not any(header) and not self.has(names):
+            raise BadInput(
+                f"{self.path!r}, line {self.line}: the header needs a column {' or '.join(names)} besides "
+                f"{', '.join(self.header)}"
+            )
         k = column_of(self.path, self.line, header, tuple(names))
         name = self.header[k]
+        if len(self.rows) < FEWEST:
+            raise BadInput(
+                f"{self.path!r} has too few points ({len(self.rows)}): a fit of branches needs at least {FEWEST}"
+            )
         return name, names[name] * np.array(
             [value_of(self.path, line, self.header, row, k) for line, row in self.rows]
         )
@@ -162,6 +172,8 @@ def _relaxation(table: _Table, nu: float, stretch: float | None, ramp: float | N
         raise BadInput(f"the ramp must last 0 s or longer and end before the last time, {at[-1]:g} s; got {ramp:g} s")
     column, stress = table.values(STRESS | MODULUS)
     if column in MODULUS:
+        if stretch is not None:
+            raise BadInput(f"{table.path!r} has the modulus, which needs no held stretch: leave --stretch out")
         table.refuse(stress <= 0, column, "a modulus must be more than 0", stress)
         return Test("relaxation", at, _youngs(column, nu) * stress, column, ramp=ramp)
     held = _held_stretch(table, stretch)
