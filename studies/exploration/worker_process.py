@@ -249,6 +249,7 @@ def _portable(error: BaseException) -> BaseException:
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
+        # pickle calls methods of the exception's own class, which may raise anything
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
 

@@ -346,6 +346,7 @@ async def _serve(changed: dict[str, str], port: int, ready: Callable[[str], None
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
+        # event loops of Windows, and of other threads than the main one, take no signal handlers; Ctrl-C then raises
         with contextlib.suppress(NotImplementedError, RuntimeError):
             loop.add_signal_handler(number, stop.set)
     try:
