@@ -9,7 +9,6 @@ import numpy as np
 from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import rigid_inclusion
 from fem.discretisation.gradient_recovery import Recovery
-from fem.discretisation.nonlinear_system import State
 from fem.discretisation.symmetry_models import Discretisation
 from fem.results import diagnostics, state_messages
 from fem.results.lateral_stiffness import SidewaysModel
@@ -19,7 +18,6 @@ from fem.solvers.depth_ranges import harmonics_missing
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
-from geometry.design import Design
 from geometry.loads import Load, Response
 
 
@@ -42,11 +40,11 @@ def read(
     sideways : model in which the sideways stability of an axisymmetric press is checked; None: no check.
     """
     d, nodal = state.d, state.d.system.state(state.q)
-    design, (x, y), friction = scene.design, scene.direction, state.friction
-    turn, D, E = np.array([[x, -y], [y, x]]), design.D, design.E
+    design, friction = scene.design, state.friction
+    turn, D, E = _turn(scene), design.D, design.E
     solution = Solution(
         load=_reached_load(state, load, turn, D) if stop else load,
-        response=_read_response(state, nodal, turn, design),
+        response=read_response(state, scene),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
         dofs=d.system.size,
@@ -77,15 +75,16 @@ def _reached_load(state: PathState, load: Load, turn: Array, D: float) -> Load:
     return replace(load, depth=float(state.position[0]) * D, **moved)
 
 
-def _read_response(state: PathState, nodal: State, turn: Array, design: Design) -> Response:
-    """Return the force and the pose of the magnet in the user's frame and units.
+def _turn(scene: Scene) -> Array:
+    """Return the rotation (2, 2) from the model's x and y to the user's."""
+    x, y = scene.direction
+    return np.array([[x, -y], [y, x]])
 
-    Parameters
-    ----------
-    nodal : nodal fields of the state.
-    turn : (2, 2) rotation from the model's x and y to the user's.
-    """
-    d, D = state.d, design.D
+
+def read_response(state: PathState, scene: Scene) -> Response:
+    """Return the force and the pose of the magnet in the user's frame and units."""
+    d, nodal, turn, design = state.d, state.d.system.state(state.q), _turn(scene), scene.design
+    D = design.D
     total = tip_force(state) * design.E * D**2
     shift, tilt = read_pose(d, nodal.u, state.q)
     # components that symmetry forbids contain only rounding errors

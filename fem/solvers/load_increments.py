@@ -103,7 +103,7 @@ def follow_segment(
     if length == 0:
         return Segment(state, "", 0)
     state = _set_direction(state, (goal - start) / length)
-    longest = _longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
+    longest = longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
     if predicts and start[0] == goal[0] and length <= PREDICTED:
         longest = 1.0
     # `place` and `step` are shares of the segment's length
@@ -145,7 +145,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
         )
         plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
     expected = extrapolation.extrapolate_contact(state, position)
-    answer = _find_equilibrium(solver, state, guess, plate, expected, tolerance)
+    answer = find_equilibrium(solver, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
     doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
@@ -158,7 +158,7 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
 
 
-def _find_equilibrium(
+def find_equilibrium(
     solver: Solver,
     state: PathState,
     guess: Array,
@@ -212,7 +212,7 @@ def _set_direction(state: PathState, direction: Array) -> PathState:
     return replace(state, direction=direction)
 
 
-def _longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
+def longest_increment(state: PathState, depth: float, friction_step_factor: float) -> float:
     """Return the longest increment over D of a segment that goes down to a depth."""
     if state.friction is None:
         return LONGEST if state.d.revolved else SOLID_LONGEST
@@ -229,7 +229,7 @@ def _tolerance(state: PathState, *, passed: bool) -> float:
 
 def _solve_fully(solver: Solver, state: PathState) -> tuple[PathState, int]:
     """Solve an intermediate state to the full tolerance; return it and Newton's iterations."""
-    answer = _find_equilibrium(solver, state, state.q, state.plate)
+    answer = find_equilibrium(solver, state, state.q, state.plate)
     if answer.converged:
         state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=least_J(answer))
     return state, answer.iterations
@@ -242,7 +242,7 @@ def _bracket_onset(
     stable, unstable, q, iterations = state.position, position, state.q, 0
     for _ in range(ONSET_HALVINGS):
         middle = (stable + unstable) / 2
-        between = _find_equilibrium(solver, state, (q + answer.state.q) / 2, state.plate_at(middle))
+        between = find_equilibrium(solver, state, (q + answer.state.q) / 2, state.plate_at(middle))
         iterations += between.iterations
         if not between.converged or between.unstable is None:
             break

@@ -1,0 +1,222 @@
+"""Integration of a viscoelastic path in time: its models and present state, and the choice of the time steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem import time_steps
+from fem.contact.plate_contact import SECTION_KAPPA
+from fem.discretisation import viscous_history
+from fem.discretisation.viscous_history import Branches
+from fem.scene import Scene
+from fem.solvers import increment_watch, load_increments
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_case_models import PathModels, path_models
+from fem.solvers.load_stepping import Path
+from fem.solvers.newton import Stop
+from fem.time_steps import ViscousState
+from geometry.arrays import Array
+from geometry.design import Design
+from geometry.loads import Load
+from geometry.relaxation import relaxation_of
+
+FIRST_SHARE = 1 / 24
+"""First step of a smooth part of the path, over its duration."""
+LONGEST_SHARE = 1 / 12
+"""Longest step over the duration of its part, so that the energies are integrated well."""
+BUDGET, LEAST_BUDGET = 0.5, 0.05
+"""Shares of the permitted error that a single step may add: of what the errors carried so far leave, and at least."""
+SHORTEST_SHARE = 1e-4
+"""Step over the duration of its part below which the path stops: it has then reached a limit."""
+SAFETY, GROWTH, LEAST = 0.8, 2.0, 0.25
+"""Share of the permitted error that a step aims at, and the largest and least ratio of a step to the last one."""
+HERTZ_SHARE = 0.3
+"""Share of the force of a Hertz contact at the deepest load that errors refer to at least: at first touch the force
+itself is nearly zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A straight motion.
+
+    Attributes
+    ----------
+    begin, end : times, s.
+    start, goal : (3,) positions over D.
+    run : number of the smooth part of the path that it belongs to.
+    load : the load at its end.
+    """
+
+    begin: float
+    end: float
+    start: Array
+    goal: Array
+    run: int
+    load: Load
+
+    @property
+    def velocity(self) -> Array:
+        """(3,) velocity over D, 1/s; zeros for a jump."""
+        return (self.goal - self.start) / (self.end - self.begin) if self.end > self.begin else np.zeros(3)
+
+
+def branches_of(design: Design) -> Branches:
+    """Return the branches of a design with the ratio of the instantaneous modulus to its E."""
+    relaxation = relaxation_of(design)
+    shares = np.array(relaxation.shares)
+    return Branches(
+        shares, np.array(relaxation.times), 1.0 if design.modulus == "instantaneous" else 1 / relaxation.rest
+    )
+
+
+class TimedPath:
+    """Models, solver and present state of a path in time."""
+
+    def __init__(self, scene: Scene, law: str, kappa: float | None) -> None:
+        deepest = max(load.depth for load in scene.loads)
+        # the mesh is that of the deepest load; states that carry less are read on the same mesh
+        loads = tuple(load for load in scene.loads if load.depth == deepest)
+        models = path_models(replace(scene, loads=loads))
+        self.scene, self.models, self.solver = scene, models, Solver()
+        self._path = _static_path(scene, models, kappa)
+        state = self._path.state
+        R, depth = scene.shape.R, deepest / scene.design.D
+        self.stiffness = state.kappa / (R if state.grip else math.sqrt(R * depth) if depth else R)
+        branches, e = branches_of(scene.design), state.d.elements
+        history = viscous_history.at_rest(law, branches, (len(e.angles.theta), *e.weights.shape))
+        self.state = time_steps.at_rest(time_steps.with_stiffness(state, self.stiffness), history)
+        self.least_force = HERTZ_SHARE * branches.instantaneous * 4 / 3 * math.sqrt(R) * depth**1.5
+        self.steps, self.iterations, self.next_step = 0, 0, 0.0
+
+    def begin_motion(self, segment: Segment, duration: float) -> None:
+        """Prepare a smooth part of the path of a duration, s, which begins with a segment."""
+        self.state = time_steps.begin_motion(self.state, segment.goal - segment.start)
+        self.next_step = FIRST_SHARE * duration
+
+    def begin_shear(self) -> None:
+        """Change to the model of a shear and glue the contact where required."""
+        self._path.restart(self.state.path)
+        self._path.begin_shear()
+        after = self._path.state
+        if after.d is not self.state.path.d:
+            self.solver.close()
+            self.solver = Solver()
+        self.state = time_steps.raised(self.state, replace(after, reduced=None))
+
+    def close(self) -> None:
+        """Free the memory of the factorisations."""
+        self.solver.close()
+        self._path.close()
+
+    def reached_load(self, load: Load) -> Load:
+        """Return the load at the present position, of the kind of `load`."""
+        (x, y), D = self.scene.direction, self.scene.design.D
+        depth, *along = self.state.path.position * D
+        shear = np.array([[x, -y], [y, x]]) @ along
+        return replace(load, depth=max(float(depth), 0.0), shear_x=float(shear[0]), shear_y=float(shear[1]))
+
+
+def _static_path(scene: Scene, models: PathModels, kappa: float | None) -> Path:
+    """Return the path at rest that supplies the models; it takes no increments."""
+    return Path(
+        models.first.build(),
+        scene.grip,
+        scene.plate_tilt,
+        raised=None if models.raised is None or not scene.sideways else models.raised.build,
+        rim=models.glued_radius,
+        mu=scene.coulomb,
+        kappa=kappa or SECTION_KAPPA,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Permitted error of the force over the largest force, and shortest and longest step, s."""
+
+    error: float
+    shortest: float
+    longest: float
+
+
+def step_limits(error: float, duration: float, largest_step: float | None) -> Limits:
+    """Return the limits of the steps in a smooth part of the path of a duration, s."""
+    longest = LONGEST_SHARE * duration
+    return Limits(error, SHORTEST_SHARE * duration, longest if largest_step is None else min(longest, largest_step))
+
+
+def march(path: TimedPath, segment: Segment, limits: Limits) -> Iterator[Stop]:
+    """Take the time steps of a segment; yield after each why the path stopped, or ""."""
+    if segment.end == segment.begin:
+        yield from _jump(path, segment)
+        return
+    speed = float(np.linalg.norm(segment.velocity))
+    longest = min(_longest_motion(path, segment) / speed if speed else math.inf, limits.longest)
+    while path.state.time < segment.end:
+        increment_watch.report(0.0)
+        state, left = path.state, segment.end - path.state.time
+        # equal last steps are better than one long and one tiny step
+        dt = left / math.ceil(left / min(path.next_step, longest) * (1 - 1e-9))
+        target = segment.goal + (dt - left) * segment.velocity if dt < left else segment.goal
+        tried = time_steps.advance(path.solver, state, target, dt, path.stiffness)
+        if isinstance(tried, str):
+            path.state, path.next_step = replace(state, past=()), dt / 2
+            if path.next_step < limits.shortest:
+                yield tried
+                return
+            continue
+        path.iterations += tried.iterations
+        if not _choose_next_step(path, tried, dt, limits):
+            continue
+        path.state = replace(tried, time=segment.end) if dt >= left * (1 - 1e-12) else tried
+        path.steps += 1
+        yield ""
+
+
+def _choose_next_step(path: TimedPath, tried: ViscousState, dt: float, limits: Limits) -> bool:
+    """Set the length of the next step after one of length dt, and return whether that one is accurate enough."""
+    state = path.state
+    decayed = np.exp(-dt / state.history.branches.times) * state.errors
+    gained = float(np.abs(tried.errors - decayed).sum())
+    whole = limits.error / time_steps.CERTAINTY * max(tried.largest, path.least_force)
+    allowed = max(LEAST_BUDGET * whole, BUDGET * (whole - float(np.abs(decayed).sum())))
+    ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
+    known = len(state.past) > 1
+    if gained > allowed and known and dt / 2 > limits.shortest:
+        path.next_step = max(LEAST, min(ratio, 0.9)) * dt
+        return False
+    path.next_step = min(GROWTH, max(LEAST, ratio)) * dt if known else max(path.next_step, dt)
+    return True
+
+
+def _jump(path: TimedPath, segment: Segment) -> Iterator[Stop]:
+    """Move the plate at once, in increments; the silicone answers with its instantaneous modulus."""
+    length = float(np.linalg.norm(segment.goal - segment.start))
+    place, step = 0.0, min(_longest_motion(path, segment) / length, 1.0) if length else 1.0
+    while place < 1:
+        increment_watch.report(0.0)
+        ahead = 1.0 if 1 - place <= 1.001 * step else place + step
+        target = segment.start + ahead * (segment.goal - segment.start) if ahead < 1 else segment.goal
+        tried = time_steps.advance(path.solver, path.state, target, 0.0, path.stiffness)
+        if isinstance(tried, str):
+            step = (ahead - place) / 2
+            if step < SHORTEST_SHARE:
+                yield tried
+                return
+            continue
+        path.state, path.steps, path.iterations = tried, path.steps + 1, path.iterations + tried.iterations
+        place = ahead
+        yield ""
+
+
+def _longest_motion(path: TimedPath, segment: Segment) -> float:
+    """Return the longest motion of the plate in one step, over D, as in a static path."""
+    direction = segment.goal - segment.start
+    size = float(np.linalg.norm(direction))
+    state = replace(path.state.path, direction=direction / size) if size else path.state.path
+    return load_increments.longest_increment(
+        state, float(max(segment.start[0], segment.goal[0])), path.scene.accuracy.friction_step_factor
+    )

@@ -1,0 +1,257 @@
+"""One time step of a viscoelastic body under a plate or a grip, in units of D and E.
+
+A step is one equilibrium of an elastic body with another modulus and a known stress (`fem.viscoelasticity`), so
+contact and friction are those of `load_increments`. It starts from the polynomial in time through the last states of
+a smooth motion. The plate's springs keep one stiffness, so that they store what they take.
+
+Error of a step: the laws integrate a stress S_iso that is linear in time. Its curvature S'' leaves the error
+g_i tau_i^2 c(dt / tau_i) S'' in the overstress of branch i (`viscoelasticity.curvature_weight`), which decays with
+tau_i afterwards. By virtual work, an error dS of the stress changes the force along a motion s of the plate by
+int dS : (1/2) dC/ds dV, to first order. So each branch carries one number, its error of the force.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem import viscoelasticity
+from fem.contact import coulomb_friction, plate_contact
+from fem.discretisation import viscous_history
+from fem.discretisation.nonlinear_system import System
+from fem.discretisation.viscous_history import History, PointState
+from fem.results.postprocess import tip_force
+from fem.solvers.direct_solver import Solver
+from fem.solvers.load_increments import find_equilibrium, least_J
+from fem.solvers.newton import Stop
+from fem.solvers.path_state import FIRST_TOUCH, PathState
+from geometry.arrays import Array
+
+CERTAINTY = 2.0
+"""Estimated error over its leading term: points of the skin that touch within a step add terms beyond it, up to half
+of it in presses of the paper's sensor."""
+PAST = 3
+"""Earlier states that the first guess is extrapolated from, with the present one: a polynomial of degree 3."""
+
+
+@dataclass(frozen=True, slots=True)
+class PastStep:
+    """An earlier state of a smooth motion: time, unknowns, overlap of the skin, and elastic stress."""
+
+    time: float
+    q: Array
+    overlap: Array
+    S: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ViscousState:
+    """One state of a path in time.
+
+    Attributes
+    ----------
+    path : position, unknowns and contact.
+    history, points : viscous history, strain and elastic stress at the integration points.
+    time : s.
+    force : (3,) force along depth and shear x, y, over E D^2.
+    work, absorbed : work of the plate, and of the isochoric stresses, since the beginning, over E D^3.
+    other : energy of the pressures and of the plate's springs.
+    axis : (3,) direction of the last motion, up to its sign.
+    strain : (6, t, m, q) derivative of C/2 by the motion along the axis; None before any motion.
+    errors : (b,) error of the force along the axis that each branch carries.
+    largest : largest force along the axis so far.
+    past : earlier states of the smooth motion, oldest first.
+    iterations : Newton iterations of the last step.
+    """
+
+    path: PathState
+    history: History
+    points: PointState
+    time: float
+    force: Array
+    errors: Array
+    work: float = 0.0
+    absorbed: float = 0.0
+    other: float = 0.0
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    strain: Array | None = None
+    largest: float = 0.0
+    past: tuple[PastStep, ...] = ()
+    iterations: int = 0
+
+    @property
+    def stored(self) -> float:
+        """Energy stored in silicone and springs, over E D^3."""
+        return self.history.stored(self.points) + self.other
+
+    @property
+    def dissipated(self) -> float:
+        """Energy dissipated in the silicone, over E D^3."""
+        return self.absorbed - self.history.stored(self.points)
+
+    @property
+    def error(self) -> float:
+        """Estimated error of the force along the last motion from the time steps, over E D^2."""
+        return CERTAINTY * float(np.abs(self.errors).sum())
+
+
+def measure(system: System, u: Array) -> PointState:
+    """Return strain and elastic stress at the integration points for nodal fields u."""
+    return viscous_history.measure(system.elements, system.law, system.mu, u)
+
+
+def at_rest(path: PathState, history: History) -> ViscousState:
+    """Return the state at time 0 of a path at rest."""
+    points = measure(path.d.system, path.u)
+    return ViscousState(path, history, points, 0.0, np.zeros(3), np.zeros(len(history.branches.times)))
+
+
+def raised(state: ViscousState, path: PathState) -> ViscousState:
+    """Return the state with the path state of a model that may have harmonics, before a shear."""
+    angles, before = len(path.d.elements.angles.theta), state.points.J.shape[0]
+    history = state.history if angles == before else state.history.revolve(angles)
+    return replace(state, path=path, history=history, points=measure(path.d.system, path.u), past=(), strain=None)
+
+
+def with_stiffness(path: PathState, stiffness: float) -> PathState:
+    """Return a path state whose plate has this stiffness at its present depth."""
+    radius = path.d.shape.R if path.grip else math.sqrt(path.d.shape.R * max(path.position[0], FIRST_TOUCH))
+    return replace(path, kappa=stiffness * radius)
+
+
+def begin_motion(state: ViscousState, direction: Array) -> ViscousState:
+    """Return the state before a motion that does not continue the last one, along (3,) or at rest (zeros)."""
+    path, size = state.path, float(np.linalg.norm(direction))
+    if path.friction is not None and size:
+        path = replace(path, friction=coulomb_friction.expect_sticking(path.friction))
+    state = replace(state, path=path, past=())
+    axis = direction / size if size else state.axis
+    if abs(float(axis @ state.axis)) > 1 - 1e-9:
+        return state
+    return replace(state, axis=axis, strain=None, errors=np.zeros_like(state.errors), largest=0.0)
+
+
+def advance(solver: Solver, state: ViscousState, position: Array, dt: float, stiffness: float) -> ViscousState | Stop:
+    """Return the state at a position (3,) after a time dt, s, or why there is none.
+
+    Parameters
+    ----------
+    stiffness : of the plate's springs, over E / D.
+    """
+    path = state.path
+    overstress = state.history.overstress(dt)
+    system = copy.copy(path.d.system)
+    system.viscous = overstress
+    stepped = replace(path, d=replace(path.d, system=system))
+    plate = replace(path.plate_at(position), stiffness=stiffness)
+    iterations = 0
+    for guess, pressed in _guesses(state, position, dt):
+        if path.friction is not None:
+            moved = plate_contact.displacements_along_plate(path.skin, system.state(guess).u, plate)
+            plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
+        answer = find_equilibrium(solver, stepped, guess, plate, pressed)
+        iterations += answer.iterations
+        if answer.converged:
+            break
+    if not answer.converged:
+        return answer.reason
+    friction, dissipated = path.friction, path.dissipated
+    if friction is not None:
+        friction, lost = plate_contact.advance_friction(path.skin, answer.state.u, plate)
+        dissipated += lost
+    after = with_stiffness(
+        replace(
+            path,
+            position=position,
+            q=answer.state.q,
+            energy=answer.assembly.energy,
+            least_J=least_J(answer),
+            unstable=answer.unstable,
+            friction=friction,
+            dissipated=dissipated,
+        ),
+        stiffness,
+    )
+    points = measure(path.d.system, answer.state.u)
+    own, _, _ = overstress.stress(points.C, points.J, points.mu, tangent=False)
+    other = answer.assembly.energy - points.integral(overstress.factor * points.W + own)
+    return _accept(state, after, points, dt, other, iterations)
+
+
+def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:
+    """Return first guesses of the unknowns and of the points in contact: extrapolated in time, and the last state."""
+    path = state.path
+    if not state.past or dt == 0:
+        # at a corner of the path the last state is the best guess, first with its contact
+        return [(path.q, None)] if path.grip else [(path.q, path.overlap > 0), (path.q, None)]
+    times = np.array([*(one.time for one in state.past), state.time])
+    shares = [np.prod([(state.time + dt - b) / (a - b) for b in times if b != a]) for a in times]
+    guess = sum(share * q for share, q in zip(shares, (*(one.q for one in state.past), path.q), strict=True))
+    if path.grip:
+        return [(np.asarray(guess), None), (path.q, None)]
+    last = state.past[-1]
+    overlap = path.overlap + dt / (state.time - last.time) * (path.overlap - last.overlap)
+    return [(np.asarray(guess), overlap > 0), (path.q, None)]
+
+
+def _accept(
+    state: ViscousState, path: PathState, points: PointState, dt: float, other: float, iterations: int
+) -> ViscousState:
+    """Return the state after a converged step."""
+    history, moved = state.history.advance(points, dt), path.position - state.path.position
+    x, y, z = tip_force(path)
+    force, change = np.array([z, x, y]), points.C - state.points.C
+    stress = state.history.stress(state.points) + history.stress(points)
+    along = float(moved @ state.axis)
+    strain = change / (2 * along) if along else state.strain
+    after = replace(
+        state,
+        path=path,
+        history=history,
+        points=points,
+        time=state.time + dt,
+        force=force,
+        work=state.work + float((state.force + force) @ moved) / 2,
+        absorbed=state.absorbed + points.integral(viscoelasticity.contract(stress, change)) / 4,
+        other=other,
+        strain=strain,
+        largest=max(state.largest, abs(float(force @ state.axis))),
+        iterations=iterations,
+    )
+    if dt == 0:
+        return _jumped(state, after)
+    past = PastStep(state.time, state.path.q, state.path.overlap, state.points.S)
+    return replace(after, errors=_carry_errors(state, after, dt), past=(*state.past, past)[-PAST:])
+
+
+def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
+    """Return the state after a jump, which is elastic: nothing is dissipated but by slip."""
+    slip = after.path.dissipated - before.path.dissipated
+    gained = after.history.stored(after.points) - before.history.stored(before.points)
+    return replace(
+        after, absorbed=before.absorbed + gained, work=before.work + gained + after.other - before.other + slip
+    )
+
+
+def _carry_errors(before: ViscousState, after: ViscousState, dt: float) -> Array:
+    """Return the errors (b,) of the force after a step, see the module docstring."""
+    own = before.history.branches
+    decayed = np.exp(-dt / own.times) * before.errors
+    if not before.past or after.strain is None:
+        return decayed
+    last = before.past[-1]
+    first, rate = before.time - last.time, (after.points.S - before.points.S) / dt
+    curved = 2 * (rate - (before.points.S - last.S) / first) / (dt + first)
+    force = after.points.integral(viscoelasticity.contract(curved, after.strain))
+
+    def gained(step: float) -> Array:
+        weight = viscoelasticity.curvature_weight(step / own.times)
+        return np.asarray(own.instantaneous * own.shares * own.times**2 * weight * force)
+
+    # the curvature of the first step of a motion is known only after the second one
+    earlier = np.exp(-dt / own.times) * gained(first) if len(before.past) == 1 else 0.0
+    return np.asarray(decayed + gained(dt) + earlier)

@@ -1,0 +1,241 @@
+"""A path of loads in time: finite viscoelasticity with adaptive time steps of second order, without inertia.
+
+The plate moves linearly in time from load to load. The silicone has the branches of its design
+(`geometry.relaxation`), by one of the two laws of `fem.viscoelasticity`; a step is described in `fem.time_steps`. The
+steps are chosen so that the estimated error of the force stays near or below `tolerance` of the largest force so far.
+Beside the steps, the errors of the mesh remain, and with Coulomb friction those of the load increments, which are
+bounded as in a static path.
+
+Energies are in mJ, since the beginning: the work of the plate is the stored energy, plus what the silicone
+dissipated, plus what friction dissipated. Each side is integrated by the trapezoidal rule of its own quantities, the
+plate's force and motion or stress and strain at all points, so their difference is an error of second order in the
+steps. In a jump nothing is dissipated but by slip.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fem.accuracy import STANDARD, Accuracy
+from fem.results.postprocess import read_response
+from fem.scene import Model, Scene
+from fem.solution import Status
+from fem.solvers.newton import STOPPED, Stop
+from fem.time_integration import Segment, TimedPath, march, step_limits
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet, Response
+from geometry.messages import Progress
+
+ViscousLaw = Literal["prony", "finite"]
+
+SMOOTH = 0.3
+"""Change of the plate's velocity over its largest velocity up to which a motion is smooth: that of a sine wave of 24
+loads."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedLoad:
+    """A load that is reached at a time, s, on a straight line from the load before."""
+
+    time: float
+    load: Load
+
+
+@dataclass(frozen=True, slots=True)
+class TimedState:
+    """State of the sensor at a time.
+
+    Attributes
+    ----------
+    time : s.
+    load : load that the state carries.
+    response : force, shift and tilt, as of a `Solution`.
+    status, message : "ok"; "unstable": solved, but the state has unstable directions; "not_converged": the last state
+        that was solved, and why no more.
+    time_error : estimated error of the force along the last motion from the time steps, over the largest such force.
+    work, stored, dissipated, friction_dissipated : work of the plate since the beginning, energy stored in silicone
+        and springs, energy dissipated in the silicone, and by slip, mJ.
+    step : number of time steps so far.
+    iterations : Newton iterations so far.
+    dofs : number of unknowns.
+    """
+
+    time: float
+    load: Load
+    response: Response
+    status: Status
+    message: str
+    time_error: float
+    work: float
+    stored: float
+    dissipated: float
+    friction_dissipated: float
+    step: int
+    iterations: int
+    dofs: int
+
+    @property
+    def balance(self) -> float:
+        """Work that is neither stored nor dissipated, mJ: an error of the time steps."""
+        return self.work - self.stored - self.dissipated - self.friction_dissipated
+
+
+def follow(
+    design: Design,
+    loads: Sequence[TimedLoad],
+    accuracy: Accuracy = STANDARD,
+    *,
+    law: ViscousLaw = "prony",
+    tolerance: float = 1e-3,
+    largest_step: float | None = None,
+    magnet: Magnet = "rigid",
+    model: Model = "auto",
+    every_step: bool = False,
+    kappa: float | None = None,
+    progress: Progress | None = None,
+) -> Iterator[TimedState]:
+    """Follow a path of loads in time from rest at time 0.
+
+    Parameters
+    ----------
+    loads : in the order of their times, from 0 on; two loads at one time are a jump, which is elastic.
+    law : "prony" or "finite", see `fem.viscoelasticity`.
+    tolerance : error of the force from the time steps over the largest force.
+    largest_step : longest time step, s; default: none.
+    every_step : yield the state after each time step, not only at each load.
+    kappa : stiffness number of the plate without Coulomb friction (`fem.contact.plate_contact`), at the deepest load;
+        default: that of a static solve.
+    progress : called with the completed share of the time and a text.
+
+    Yields
+    ------
+    The states. Where a step has no solution, the last state that has one, with its status and message.
+
+    Raises
+    ------
+    BadInput
+        Before the first state, if loads or tolerances are not allowed.
+    """
+    scene = _check(design, loads, accuracy, magnet, model, tolerance, largest_step)
+    return _follow(
+        TimedPath(scene, law, kappa), _segments(scene, loads), tolerance, largest_step, every_step, progress
+    )
+
+
+def _check(
+    design: Design,
+    loads: Sequence[TimedLoad],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    model: Model,
+    tolerance: float,
+    largest_step: float | None,
+) -> Scene:
+    """Return the scene of the loads; raises BadInput where they are no path in time."""
+    if not loads:
+        raise BadInput("a path in time needs at least one load")
+    times = [0.0, *(one.time for one in loads)]
+    for before, after in itertools.pairwise(times):
+        if not before <= after < math.inf:
+            raise BadInput(
+                f"times must be finite and must not decrease from 0 s on; got {after:g} s after {before:g} s"
+            )
+    if not 0 < tolerance < 1:
+        raise BadInput(f"tolerance of the time steps must be between 0 and 1; got {tolerance:g}")
+    if largest_step is not None and not largest_step > 0:
+        raise BadInput(f"largest time step must be positive; got {largest_step:g} s")
+    scene = Scene(design, tuple(one.load for one in loads), accuracy, magnet, model)
+    if scene.solid:
+        raise BadInput(f"model {scene.model} has no time steps: choose auto, axisymmetric or harmonic")
+    glued: Load | None = None
+    for one in loads:
+        if one.load.bonds_contact and (glued is None or glued.depth != one.load.depth):
+            raise BadInput("a plate that sticks needs one load for the press and a later one for the shear")
+        glued = one.load
+    return scene
+
+
+def _segments(scene: Scene, loads: Sequence[TimedLoad]) -> list[Segment]:
+    """Return the straight motions of a path, in units of D, each with the number of its smooth part."""
+    D, (x, y) = scene.design.D, scene.direction
+    turn = np.array([[x, y], [-y, x]])
+    segments: list[Segment] = []
+    begin, start = 0.0, np.zeros(3)
+    for one in loads:
+        goal = np.array([one.load.depth, *(turn @ one.load.imposed_shear)]) / D
+        segments.append(Segment(begin, one.time, start, goal, 0, one.load))
+        begin, start = one.time, goal
+    fastest = max(float(np.linalg.norm(one.velocity)) for one in segments)
+    run = 0
+    for i, (before, after) in enumerate(itertools.pairwise(segments), 1):
+        jump = before.end == before.begin or after.end == after.begin
+        sheared = bool(after.goal[1:].any()) and not before.goal[1:].any()
+        if jump or sheared or np.linalg.norm(after.velocity - before.velocity) > SMOOTH * fastest:
+            run += 1
+        segments[i] = replace(after, run=run)
+    return segments
+
+
+def _follow(
+    path: TimedPath,
+    segments: Sequence[Segment],
+    tolerance: float,
+    largest_step: float | None,
+    every_step: bool,
+    progress: Progress | None,
+) -> Iterator[TimedState]:
+    """Follow the segments; see `follow`."""
+    run, whole = -1, segments[-1].end
+    try:
+        for segment in segments:
+            duration = sum(one.end - one.begin for one in segments if one.run == segment.run)
+            if segment.run != run:
+                run = segment.run
+                path.begin_motion(segment, duration)
+            if segment.goal[1:].any() and not path.state.path.sheared:
+                path.begin_shear()
+            for stop in march(path, segment, step_limits(tolerance, duration, largest_step)):
+                if progress is not None:
+                    text = f"{path.state.path.d.model}: {path.state.time:.4g} s, step {path.steps}"
+                    progress(path.state.time / whole if whole else 1.0, text)
+                if stop:
+                    yield _read(path, path.reached_load(segment.load), stop)
+                    return
+                if every_step and path.state.time < segment.end:
+                    yield _read(path, path.reached_load(segment.load))
+            yield _read(path, segment.load)
+    finally:
+        path.close()
+
+
+def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
+    """Return the present state in the user's units."""
+    state, design = path.state, path.scene.design
+    unit = design.E * design.D**3
+    status: Status = "ok"
+    message = ""
+    if state.path.unstable:
+        status, message = "unstable", "the state has unstable directions: several states may exist"
+    if stop:
+        status, message = "not_converged", f"stopped at {state.time:.6g} s: {STOPPED[stop]}"
+    return TimedState(
+        time=state.time,
+        load=load,
+        response=read_response(state.path, path.scene),
+        status=status,
+        message=message,
+        time_error=state.error / max(state.largest, 1e-300) if state.error else 0.0,
+        work=state.work * unit,
+        stored=state.stored * unit,
+        dissipated=state.dissipated * unit,
+        friction_dissipated=state.path.dissipated * unit,
+        step=path.steps,
+        iterations=path.iterations,
+        dofs=state.path.d.system.size,
+    )

@@ -1,0 +1,128 @@
+"""Paths in time: limits, relaxation at a held depth, errors of the time steps, energies, and bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.accuracy import QUICK
+from fem.equilibrium import solve
+from fem.timed_path import TimedLoad, TimedState, ViscousLaw, follow
+from geometry.design import BadInput, paper
+from geometry.loads import Load
+
+SOFT = replace(paper(), prony="0.3:0.5 0.2:4", modulus="instantaneous")
+COARSE = replace(QUICK, section_size=0.3, section_patch=0.1)
+
+
+def _force(states: list[TimedState]) -> list[float]:
+    return [state.response.force[2] for state in states]
+
+
+def _cycle(tolerance: float = 1e-3, law: ViscousLaw = "prony", largest_step: float | None = None) -> list[TimedState]:
+    loads = [TimedLoad(1, Load(1.0)), TimedLoad(2, Load(0.4))]
+    return list(follow(SOFT, loads, COARSE, law=law, tolerance=tolerance, largest_step=largest_step))
+
+
+def test_held_silicone_beam_relaxes_exactly_like_the_branches() -> None:
+    design = replace(SOFT, nu=0.5)
+    loads = [TimedLoad(t, Load(1.0)) for t in (0.0, 0.3, 2.0)]
+    forces = _force(list(follow(design, loads, COARSE, magnet="ignored", kappa=1e6)))
+    relaxed = [0.5 + 0.3 * np.exp(-t / 0.5) + 0.2 * np.exp(-t / 4) for t in (0.0, 0.3, 2.0)]
+    assert forces == pytest.approx([forces[0] * share for share in relaxed], rel=1e-6)
+
+
+@pytest.mark.parametrize("law", ["prony", "finite"])
+@pytest.mark.parametrize(("duration", "modulus"), [(1e-6, 1.0), (1e7, 0.5)])
+def test_fast_and_slow_presses_equal_the_elastic_solves(law: ViscousLaw, duration: float, modulus: float) -> None:
+    (state,) = follow(SOFT, [TimedLoad(duration, Load(0.8))], COARSE, law=law)
+    mu = SOFT.E / (2 * (1 + SOFT.nu)) * modulus
+    bulk = SOFT.E / (3 * (1 - 2 * SOFT.nu))
+    elastic = replace(SOFT, E=9 * bulk * mu / (3 * bulk + mu), nu=(3 * bulk - 2 * mu) / (2 * (3 * bulk + mu)))
+    # the plate's springs have the given modulus, and are 1 / modulus as stiff beside the silicone
+    assert state.response.force[2] == pytest.approx(solve(elastic, Load(0.8), COARSE).response.force[2], rel=3e-5)
+
+
+@pytest.mark.parametrize("law", ["prony", "finite"])
+def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw) -> None:
+    fine, coarse = _cycle(law=law, largest_step=0.04), _cycle(law=law)
+    largest = max(_force(fine))
+    for exact, state in zip(fine, coarse, strict=True):
+        error = abs(state.response.force[2] - exact.response.force[2]) / largest
+        assert error < state.time_error + 2e-6
+
+
+def test_shorter_steps_have_errors_of_second_order() -> None:
+    def at_shear(step: float) -> float:
+        accuracy = replace(COARSE, harmonics=1)
+        (state,) = follow(
+            SOFT, [TimedLoad(1, Load(shear_x=3.0, grip=1.0))], accuracy, tolerance=0.9, largest_step=step
+        )
+        return state.response.force[0]
+
+    coarse, middle, fine = at_shear(0.0625), at_shear(0.03125), at_shear(0.015625)
+    assert np.log2((coarse - middle) / (middle - fine)) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("law", ["prony", "finite"])
+def test_work_is_stored_or_dissipated(law: ViscousLaw) -> None:
+    states = _cycle(law=law)
+    dissipated = [state.dissipated for state in states]
+    assert dissipated == sorted(dissipated)
+    assert dissipated[0] > 0
+    for state in states:
+        assert state.balance == pytest.approx(0.0, abs=2e-3 * states[0].work)
+
+
+def test_plate_leaves_the_recovering_skin_and_touches_it_later_again() -> None:
+    loads = [TimedLoad(1, Load(1.0)), TimedLoad(1.2, Load(0.0)), TimedLoad(1.3, Load(0.1)), TimedLoad(60, Load(0.1))]
+    down, away, near, late = follow(SOFT, loads, COARSE)
+    assert down.response.force[2] > 1
+    assert away.response.force[2] == near.response.force[2] == 0
+    assert away.response.shift[2] < -0.01
+    assert late.response.force[2] > 0.01
+
+
+def test_slip_dissipates_while_the_plate_goes_down_and_up() -> None:
+    loads = [TimedLoad(1, Load(0.8, friction=0.2)), TimedLoad(2, Load(0.0, friction=0.2))]
+    down, up = follow(SOFT, loads, COARSE)
+    assert 0 < down.friction_dissipated < up.friction_dissipated < up.dissipated
+    assert up.balance == pytest.approx(0.0, abs=5e-3 * down.work)
+
+
+def test_shear_of_a_glued_plate_has_a_loop() -> None:
+    loads = [TimedLoad(t, Load(0.8, x, friction="stick")) for t, x in ((1, 0.0), (2, 0.5), (3, 0.0))]
+    _, sheared, back = follow(SOFT, loads, replace(COARSE, harmonics=1))
+    assert sheared.response.force[0] > 0.1
+    assert -0.5 * sheared.response.force[0] < back.response.force[0] < -0.01 * sheared.response.force[0]
+
+
+def test_jump_is_elastic() -> None:
+    (state,) = follow(SOFT, [TimedLoad(0.0, Load(0.5))], COARSE)
+    assert state.dissipated == pytest.approx(0.0, abs=1e-12)
+    assert state.work == pytest.approx(state.stored)
+
+
+@pytest.mark.parametrize(
+    ("loads", "message"),
+    [
+        ([], "at least one load"),
+        ([TimedLoad(2, Load(1.0)), TimedLoad(1, Load(0.5))], "got 1 s after 2 s"),
+        ([TimedLoad(1, Load(1.0, 0.5, friction="stick"))], "one load for the press and a later one for the shear"),
+    ],
+)
+def test_loads_that_are_no_path_in_time_are_refused(loads: list[TimedLoad], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        follow(SOFT, loads, COARSE)
+
+
+def test_tetrahedra_are_refused() -> None:
+    with pytest.raises(BadInput, match="model half has no time steps"):
+        follow(SOFT, [TimedLoad(1, Load(1.0))], COARSE, model="half")
+
+
+def test_elastic_design_has_no_loop() -> None:
+    elastic = replace(paper(), loss_factor=0.0)
+    down, up = follow(elastic, [TimedLoad(1, Load(0.8)), TimedLoad(1.5, Load(0.0))], COARSE)
+    assert down.response.force[2] == pytest.approx(solve(elastic, Load(0.8), COARSE).response.force[2], rel=1e-8)
+    assert (up.work, up.dissipated) == pytest.approx((0.0, 0.0), abs=5e-3 * down.work)
