@@ -210,13 +210,13 @@ class Surface:
         )
 
     @functools.cached_property
-    def _upward_spread(self) -> Array:
+    def upward_spread(self) -> Array:
         """(f fields, q) displacements of a facet's points along z by its nodal fields."""
         return np.ascontiguousarray(self.spread[:, 2::3])
 
     def upward_displacement(self, u: Array) -> Array:
         """Return the displacements of the points along z, shape (k, q), for nodal fields (n, fields)."""
-        return np.asarray(u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self._upward_spread)
+        return np.asarray(u[self.nodes].reshape(len(self.nodes), len(self.spread)) @ self.upward_spread)
 
     def stiffness(self, entries: dict[tuple[int, int], NDArray[np.floating]], frame: Array) -> Array:
         """Return the facets' matrices (k, fields f, fields f), fields first, of springs at the points.

@@ -42,7 +42,7 @@ class Recovery:
 
     Attributes
     ----------
-    nodes : (m,) numbers of the nodes; a node whose images are in the patch too occurs several times.
+    nodes : (m,) numbers of the nodes.
     shares : (4, 3, m, fields) weights for the displacement, then for its derivatives by x, y, z.
     """
 
@@ -75,7 +75,11 @@ def build_recovery(e: Elements, height: float, *, mirrored: bool) -> Recovery:
         turned = np.concatenate([turned, turned[other] * mirror[:, None]])
         nodes = np.concatenate([nodes, nodes[other]])
     near, weights = fit(points - [0, 0, height], PATCH * mean_edge_length(e, height))
-    return Recovery(nodes[near], np.einsum("kp,pif->kipf", weights, turned[near]))
+    # the images of a node have its fields: their weights are added
+    own, image = np.unique(nodes[near], return_inverse=True)
+    shares = np.zeros((len(own), *turned.shape[1:], len(weights)))
+    np.add.at(shares, image, turned[near][..., None] * weights.T[:, None, None])
+    return Recovery(own, np.ascontiguousarray(shares.transpose(3, 1, 0, 2)))
 
 
 def fit(points: Array, radius: float) -> tuple[Ints, Array]:
