@@ -32,7 +32,15 @@ from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Solution
 from fem.solvers.reduced_basis import Complex, ReducedSystem, reduce
-from fem.vibration_blocks import Block, ContactPressure, Motion, build_blocks, read_pose, read_pressure
+from fem.vibration_blocks import (
+    Block,
+    ContactPressure,
+    Motion,
+    NoStateError,
+    build_blocks,
+    read_pose,
+    read_pressure,
+)
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
@@ -119,7 +127,17 @@ class VibratingSensor:
         columns = (np.concatenate(values, axis=1) for values in zip(*answers, strict=True))
         return Vibration(f, tuple(motion for part in self.parts for motion in part.block.motions), *columns)
 
-    def undamped(self, count: int = 2) -> dict[Motion | str, tuple[float, ...]]:
+    def static_stiffness(self) -> dict[str, float]:
+        """Return the force along each motion over the motion at rest, N/mm; empty about the free sensor."""
+        E, D, still = self.scene.design.E, self.scene.design.D, np.zeros(1)
+        stiffness: dict[str, float] = {}
+        for part in self.parts:
+            if part.pressure is not None:
+                force = part.block.held - part.system.b.T @ part.system.solve(still.astype(complex), still)[0].real
+                stiffness |= {motion: float(force[k, k]) * E * D for k, motion in enumerate(part.block.motions)}
+        return stiffness
+
+    def undamped(self, count: int = 2) -> dict[str, tuple[float, ...]]:
         """Return the lowest natural frequencies without damping, Hz, of the motions "z", "x", or "z and x"."""
         unit = frequency_unit(self.scene.design)
         return {
@@ -154,27 +172,12 @@ def highest_frequency(design: Design, accuracy: Accuracy) -> float:
     return speed / (FEWEST * accuracy.section_size * design.D)
 
 
-def vibrating_sensor(
-    design: Design,
-    load: Load,
-    band: tuple[float, float],
-    accuracy: Accuracy = STANDARD,
-    *,
-    magnet: Magnet = "rigid",
-    check_mesh: bool = True,
-) -> VibratingSensor:
-    """Solve for a state at rest, and prepare its vibrations at frequencies in a band (lowest, highest), Hz.
-
-    Parameters
-    ----------
-    load : a press, with friction "none" or "stick" (the contact area is then glued to the plate for the vibration), a
-        press and a shear with "stick", or depth 0: the free sensor, whose base is shaken.
-    check_mesh : refuse frequencies beyond what the mesh carries.
+def check_vibration(design: Design, load: Load, band: tuple[float, float], accuracy: Accuracy) -> None:
+    """Refuse a band (lowest, highest), Hz, that rises not or exceeds what the mesh carries, and loads of other kinds.
 
     Raises
     ------
     BadInput
-        The band or the load is out of range, the path stops before the load, or the state is unstable.
     """
     low, high = band
     if not 0 < low < high < math.inf:
@@ -184,23 +187,51 @@ def vibrating_sensor(
             "a vibration needs an upright plate with friction none or stick and a shear along x: leave out grip, "
             "plate tilt, imperfection, a friction coefficient and shear_y"
         )
-    relaxation = relaxation_of(design)
-    at_rest = relaxed(design, relaxation)
-    most = highest_frequency(at_rest, accuracy)
-    if check_mesh and high > most:
+    most = highest_frequency(relaxed(design, relaxation_of(design)), accuracy)
+    if high > most:
         raise BadInput(
             f"the mesh of accuracy {accuracy.name} carries shear waves up to {most:.4g} Hz; got frequencies up to "
             f"{high:g} Hz: take a finer accuracy or lower frequencies"
         )
+
+
+def vibrating_sensor(
+    design: Design,
+    load: Load,
+    band: tuple[float, float],
+    accuracy: Accuracy = STANDARD,
+    *,
+    magnet: Magnet = "rigid",
+    check: bool = True,
+) -> VibratingSensor:
+    """Solve for a state at rest, and prepare its vibrations at frequencies in a band (lowest, highest), Hz.
+
+    Parameters
+    ----------
+    load : a press, with friction "none" or "stick" (the contact area is then glued to the plate for the vibration), a
+        press and a shear with "stick", or depth 0: the free sensor, whose base is shaken.
+    check : call `check_vibration`; not for a coarser mesh that only estimates errors.
+
+    Raises
+    ------
+    BadInput
+        The band or the load is out of range.
+    NoStateError
+        The load is not reached, or the state there is unstable.
+    """
+    if check:
+        check_vibration(design, load, band, accuracy)
+    relaxation = relaxation_of(design)
+    at_rest = relaxed(design, relaxation)
     scene = Scene(at_rest, (load,), accuracy, magnet)
     path_state, blocks = build_blocks(scene)
-    f = np.geomspace(low, high, BETWEEN)
+    f = np.geomspace(*band, BETWEEN)
     c, eigenvalues = _coefficients(scene, relaxation, f)
     parts = []
     for block in blocks:
         system = reduce(block.problem, c, eigenvalues)
         if system.unstable:
-            raise BadInput(f"the state at depth {load.depth:g} mm is unstable, so it does not vibrate: press less")
+            raise NoStateError(f"the state at depth {load.depth:g} mm is unstable: take a smaller depth")
         pressure = None if block.plate is None else read_pressure(block, system.V)
         parts.append(_Part(block, system, read_pose(block, system.V), pressure))
     return VibratingSensor(scene, read(path_state, scene, load), relaxation, tuple(parts))

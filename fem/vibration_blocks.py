@@ -47,6 +47,10 @@ DIFFERENCE = 1e-6
 """Motion over D of the central difference for the pose of a beam without magnet."""
 
 
+class NoStateError(BadInput):
+    """The state about which a sensor should vibrate is not reached, or is unstable."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """One linear system, driven by motions of the plate or of the base.
@@ -71,13 +75,16 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
 
     Raises
     ------
-    BadInput
+    NoStateError
         The path stops before the load.
     """
     if scene.sideways:
         state = _solve_shear(scene)
         return state, [_block(scene, state, state.plate, ("z", "x"))]
-    press = solve_press(scene)
+    try:
+        press = solve_press(scene)
+    except BadInput as error:
+        raise NoStateError(str(error)) from None
     glued = press.edge is not None and scene.loads[0].friction == "stick"
     free = press.edge is None
     blocks = [_press_block(scene, press, 0, glued=glued)]
@@ -96,7 +103,7 @@ def _solve_shear(scene: Scene) -> PathState:
         path.close()
     if reason:
         depth, shear = state.position[0] * D, state.position[1] * D
-        raise BadInput(
+        raise NoStateError(
             f"the path stops at depth {depth:.4g} mm, shear {shear:.4g} mm ({STOPPED[reason]}): take a smaller load"
         )
     return state

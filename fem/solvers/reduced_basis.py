@@ -148,22 +148,23 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     at_rest, moving = Solver(), Solver()
     try:
         at_rest.factorise(problem.K)
-        negative, static = at_rest.negative(), _refined(at_rest, whole[0], problem.b)[sample]
+        static, negative = _refined(at_rest, whole[0], problem.b), at_rest.negative()
         unstable = None if negative is None else negative - (n - problem.moving)
+        # with the static solutions the slow limit is exact
+        basis = basis.extend(_orthonormal(static, basis.V), whole, at_rest)
         for rounds in range(1, MOST_ROUNDS + 1):
             moving.factorise((problem.K + c[worst].real * problem.R - eigenvalues[worst] * problem.M).tocsr())
             shifted = whole[0] + c[worst].real * whole[1] - eigenvalues[worst] * whole[2]
             vectors = _orthonormal(_local_vectors(moving, shifted, whole, residual), basis.V)
-            if not vectors.size:  # only rounding errors are left
-                break
-            basis = basis.extend(vectors, whole, at_rest)
+            if vectors.size:
+                basis = basis.extend(vectors, whole, at_rest)
             system = basis.project(problem.b, rounds, unstable)
             y = system.solve(c, eigenvalues)
-            errors = _errors(static, basis.V[sample], basis.W[sample], y, c, eigenvalues)
+            errors = _errors(static[sample], basis.V[sample], basis.W[sample], y, c, eigenvalues)
             worst = int(np.argmax(errors))
             if best is None or errors[worst] < best.error:
                 best = replace(system, error=float(errors[worst]))
-            if best.error < tolerance or rounds >= best.factorisations - 1 + PATIENCE:
+            if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + PATIENCE:
                 break
             residual = basis.residual(problem.b, y[worst], complex(c[worst]), float(eigenvalues[worst]))
     finally:

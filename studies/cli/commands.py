@@ -47,6 +47,7 @@ VERBS = {
     },
     "Simulation": {
         "simulation_commands": "solve analytic compare stability modes",
+        "vibration_commands": "response",
         "material_commands": "fit",
         "demo_commands": "demo",
     },

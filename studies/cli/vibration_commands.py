@@ -1,0 +1,120 @@
+"""The verb of steady vibration: response."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from geometry.design import BadInput
+from geometry.loads import Load, Magnet
+from studies.cli.command_output import report_failures, say_if_without_magnet
+from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
+from studies.cli.printed_command import command
+from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, Whole
+from studies.inputs.user_input import AccuracyName
+from studies.output import atomic_files, console, run_record
+
+FEWEST, MOST = 2, 10_000
+"""Fewest and most frequencies of a table."""
+
+
+def response(
+    source: Source,
+    /,
+    *,
+    depth: Annotated[float, DEPTH] = 1.0,
+    shear: Annotated[float, SHEAR] = 0.0,
+    frequencies: str = "1:1000",
+    count: Whole = 200,
+    friction: Literal["stick", "none"] = "stick",
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    extrapolate: Annotated[bool, Parameter(negative="")] = False,
+    out: Path | None = None,
+    sets: Sets = None,
+    wide: Wide = False,
+    as_json: AsJson = False,
+) -> int:
+    """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
+
+    The plate vibrates along z and along x about a state at rest; --depth 0 shakes the base of the free sensor. The
+    silicone's loss factor or Prony branches are those of the design.
+
+    Parameters
+    ----------
+    frequencies
+        Lowest and highest frequency, LOW:HIGH, Hz.
+    count
+        Number of frequencies in the table, spaced evenly on a logarithmic scale.
+    friction
+        stick: the contact area is glued to the plate; none: the plate slides, and moves along z only.
+    extrapolate
+        Allow frequencies for which the silicone's branches do not speak, and mark the results.
+    out
+        Folder for response.csv, ladder.csv and the Bode plots.
+    """
+    command_line = command(response, locals())
+    design = design_of(source, sets, magnet)
+    from fem.vibration_blocks import NoStateError
+    from geometry.relaxation import check_range
+    from studies.simulation import vibration_report as study
+
+    band = read_band(frequencies)
+    if not FEWEST <= count <= MOST:
+        raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {count}")
+    if not depth and shear:
+        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear:g}")
+    if shear and friction == "none":
+        raise BadInput("a shear needs a plate that sticks: leave out --friction none")
+    say_if_without_magnet(design)
+    warnings = check_range(design, frequencies=band, beyond=extrapolate)
+    load = Load(depth=depth, shear_x=shear, friction=friction if depth else "none")
+    atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+        try:
+            report = study.run(design, load, band, count, magnet, accuracy, folder, progress)
+        except (NoStateError, ArithmeticError) as error:
+            record = {"status": "failed", "message": str(error), "depth_mm": depth, "shear_mm": shear}
+            console.report([record], as_json=as_json, title="Vibration")
+            return report_failures([record])
+        if folder is not None:
+            run_record.write(folder, command_line, dataclasses.asdict(design))
+    shared = {"warnings": warnings, "notes": report.notes}
+    if as_json:
+        console.report([motion.row() | shared for motion in report.motions], as_json=True)
+    else:
+        for motion in report.motions:
+            moved = "base" if not depth else "plate"
+            console.report([motion.row()], as_json=False, title=f"The {moved} moves along {motion.motion}", wide=wide)
+        if report.ladder:
+            console.report(
+                [rung.row() for rung in report.ladder],
+                as_json=False,
+                title="One mass on one spring, per N",
+                wide=wide,
+            )
+        for note in report.notes:
+            console.note(f"{note}.")
+    for warning in warnings:
+        console.warn(warning)
+    return report_failures([motion.row() for motion in report.motions])
+
+
+def read_band(text: str) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a text LOW:HIGH, Hz.
+
+    >>> read_band("1:1000")
+    (1.0, 1000.0)
+    """
+    parts = text.split(":")
+    try:
+        low, high = (float(part) for part in parts)
+    except ValueError:
+        raise BadInput(f"--frequencies must be LOW:HIGH in Hz, such as 1:1000; got {text!r}") from None
+    if not 0 < low < high < math.inf:
+        raise BadInput(f"--frequencies must rise from above 0 Hz, such as 1:1000; got {text}")
+    return low, high

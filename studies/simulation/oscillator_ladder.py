@@ -1,0 +1,117 @@
+"""The ladder of formulas beside the vibration: what one mass on one spring says of the readings per N."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic.oscillator import moving_mass, natural_frequency, receptance
+from geometry.arrays import Array
+from geometry.design import Design
+from geometry.prony import Relaxation
+from studies.output import records
+from studies.output.records import FlatRow
+from studies.simulation import resonance_peaks
+from studies.simulation.modal_report import BAND
+
+ACCURATE = 0.05
+"""Relative change of a reading that counts as accurate: the paper's limit for its force."""
+Response = Callable[[Array], NDArray[np.complex128]]
+"""Complex amplitude at frequencies (f,), Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One model of the response per N.
+
+    Attributes
+    ----------
+    natural_Hz : its natural frequency without damping; None for the finite elements, which have many.
+    peak_Hz, peak_gain, Q : its first resonance inside the band, over the lowest frequency; None without one.
+    relative_at_600 : response at 600 Hz over that at the lowest frequency; None outside the band.
+    accurate_to_Hz : frequency up to which it changes by less than ACCURATE; None if it does so in the whole band.
+    """
+
+    motion: str
+    model: str
+    natural_Hz: float | None
+    peak_Hz: float | None
+    peak_gain: float | None
+    Q: float | None
+    relative_at_600: float | None
+    accurate_to_Hz: float | None
+
+    def row(self) -> FlatRow:
+        """Return the row of ladder.csv."""
+        return records.flat(self)
+
+
+def oscillators(
+    design: Design, motion: str, stiffness: float, relaxation: Relaxation
+) -> dict[str, tuple[float, Response]]:
+    """Return natural frequency, Hz, and response of each oscillator, by its name.
+
+    Parameters
+    ----------
+    stiffness : of the state at rest along the motion, N/mm.
+    """
+    from fem.modes import spring_mass
+
+    own = natural_frequency(stiffness, moving_mass(design))
+    loss = float(relaxation.loss_factor(2 * np.pi * own))
+
+    def prony(f: Array) -> NDArray[np.complex128]:
+        return receptance(f, own, relaxation.complex_modulus(2 * np.pi * f) / relaxation.rest)
+
+    chosen: dict[str, tuple[float, Response]] = {
+        f"mass on a spring, loss factor {loss:.3g}": (own, lambda f: receptance(f, own, 1 + 1j * loss)),
+        "mass on a spring with the silicone's branches": (own, prony),
+    }
+    if motion == "x":  # the paper's formula is that of a column
+        return chosen
+    silicone, whole = spring_mass(design)
+    return {
+        "the paper's formula": (silicone, lambda f: receptance(f, silicone)),
+        "the paper's formula with the magnet's mass": (whole, lambda f: receptance(f, whole)),
+        **chosen,
+    }
+
+
+def rungs(
+    motion: str,
+    models: dict[str, tuple[float, Response]],
+    finite_elements: Response,
+    band: tuple[float, float],
+) -> list[Rung]:
+    """Return the rungs of the oscillators and of the finite elements."""
+    listed: Sequence[tuple[str, float | None, Response]] = [
+        *((name, natural, response) for name, (natural, response) in models.items()),
+        ("finite elements", None, finite_elements),
+    ]
+    return [_rung(motion, name, natural, response, band) for name, natural, response in listed]
+
+
+def _rung(motion: str, name: str, natural: float | None, response: Response, band: tuple[float, float]) -> Rung:
+    """Return the rung of one model."""
+    low, high = band
+    first = float(abs(response(np.array([low]))[0]))
+
+    def gain(f: Array) -> Array:
+        return np.abs(response(f)) / first
+
+    # an undamped resonance has no height
+    damped = bool(np.iscomplex(response(np.array([high]))).any())
+    peak = next(iter(resonance_peaks.peaks(gain, low, high)), None) if damped else None
+    return Rung(
+        motion=motion,
+        model=name,
+        natural_Hz=natural,
+        peak_Hz=None if peak is None else peak.frequency,
+        peak_gain=None if peak is None else peak.gain,
+        Q=None if peak is None else peak.Q,
+        relative_at_600=float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
+        accurate_to_Hz=resonance_peaks.flat_to(gain, ACCURATE, low, high),
+    )

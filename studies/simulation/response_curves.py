@@ -1,0 +1,156 @@
+"""Readings of a vibrating sensor over the frequency: volts per mm and per N of each Hall element.
+
+The readings are linear in the magnet's small motion (`analytic.pose_slopes`); an element whose output lies at a rail
+reads nothing.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.arrays import Array
+from geometry.design import Design
+from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    from fem.vibration import VibratingSensor
+
+Complex = NDArray[np.complex128]
+NEGLIGIBLE = 1e-9
+"""Reading of an element over the largest one of all elements below which symmetry forbids it: rounding errors."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """Complex amplitudes under one motion of the plate, or of the base of the free sensor, over its amplitude.
+
+    Attributes
+    ----------
+    motion : "z" or "x".
+    frequency : (f,) Hz.
+    force : (f,) force along the motion, N/mm; None about the free sensor.
+    normal_force : (f,) amplitude of the force along z, N/mm; None where there is none, or where symmetry forbids it.
+    shift : (f, 2) shift of the magnet along x and z, mm/mm.
+    tilt : (f,) rad/mm.
+    names, units : k elements, and the units of their outputs.
+    per_mm, per_N : (f, k) readings over the motion and over the force along it; per_N is None without a force.
+    kept_amplitude : (f,) mm, see `fem.vibration.Vibration`; None about the free sensor.
+    """
+
+    motion: str
+    frequency: Array
+    force: Complex | None
+    normal_force: Array | None
+    shift: Complex
+    tilt: Complex
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    per_mm: Complex
+    per_N: Complex | None
+    kept_amplitude: Array | None
+
+    @property
+    def along(self) -> Complex:
+        """(f,) shift of the magnet along the motion, mm/mm."""
+        return np.asarray(self.shift[:, ("x", "z").index(self.motion)])
+
+    @property
+    def readers(self) -> list[int]:
+        """Elements whose readings symmetry and rails do not forbid, the largest reading first."""
+        size = np.abs(self.per_mm).max(axis=0)
+        order = np.argsort(-size, kind="stable")
+        return [int(k) for k in order if size[k] > NEGLIGIBLE * size.max()]
+
+
+At = Callable[[Array], dict[str, Curves]]
+"""Curves of all motions at frequencies (f,), Hz."""
+
+
+def evaluator(design: Design, sensor: VibratingSensor) -> At:
+    """Return the function that gives the curves of a sensor at any frequencies in its band; it keeps its answers."""
+    from analytic import hall
+    from analytic.parts import of_design
+    from analytic.pose_slopes import slopes_at
+
+    layout, response = of_design(design), sensor.state.response
+    by_shift, by_rotation = slopes_at(design, response.shift, response.rotation)
+    saturated = np.array(hall.readings(design, response).saturated)
+    gains = np.where(saturated, 0.0, [element.gain for element in layout])
+    # a lean from z towards x is a rotation about y
+    slopes = gains * np.stack([by_shift[:, 0], by_shift[:, 2], by_rotation[:, 1]])
+
+    @functools.lru_cache(maxsize=200)
+    def at_bytes(data: bytes) -> dict[str, Curves]:
+        f = np.frombuffer(data)
+        vibration = sensor.at(f)
+        curves: dict[str, Curves] = {}
+        for k, motion in enumerate(vibration.motions):
+            force = vibration.force[:, k, ("x", "z").index(motion)]
+            shift, tilt = vibration.shift[:, k], vibration.tilt[:, k]
+            normal = np.abs(vibration.force[:, k, 1])
+            per_mm = np.column_stack([shift, tilt]) @ slopes
+            free = bool(np.isnan(force).any())
+            curves[motion] = Curves(
+                motion=motion,
+                frequency=f,
+                force=None if free else force,
+                normal_force=normal if (normal > 0).all() else None,
+                shift=shift,
+                tilt=tilt,
+                names=tuple(element.name for element in layout),
+                units=tuple(element.unit for element in layout),
+                per_mm=per_mm,
+                per_N=None if free else per_mm / force[:, None],
+                kept_amplitude=None if free else vibration.kept_amplitude[:, k],
+            )
+        return curves
+
+    return lambda f: at_bytes(np.ascontiguousarray(f, dtype=np.float64).tobytes())
+
+
+def mesh_difference(curves: Curves, coarse: Curves) -> Array:
+    """Return the relative difference (f,) of the force to that on a coarser mesh; of the shift about the free sensor.
+
+    It refers to the larger of both, since a force that falls to 0 at a resonance would have no relative difference.
+    """
+    one, other = (c.along if c.force is None else c.force for c in (curves, coarse))
+    return np.asarray(np.abs(one - other) / np.maximum(np.abs(one), np.abs(other)))
+
+
+def rows(curves: Curves, coarse: Curves | None) -> list[FlatRow]:
+    """Return the rows of response.csv: gains and phases of all quantities over the frequency.
+
+    Phases are those to the motion, or to the force for readings per N, in degrees.
+    """
+    columns: dict[str, Array | None] = {"frequency_Hz": curves.frequency}
+    columns |= _polar("force", "_N_per_mm", curves.force)
+    columns |= _polar("shift_x", "_mm_per_mm", curves.shift[:, 0]) | _polar(
+        "shift_z", "_mm_per_mm", curves.shift[:, 1]
+    )
+    columns |= _polar("tilt", "_rad_per_mm", curves.tilt)
+    for k, (name, unit) in enumerate(zip(curves.names, curves.units, strict=True)):
+        columns |= _polar(name, f"_{unit}_per_mm", curves.per_mm[:, k] if k in curves.readers else None)
+        per_N = None if curves.per_N is None or k not in curves.readers else curves.per_N[:, k]
+        columns |= _polar(f"{name}_per_N", f"_{unit}_per_N", per_N)
+    columns["kept_amplitude_mm"] = curves.kept_amplitude
+    columns["mesh_difference"] = None if coarse is None else mesh_difference(curves, coarse)
+    return [
+        {"motion": curves.motion} | {name: None if v is None else float(v[i]) for name, v in columns.items()}
+        for i in range(len(curves.frequency))
+    ]
+
+
+def _polar(name: str, unit: str, values: Complex | None) -> dict[str, Array | None]:
+    """Return the columns of gain and phase; no phase where there is no gain."""
+    if values is None or not np.abs(values).max() > 0:
+        return {f"{name.removesuffix('_per_N')}{unit}": None, f"{name}_phase_deg": None}
+    return {
+        f"{name.removesuffix('_per_N')}{unit}": np.abs(values),
+        f"{name}_phase_deg": np.degrees(np.unwrap(np.angle(values))),
+    }

@@ -1,0 +1,141 @@
+"""What `magtip response` computes: the steady vibration of a sensor in numbers, curves and sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet, check_load
+from geometry.messages import Progress
+from geometry.relaxation import relaxation_notes
+from studies.output.csv_tables import write_table
+from studies.simulation import oscillator_ladder, response_curves
+from studies.simulation.motion_report import MotionReport, report_motion
+from studies.simulation.oscillator_ladder import Rung
+from studies.simulation.response_curves import At, Curves
+
+FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
+"""Files that a folder of results may hold, beside run.json."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The vibration under all motions.
+
+    Attributes
+    ----------
+    motions : one for each motion.
+    ladder : models of one mass on one spring beside the finite elements.
+    notes : what the numbers assume, in sentences.
+    """
+
+    motions: list[MotionReport]
+    ladder: list[Rung]
+    notes: list[str]
+
+
+def run(
+    design: Design,
+    load: Load,
+    band: tuple[float, float],
+    count: int,
+    magnet: Magnet,
+    accuracy: str,
+    folder: Path | None,
+    progress: Progress,
+) -> Report:
+    """Compute the vibration about a state; write tables and plots if a folder is given.
+
+    Parameters
+    ----------
+    load : press and shear; depth 0 for the free sensor, whose base is shaken.
+    band : lowest and highest frequency, Hz.
+    count : number of frequencies, spaced evenly on a logarithmic scale.
+
+    Raises
+    ------
+    BadInput
+        A value is out of range, or the state is not reached or not stable.
+    """
+    from fem.accuracy import LEVELS, coarser
+    from fem.vibration import check_vibration, vibrating_sensor
+
+    check_load(design, load, magnet)
+    level = LEVELS[accuracy]
+    check_vibration(design, load, band, level)
+    progress(0.0, "the state and its vibrations")
+    sensor = vibrating_sensor(design, load, band, level, magnet=magnet)
+    progress(0.4, "the same on a coarser mesh")
+    frequencies = np.geomspace(*band, count)
+    # geomspace rounds its ends
+    frequencies[[0, -1]] = band
+    coarse: Mapping[str, Curves] = {}
+    try:
+        other = vibrating_sensor(design, load, band, coarser(level), magnet=magnet, check=False)
+        coarse = response_curves.evaluator(design, other)(frequencies)
+    except BadInput:  # the path may stop earlier on the coarser mesh
+        pass
+    progress(0.7, "resonances")
+    at = response_curves.evaluator(design, sensor)
+    curves = at(frequencies)
+    motions = [report_motion(sensor, at, one, load, coarse.get(one.motion)) for one in curves.values()]
+    ladder, models = [], {}
+    for motion, one in curves.items():
+        if one.force is not None:
+            models[motion] = oscillator_ladder.oscillators(
+                design, motion, float(sensor.static_stiffness()[motion]), sensor.relaxation
+            )
+            ladder += oscillator_ladder.rungs(motion, models[motion], _per_force(at, motion), band)
+    if folder is not None:
+        _write(folder, curves, coarse, ladder, models)
+    return Report(motions, ladder, _notes(design, load))
+
+
+def _per_force(at: At, motion: str) -> oscillator_ladder.Response:
+    """Return the magnet's shift along a motion over the force along it, as a function of the frequency."""
+
+    def response(f: Array) -> response_curves.Complex:
+        curves = at(f)[motion]
+        assert curves.force is not None
+        return np.asarray(curves.along / curves.force)
+
+    return response
+
+
+def _notes(design: Design, load: Load) -> list[str]:
+    """Return what the numbers assume."""
+    if not load.depth:
+        contact = "the sensor is free: its base is shaken, and shift and tilt are those relative to the base"
+    elif load.friction == "none":
+        contact = (
+            "contact is frozen: points in touch stay in touch; without friction a plate that moves along x transmits "
+            "nothing, so only its motion along z is computed (--friction stick glues the contact area)"
+        )
+    else:
+        contact = "contact is frozen: points in touch stay in touch, and the contact area is glued to the plate"
+    plate = "the plate is rigid and has no mass; amplitudes are small" if load.depth else "amplitudes are small"
+    return [*relaxation_notes(design), contact, plate]
+
+
+def _write(
+    folder: Path,
+    curves: Mapping[str, Curves],
+    coarse: Mapping[str, Curves],
+    ladder: list[Rung],
+    models: Mapping[str, Mapping[str, tuple[float, oscillator_ladder.Response]]],
+) -> None:
+    """Write the tables and a plot for each motion."""
+    from studies.simulation import bode_plot
+
+    rows = [row for one in curves.values() for row in response_curves.rows(one, coarse.get(one.motion))]
+    write_table(folder / "response.csv", rows, digits=9)
+    if ladder:
+        write_table(folder / "ladder.csv", [rung.row() for rung in ladder], digits=9)
+    for motion, one in curves.items():
+        responses = {name: response(one.frequency) for name, (_, response) in models.get(motion, {}).items()}
+        bode_plot.draw(folder / f"response_{motion}.png", one, responses)

@@ -1,0 +1,84 @@
+"""The verb response: numbers, files and refusals."""
+
+import csv
+
+import pytest
+
+from studies.cli.vibration_commands import read_band
+
+QUICK = ("--accuracy", "quick", "--count", 20)
+
+
+def test_response_reports_both_motions_and_writes_their_files(run, strict, tmp_path):
+    out = tmp_path / "response"
+    status, text, _ = run("response", "paper", "--depth", 1, *QUICK, "--out", out, "--json")
+    along_z, along_x = strict(text)
+    assert status == 0
+    assert (along_z["motion"], along_x["motion"]) == ("z", "x")
+    assert {path.name for path in out.iterdir()} == {
+        "response.csv", "ladder.csv", "response_z.png", "response_x.png", "run.json"
+    }  # fmt: skip
+    rows = list(csv.DictReader((out / "response.csv").open()))
+    assert [row["motion"] for row in rows] == ["z"] * 20 + ["x"] * 20
+    assert float(rows[0]["force_N_per_mm"]) == pytest.approx(along_z["stiffness_N_per_mm"], rel=1e-8)
+    # the first bending resonance under a force is damped by the assumed loss factor
+    assert along_x["resonance_per_N_Q"][0] == pytest.approx(10, rel=0.3)
+    assert along_x["reading_V_per_mm"][0] is None  # S1 on the axis does not see a motion along x at first order
+    assert along_z["lift_amplitude_mm"] > along_z["kept_amplitude_mm"] > 0
+    assert 0 < along_z["mesh_difference"] < 0.01
+
+
+def test_response_says_what_its_numbers_rest_on(run, strict):
+    text = run("response", "paper", *QUICK, "--frequencies", "1:100", "--json")[1]
+    notes = " ".join(strict(text)[0]["notes"])
+    for words in ("long-term modulus", "an assumption", "contact is frozen", "rigid and has no mass"):
+        assert words in notes
+
+
+def test_a_sliding_plate_moves_along_z_only_and_a_free_sensor_has_no_force(run, strict):
+    (sliding,) = strict(run("response", "paper", "--friction", "none", *QUICK, "--json")[1])
+    assert "transmits nothing" in " ".join(sliding["notes"])
+    free = strict(run("response", "paper", "--depth", 0, *QUICK, "--json")[1])
+    assert [record["stiffness_N_per_mm"] for record in free] == [None, None]
+    assert free[1]["resonance_per_mm_Hz"][0] > free[1]["undamped_Hz"][0]  # the silicone stiffens with the frequency
+
+
+def test_frequencies_without_data_are_refused_or_marked(run, strict):
+    beyond = ("response", "paper", *QUICK, "--frequencies", "1:1500")
+    status, out, err = run(*beyond)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "--extrapolate" in err
+    status, out, _ = run(*beyond, "--extrapolate", "--json")
+    assert status == 0
+    assert "extrapolation" in strict(out)[0]["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--frequencies", "0:10"),
+        ("--frequencies", "-1:10"),
+        ("--frequencies", "100:1"),
+        ("--frequencies", "10"),
+        ("--frequencies", "1:nan"),
+        ("--count", 1),
+        ("--depth", -1),
+        ("--depth", 0, "--shear", 1),
+        ("--shear", 1, "--friction", "none"),
+        ("--frequencies", "1:9000", "--extrapolate"),
+    ],
+)
+def test_bad_input_is_one_sentence(run, options):
+    status, out, err = run("response", "paper", "--accuracy", "quick", *options)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+def test_a_state_that_is_unstable_is_a_failed_solve(run, strict):
+    status, out, err = run("response", "paper", "--set", "L=32", "--depth", 6, *QUICK, "--json")
+    (record,) = strict(out)
+    assert (status, record["status"]) == (3, "failed")
+    assert "take a smaller depth" in err
+
+
+def test_a_band_is_read_from_its_text():
+    assert read_band("0.5:20") == (0.5, 20.0)
