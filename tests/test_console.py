@@ -3,6 +3,7 @@
 import csv
 import io
 import time
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ STATE |= {"shift_mm": [0.2055, 0.0, -0.3057], "tilt_rad": 0.04169, "contact_radi
 STATE |= {"shift_error_estimate": 2e-3, "tilt_error_estimate": 2e-3, "dofs": 1234, "seconds": 0.5}
 
 
+@cache
 def rows_of(name, most=40):
     def value(text):
         try:
