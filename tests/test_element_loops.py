@@ -68,6 +68,17 @@ def test_the_mass_of_every_model(name):
     assert abs(second - first).max() <= REL * abs(first).max()
 
 
+def test_strains_that_are_kept_are_those_of_the_state():
+    """In whatever order states are checked and assembled, the results are those of a system without a past."""
+    system, flat = plate("sensor", 0.02)
+    compiled.prepare()
+    q = smooth(system)
+    one, other = system.admissible(q), system.admissible(0.7 * q)
+    for state in (one, other, other, one):
+        alone = plate("sensor", 0.02)[0].assemble(state, flat)
+        np.testing.assert_array_equal(system.assemble(state, flat).residual, alone.residual)
+
+
 @pytest.mark.parametrize("name", ["cylinder", "harmonics"])
 def test_inverted_silicone_is_refused(name):
     system = SCENES[name]()

@@ -23,10 +23,14 @@ BATCH = 1024
 INNER, NEAR, PRESSURES, MOTION, FACETS = 0, 2, 4, 5, 6
 """Numbers of the groups of matrices in the pattern: elements apart from the magnet and at it, each followed by their
 coupling with the pressures; pressures; motion of the magnet; facets of the skin."""
+FEW_BATCHES = 4
+"""Most batches whose strains are kept from `least_volume_change` to `assemble`: these are in the cache then."""
 SAVING_S, CALL_S = 3e-7, 1e-4
 """CPU time that the loops save for each integration point and angle, and for each call, s: means over the calls of a
 solve. Measured, NumPy against loops: a tangent takes 0.5 against 0.3 ms on a section of 62 elements, 20 against 12 ms
 with three harmonics on 302 elements, and 39 against 24 ms on 2600 tetrahedra; a residual saves little."""
+
+NOTHING = np.empty((0, 0))
 
 
 def usable(law: Law, elements: Elements) -> bool:
@@ -83,12 +87,15 @@ class Loops:
         self._inner = [slice(a, b) for a, b in _cuts(elements, 0, inner)]
         self._near = [slice(a, b) for a, b in _cuts(elements, inner, len(elements.cells))]
         self._buffers: dict[tuple[str, tuple[int, ...]], Array] = {}
+        self._few = len(self._inner) + len(self._near) <= FEW_BATCHES
+        self._strained: Array | None = None
         self._constant = np.zeros(pattern.entries)
         self.add_matrices(compliance, corners, PRESSURES, self._pressure_number, self._constant)
 
     def least_volume_change(self, u: Array) -> float:
         """Return the least J - 1 at the integration points; nan where any is nan."""
-        changes = [self._kinematics(part, u, np.empty((0, 0)))[1].min() for part in (*self._inner, *self._near)]
+        changes = [self._kinematics(part, u, full=self._few)[1].min() for part in (*self._inner, *self._near)]
+        self._strained = u if self._few else None
         return float(np.min(changes))
 
     def assemble(
@@ -103,6 +110,7 @@ class Loops:
         data = self._constant.copy() if tangent else np.empty(0)
         for part in (*self._inner, *self._near):
             energy += self._add_batch(part, u, p, T, viscous, forces, volumes, data, tangent=tangent)
+        self._strained = u if self._few else None
         return energy, forces, volumes, data
 
     def add_matrices(self, matrices: Array, nodes: Ints, group: int, number: Ints, data: Array) -> None:
@@ -131,21 +139,24 @@ class Loops:
             self._buffers[key] = np.empty(shape)
         return self._buffers[key]
 
-    def _kinematics(self, part: slice, u: Array, Hm1: Array) -> tuple[Array, Array]:
-        """Return G (9, t, points) and J - 1 (t points,) of a batch, and write F^-T - 1 (9, t points).
+    def _kinematics(self, part: slice, u: Array, *, full: bool) -> tuple[Array, Array, Array]:
+        """Return G (9, t, points), J - 1 (t points,) and F^-T - 1 (9, t points) of a batch.
 
-        Hm1 : array for F^-T - 1; an empty one is not written to.
+        Displacements u whose strains are known are the same array: no array of displacements is written to later.
+
+        full : whether to compute F^-T - 1; an empty array otherwise.
         """
         e = self._elements
         (m, q), (t, _, _, fields) = e.weights[part].shape, e.angles.V.shape
-        g, G, Jm1 = (
-            self._buffer("g", 3, fields, m * q),
-            self._buffer("G", 9, t, m * q),
-            self._buffer("Jm1", t * m * q),
-        )
-        self._kernels.evaluate_gradients(e.cells[part], e.D[part], e.angles.V, self._carried, u, g, G)
-        self._laws.kinematics(G.reshape(9, -1), Jm1, Hm1)
-        return G, Jm1
+        own = str(part.start) if self._few else ""
+        G, Jm1 = self._buffer("G" + own, 9, t, m * q), self._buffer("Jm1" + own, t * m * q)
+        Hm1 = self._buffer("Hm1" + own, 9, t * m * q) if full else NOTHING
+        if self._strained is not u:
+            self._strained = None  # until all batches have those of u
+            g = self._buffer("g", 3, fields, m * q)
+            self._kernels.evaluate_gradients(e.cells[part], e.D[part], e.angles.V, self._carried, u, g, G)
+            self._laws.kinematics(G.reshape(9, -1), Jm1, Hm1)
+        return G, Jm1, Hm1
 
     def _add_batch(
         self,
@@ -170,8 +181,7 @@ class Loops:
             len(e.angles.V),
         )
         shape, n = (t, m * q), t * m * q
-        Hm1 = self._buffer("Hm1", 9, n)
-        G, Jm1 = self._kinematics(part, u, Hm1)
+        G, Jm1, Hm1 = self._kinematics(part, u, full=True)
         w, modulus, pressure, weighted = self._buffer("weights", 4, *shape)
         soft = self._buffer("soft", m * q)
         self._kernels.weigh_points(
