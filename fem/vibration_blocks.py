@@ -80,7 +80,7 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
     """
     if scene.sideways:
         state = _solve_shear(scene)
-        return state, [_block(scene, state, state.plate, ("z", "x"))]
+        return state, [build_block(scene, state, state.plate, ("z", "x"))]
     try:
         press = solve_press(scene)
     except BadInput as error:
@@ -113,10 +113,10 @@ def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Bloc
     """Return the system of order 0 or 1 about a press, or about the free sensor."""
     state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
     plate = press.glue(state) if glued else state.plate
-    return _block(scene, state, None if press.edge is None else plate, ("x",) if order else ("z",))
+    return build_block(scene, state, None if press.edge is None else plate, ("x",) if order else ("z",))
 
 
-def _block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
+def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
     """Return the system about a state for some motions."""
     system, (m, across, _) = state.d.system, magnet_inertia(scene)
     at_state = system.state(state.q)

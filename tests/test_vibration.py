@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from fem import vibration
 from fem.accuracy import QUICK, STANDARD
 from fem.modes import frequency_unit, modes
-from fem.solvers.direct_solver import Solver
 from fem.vibration_blocks import build_blocks, read_pose
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.prony import Relaxation
+from studies.validation.vibration_problems import full_solution
 
 ROUGH = replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)
 """Exact relations hold on any mesh."""
@@ -27,20 +26,7 @@ def sensor(load, *, magnet="rigid", band=(1.0, 1000.0), **fields):
     return vibration.vibrating_sensor(replace(paper(), **fields), load, band, ROUGH, magnet=magnet)
 
 
-def full_solution(problem, c, eigenvalue):
-    """Solve A x = b with A = P + i Q as the symmetric real system of P and Q, refined once."""
-    K, R, M = (matrix + sp.triu(matrix, 1).T for matrix in (problem.K, problem.R, problem.M))
-    P, Q = K + c.real * R - eigenvalue * M, c.imag * R
-    A, b = sp.bmat([[P, -Q], [-Q, -P]], format="csr"), np.vstack([problem.b, 0 * problem.b])
-    solver = Solver()
-    solver.factorise(sp.triu(A, format="csr"))
-    x = solver.solve(b)
-    x += solver.solve(b - A @ x)
-    solver.close()
-    return x[: len(problem.b)] + 1j * x[len(problem.b) :]
-
-
-@pytest.mark.parametrize(("load", "frequencies"), [(GLUED, (1.0, 620.0, 1000.0)), (SHEARED, (600.0,))])
+@pytest.mark.parametrize(("load", "frequencies"), [(GLUED, (620.0,)), (SHEARED, (600.0,))])
 def test_the_reduced_basis_gives_the_force_and_pose_of_full_solutions(load, frequencies):
     reduced = sensor(load)
     unit, rest = frequency_unit(reduced.scene.design), reduced.relaxation.rest

@@ -12,7 +12,13 @@ from typing import Literal
 
 from analytic.magnet import cylinder_field
 from geometry.loads import Magnet
-from studies.validation import beam_problems, contact_problems, manufactured_solutions, solid_problems
+from studies.validation import (
+    beam_problems,
+    contact_problems,
+    manufactured_solutions,
+    solid_problems,
+    vibration_problems,
+)
 
 Judged = Literal["finest", "extrapolated", "order"]
 
@@ -81,7 +87,15 @@ def _relative(name: str, published: float, tolerance: float) -> Quantity:
 
 def targets(*, quick: bool = False) -> list[Target]:
     """Return all targets, fast ones first; if quick, on coarser meshes, with two pressures of Reese's block."""
-    chosen = [*_closed_forms(), *_contact(), *_families(), *_beams(), *_manufactured(), *_reese(quick)]
+    chosen = [
+        *_closed_forms(),
+        *_contact(),
+        *_families(),
+        *_beams(),
+        *_vibrations(),
+        *_manufactured(),
+        *_reese(quick),
+    ]
     return [replace(target, meshes=target.quick) for target in chosen if target.quick] if quick else chosen
 
 
@@ -237,6 +251,63 @@ def _beams() -> list[Target]:
             quick=(2,),
         ),
     ]
+
+
+def _vibrations() -> list[Target]:
+    """Return steady vibrations of the paper's sensor; all quantities are ratios to exact ones."""
+    problems: list[tuple[str, str, Callable[[], tuple[float, ...]], tuple[str, ...], float]] = [
+        (
+            "slow limit of a vibration",
+            "nonlinear solves about a press of 1 mm and a shear of 0.5 mm, contact frozen",
+            vibration_problems.slow_limit,
+            ("force along z", "force along x"),
+            1e-6,
+        ),
+        (
+            "undamped resonances",
+            "natural frequencies, free and pressed by 1 mm",
+            vibration_problems.undamped_resonances,
+            ("free, axial", "free, bending", "pressed, axial", "pressed, bending"),
+            1e-4,
+        ),
+        (
+            "half-power width",
+            "loss factor of 0.01 times the frequency, free sensor, bending",
+            vibration_problems.half_power_width,
+            ("width",),
+            0.01,
+        ),
+        (
+            "elastic-viscoelastic correspondence",
+            "K*(omega) = K G*(omega) / G(infinity): all silicone, nu = 0.5, no mass; 1 plus the largest difference",
+            vibration_problems.correspondence,
+            ("along z", "along x"),
+            1e-6,
+        ),
+        (
+            "reciprocity and passivity",
+            "symmetric impedance (1 plus the largest difference) that takes up work at every frequency (their share)",
+            vibration_problems.reciprocity_and_passivity,
+            ("reciprocity", "passivity"),
+            1e-8,
+        ),
+        (
+            "vibration by a reduced basis",
+            "full complex solutions at 1, 600 and 1000 Hz; 1 plus the largest difference",
+            vibration_problems.full_solutions,
+            ("force", "pose of the magnet"),
+            1e-8,
+        ),
+    ]
+    return [
+        Target(name, source, partial(_solved, solve), tuple(Quantity(one, 1.0, tolerance) for one in names))
+        for name, source, solve, names, tolerance in problems
+    ]
+
+
+def _solved(solve: Callable[[], tuple[float, ...]], _: int) -> tuple[float, ...]:
+    """Return the quantities of a problem that has one mesh."""
+    return solve()
 
 
 def _stiffness(n: int, nu: float, bonded: bool) -> list[float]:
