@@ -14,12 +14,13 @@ from typing import Literal
 
 from fem.scene import Model
 
-PHYSICS: dict[Model | Literal["critical depth", "modes"], int] = {
+PHYSICS: dict[Model | Literal["critical depth", "modes", "response"], int] = {
     "axisymmetric": 2,
     "harmonic": 2,
     "half": 2,
     "full": 2,
     "critical depth": 1,
     "modes": 1,
+    "response": 1,
 }
-"""Version of each model, and of the critical depth and the natural frequencies, counted from 1."""
+"""Version of each model, and of the critical depth, the natural frequencies and the vibration, counted from 1."""

@@ -15,10 +15,11 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from fem.modes import modes
 from fem.physics_version import PHYSICS
-from fem.scene import Model
+from fem.scene import Model, Scene
 from fem.stability import critical
 from geometry.design import paper
 from geometry.loads import Load
+from studies.exploration import response_paths
 
 ROUGH = replace(
     QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
@@ -102,6 +103,13 @@ def test_frequencies_change_only_with_the_version():
     assert lowest.frequency == pytest.approx(wanted, rel=1e-6), "raise the version in fem.physics_version"
 
 
+def test_the_vibration_changes_only_with_the_version():
+    values = response_paths.solve(Scene(paper(), (Load(depth=0.5),), ROUGH, "rigid"))
+    assert PHYSICS["response"] == 1, "write the answer of the new version here"
+    middle = values["stiffness_real"][150], values["stiffness_imag"][150]
+    assert middle == pytest.approx((1.23981152, 0.124549019), rel=1e-6), "raise the version in fem.physics_version"
+
+
 def test_every_model_has_a_version():
     models = {model for model in get_args(Model) if model != "auto"}
-    assert set(PHYSICS) == models | {"critical depth", "modes"}
+    assert set(PHYSICS) == models | {"critical depth", "modes", "response"}

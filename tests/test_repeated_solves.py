@@ -25,6 +25,14 @@ CASES = {
     "imperfection": (replace(paper(), E=3.0), Load(depth=0.3, imperfection=0.001), "rigid", "states"),
     "ogden": (replace(paper(), law="ogden"), Load(depth=0.5), "rigid", "states"),
     "modes": (replace(paper(), magnet_density=7000.0), Load(depth=0.5), "rigid", "modes"),
+    "response": (replace(paper(), density=1200.0, E=2.0), Load(0.5, 0.2, friction="stick"), "rigid", "response"),
+    "response at rest": (
+        replace(paper(), prony="0.2:0.01 0.1:0.001", modulus="instantaneous"),
+        Load(0.5),
+        "rigid",
+        "response",
+    ),
+    "elastic response": (replace(paper(), loss_factor=0.0), Load(depth=0.5), "ignored", "response"),
     "critical depth": (replace(paper(), L=20.0), Load(depth=0.5), "ignored", "critical depth"),
 }
 
@@ -39,7 +47,7 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
     """The rebuilt problem has the same key, so it is the same problem."""
     place = place_of(name)
     content = json.loads(json.dumps(place.content))
-    state = State(*place.at, "ok", "ok", {"D_mm": place.scene.design.D, "E_MPa": place.scene.design.E}, 0.0, "")
+    state = State(*place.at, "ok", "ok", solved_paths.units_of(place.scene, place.kind), 0.0, "")
     again = path_keys.place(repeated_solves._scene(content, state), content["quantity"])
     assert store.key(again.content) == store.key(place.content)
     assert again.at == place.at

@@ -65,6 +65,7 @@ def places(content, at=""):
         (Load(depth=0.5, shear_x=0.1, friction="stick"), "states"),
         (Load(depth=0.5), "modes"),
         (Load(depth=0.5), "critical depth"),
+        (Load(depth=0.5), "response"),
     ],
 )
 def test_every_value_of_a_content_is_a_field(load, kind):

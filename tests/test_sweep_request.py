@@ -74,6 +74,11 @@ def test_a_grip_needs_no_depth():
         (Options(["depth=1"], tolerance="1%", models="quick"), ["a tolerance chooses the finite elements"]),
         (Options(["depth=1"], tolerance="200%"), ["--tolerance must be a percentage", "'200%'"]),
         (Options(["depth=1"], models="paper", quantities="modes"), ["quantity modes needs finite elements"]),
+        (Options(["depth=1"], models="paper", quantities="response"), ["quantity response needs finite elements"]),
+        (Options(["depth=1"], load=["frequency=2"]), ["frequency has no effect", "response"]),
+        (Options(["depth=1"], load=["speed=2"], quantities="response"), ["speed has no effect"]),
+        (Options(["speed=1,2"], depth=1.0, load=["frequency=2"], quantities="response"), ["leave one of them out"]),
+        (Options(["frequency=0,2"], depth=1.0, quantities="response"), ["frequency must be more than 0 Hz", "got 0"]),
         (Options(["depth=1"], models="quick", quantities="decoded_force_error"), ["needs a level of the formulas"]),
     ],
 )

@@ -28,7 +28,7 @@ from studies.output import console
 from studies.simulation.model_choice import Choice, choose
 from studies.simulation.state_rows import surrogate_message
 
-KINDS: dict[str, Kind] = {"critical_depth": "critical depth", "modes": "modes"}
+KINDS: dict[str, Kind] = {"critical_depth": "critical depth", "modes": "modes", "response": "response"}
 """Quantities that are paths of their own in the store."""
 INLINE = 4.0
 """Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
@@ -136,7 +136,7 @@ class Paths:
                     return Target("", formula=answer, chosen=chosen, expected_error=expected), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
-            stored = place(scene, kind)
+            stored = place(scene, kind, problem.motion)
         except BadInput as error:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)

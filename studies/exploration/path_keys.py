@@ -14,8 +14,8 @@ The body is one of revolution. So without a tilted plate and without an imperfec
 matter: all shears are solved along x, and `Place.direction` turns the answer. Tetrahedra of the whole body (model
 full) are no exact body of revolution, and keep the direction.
 
-Two more quantities are stored, each as a path with a single state: the critical depth of a design, and its natural
-frequencies about a press.
+Three more quantities are stored, each as a path with a single state: the critical depth of a design, its natural
+frequencies about a press, and its steady vibration about a press or a shear (`response_paths`).
 """
 
 from __future__ import annotations
@@ -27,9 +27,11 @@ from typing import Any, Literal
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.loads import Load
+from studies.exploration import response_paths
+from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import Position, position
 
-Kind = Literal["states", "critical depth", "modes"]
+Kind = Literal["states", "critical depth", "modes", "response"]
 """What a path holds."""
 MODES = 6
 """Number of natural frequencies that are solved and stored."""
@@ -57,13 +59,15 @@ class Place:
         return content(self.scene, self.kind)
 
 
-def place(scene: Scene, kind: Kind = "states") -> Place:
+def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> Place:
     """Return where the answer of a scene with a single load is stored.
 
     Raises
     ------
     ValueError
         The scene has several loads.
+    BadInput
+        The quantity does not exist for this load or motion.
     """
     (load,) = scene.loads
     D = scene.design.D
@@ -72,6 +76,11 @@ def place(scene: Scene, kind: Kind = "states") -> Place:
         return Place(replace(scene, loads=(Load(depth=0.01 * D),), model="axisymmetric"), kind, (0.0, 0.0))
     if kind == "modes":
         return Place(replace(scene, loads=(Load(depth=load.depth),), model="axisymmetric"), kind, (0.0, 0.0))
+    if kind == "response":
+        sections = replace(scene, model="auto")
+        at_rest = response_paths.rest_scene(replace(sections, loads=(_canonical(sections, load)[0],)))
+        response_paths.check_frequency(at_rest, motion.frequency)
+        return Place(at_rest, kind, (0.0, 0.0))
     alone, direction = _canonical(scene, load)
     return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
 
@@ -94,6 +103,8 @@ def position_of(load: Load, D: float) -> Position:
 
 def content(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
     """Return everything on which the states of a path depend except their position, with the physics version."""
+    if kind == "response":
+        return response_paths.content(scene)
     values = scene.dimensionless()
     loads, load = values.pop("loads"), scene.loads[0]
     first = loads[0]

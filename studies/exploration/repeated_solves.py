@@ -15,7 +15,7 @@ from fem.scene import Scene
 from geometry.design import LAWS, BadInput, Design, paper
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.exploration import path_keys, solved_paths, store
+from studies.exploration import path_keys, response_paths, solved_paths, store
 from studies.exploration.store import Content, Position, State
 from studies.exploration.store_fields import accuracy_name, current_physics
 
@@ -80,7 +80,7 @@ def _scene(content: Content, state: State) -> Scene:
     name = accuracy_name(json.dumps(content["accuracy"])) or ""
     accuracy = Accuracy(name=name, **content["accuracy"])
     return Scene(
-        _design(content, D, E),
+        _design(content, state.answer),
         (_load(content, state.position, D, E),),
         accuracy,
         content["magnet"],
@@ -88,9 +88,9 @@ def _scene(content: Content, state: State) -> Scene:
     )
 
 
-def _design(content: Content, D: float, E: float) -> Design:
+def _design(content: Content, answer: Mapping[str, Any]) -> Design:
     """Return a design with this content; what the finite elements do not use is the paper's."""
-    base = paper()
+    base, D, E = paper(), answer["D_mm"], answer["E_MPa"]
     law, *numbers = content["law"]
     lengths = {name: D * value for name, value in content["shape"].items()}
     # the elements below the beam keep their distance from the base, so that any length of beam is possible
@@ -104,13 +104,18 @@ def _design(content: Content, D: float, E: float) -> Design:
         l0=base.l0 + below,
         **dict(zip(LAWS[law], numbers, strict=True)),
     )
-    ratio = _of_load(content).get("density_ratio")
-    return design if not ratio else replace(design, magnet_density=ratio * design.density)
+    load = _of_load(content)
+    ratio = load.get("density_ratio")
+    design = replace(design, density=answer.get("density_kg_per_m3", design.density))
+    design = design if not ratio else replace(design, magnet_density=ratio * design.density)
+    return response_paths.fields_of(load, design) if content["quantity"] == "response" else design
 
 
 def _load(content: Content, at: Position, D: float, E: float) -> Load:
     """Return the load at a position of a path."""
     load = _of_load(content)
+    if content["quantity"] == "response":
+        return Load(D * load["depth"], D * load["shear_x"], friction=load["friction"])
     if content["quantity"] != "states":
         return Load(depth=D * load.get("depth", 0.01))
     x, y = load["direction"] or (0.0, 0.0)

@@ -148,6 +148,8 @@ def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
         return [_critical(task.scene)]
     if task.kind == "modes":
         return [_modes(task.scene)]
+    if task.kind == "response":
+        return [_response(task.scene)]
     from studies.simulation.compare import Outcome as Reached
     from studies.simulation.compare import follow
 
@@ -234,11 +236,13 @@ def _state(scene: Scene, load: Load, outcome: Any) -> State:
             "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
         }
     at = position_of(load, scene.design.D)
-    return State(*at, result, outcome.status, _units(scene) | values, seconds, _origin())
+    return State(*at, result, outcome.status, units_of(scene) | values, seconds, _origin())
 
 
-def _units(scene: Scene) -> dict[str, Any]:
-    return {"D_mm": scene.design.D, "E_MPa": scene.design.E}
+def units_of(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
+    """Return the values of the design that was solved, which scale its answers to similar designs."""
+    density = {"density_kg_per_m3": scene.design.density} if kind == "response" else {}
+    return {"D_mm": scene.design.D, "E_MPa": scene.design.E} | density
 
 
 def unsolved(task: Task, reason: str, *, died: bool) -> list[State]:
@@ -248,7 +252,9 @@ def unsolved(task: Task, reason: str, *, died: bool) -> list[State]:
     positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
     status = "worker_died" if died else "error"
     values = {"response": None, "error_estimate": None, "message": reason}
-    return [State(*at, "transient", status, _units(task.scene) | values, 0.0, _origin()) for at in positions]
+    return [
+        State(*at, "transient", status, units_of(task.scene, task.kind) | values, 0.0, _origin()) for at in positions
+    ]
 
 
 def _critical(scene: Scene) -> State:
@@ -288,6 +294,22 @@ def _modes(scene: Scene) -> State:
     return _other(scene, "ok", "ok", values, "", time.perf_counter() - begin)
 
 
+def _response(scene: Scene) -> State:
+    """Return the vibration about a state at rest as a state, see `response_paths`."""
+    import time
+
+    from studies.exploration import response_paths
+
+    begin = time.perf_counter()
+    try:
+        values, message = response_paths.solve(scene), ""
+    except (ValueError, RuntimeError, ArithmeticError) as error:
+        values, message = {}, str(error)
+    result: Outcome = "ok" if values else "failed"
+    state = _other(scene, result, result, values, message, time.perf_counter() - begin)
+    return replace(state, answer=state.answer | units_of(scene, "response"))
+
+
 def frequency_unit(D: float, E: float, density: float) -> float:
     """Return (E / rho)^(1/2) / D, to which frequencies are proportional; mm, MPa, kg/m^3."""
     return math.sqrt(E / density) / D
@@ -295,7 +317,7 @@ def frequency_unit(D: float, E: float, density: float) -> float:
 
 def _other(scene: Scene, result: Outcome, status: str, values: dict[str, Any], message: str, seconds: float) -> State:
     """Return a state of another kind than states of a path."""
-    answer = _units(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
+    answer = units_of(scene) | {"response": None, "error_estimate": None, "message": message, "values": values}
     return State(0.0, 0.0, result, status, answer, seconds, _origin())
 
 

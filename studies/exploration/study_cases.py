@@ -27,6 +27,7 @@ from fem.scene import Model
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
+from studies.exploration.plate_motion import STILL, TIMED, PlateMotion, motion_of
 from studies.inputs.study_axes import DESIGN, LOAD, Factor
 from studies.inputs.study_input import QuantityName
 from studies.inputs.user_input import Value
@@ -97,6 +98,16 @@ class Plan:
         return self.fem[-1] if self.fem else None
 
     @property
+    def depends_on_time(self) -> bool:
+        """Whether any quantity depends on the relaxation of the silicone, and so on E itself."""
+        return any(name in self.quantities for name in TIMED)
+
+    @property
+    def reading_fields(self) -> frozenset[str]:
+        """Fields of a design on which the mechanics of this study do not depend."""
+        return READING_FIELDS - set(OF_TIME) if self.depends_on_time else READING_FIELDS
+
+    @property
     def loads_sideways(self) -> bool:
         """Whether any case may have forces or shifts sideways."""
         names = ("shear", "shear_y", "plate_tilt", "imperfection")
@@ -105,8 +116,9 @@ class Plan:
     def matters(self, kind: str) -> tuple[int, ...]:
         """Return the indices of the factors on which "sensors" or "problems" depend."""
         force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
-        idle = READING_FIELDS if kind == "problems" else frozenset(LOAD)
-        idle = idle if force and kind == "problems" else idle | {"E"}
+        own_E = kind == "problems" and (force or self.depends_on_time)
+        idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
+        idle = idle if own_E else idle | {"E"}
         return tuple(k for k, factor in enumerate(self.factors) if not set(factor.names) <= idle)
 
 
@@ -117,13 +129,14 @@ class Problem:
     Attributes
     ----------
     design, load : None if the case is impossible; `message` then gives the reason. The design's E is that of the
-        base design, unless the study has an imperfection.
+        base design, unless the study has an imperfection or a quantity that depends on time.
     """
 
     design: Design | None
     load: Load | None
     magnet: Magnet
     message: str
+    motion: PlateMotion = STILL
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,17 +269,18 @@ class Cases:
         magnet = cast("Magnet", str(axes["magnet"][k])) if "magnet" in axes else plan.magnet
         values = dict(plan.load) | {name: _value(axes[name][k]) for name in axes if name in LOAD}
         # cases with other Hall elements share the problem, so theirs must neither spoil nor change it
-        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name not in READING_FIELDS}
+        fields = {name: _value(axes[name][k]) for name in axes if name in DESIGN and name not in plan.reading_fields}
         if "l0" in axes:
             fields["l0"] = DESIGN["l0"].high
         try:
-            design = varied(plan.design, fields if values.get("imperfection") else fields | {"E": plan.design.E})
+            own_E = values.get("imperfection") or plan.depends_on_time
+            design = varied(plan.design, fields if own_E else fields | {"E": plan.design.E})
             magnet = magnet if design.shape.has_magnet else "ignored"
             load = load_of(values)
             check_load(design, load, magnet)
         except BadInput as error:
             return Problem(None, None, magnet, str(error))
-        return Problem(design, load, magnet, "")
+        return Problem(design, load, magnet, "", motion_of(values))
 
 
 def load_of(values: Mapping[str, Value]) -> Load:

@@ -21,6 +21,7 @@ from analytic import beam
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Response
+from studies.exploration import time_columns
 from studies.exploration.model_results import NAN, Results, error_prefix, percents, prefixes, spread
 from studies.exploration.solved_paths import Answer, frequency_unit
 from studies.exploration.study_cases import Batch, Columns, Plan, Problem, Recent
@@ -42,7 +43,7 @@ class Solved:
     states : for each model, by its name, the answer of each problem, for the problem's own D, E and direction of the
         shear; its status is "bad_input" where the problem is impossible.
     numbers : number of the reference's path of each problem, 0 for none.
-    critical, modes : answers of the other kinds, if the study asks for them.
+    critical, modes, response : answers of the other kinds, if the study asks for them.
     chosen : for each problem the model that a tolerance has chosen, and the bound of its relative error.
     """
 
@@ -50,6 +51,7 @@ class Solved:
     numbers: Sequence[int]
     critical: Sequence[Answer] = ()
     modes: Sequence[Answer] = ()
+    response: Sequence[Answer] = ()
     chosen: Sequence[tuple[str, float]] = ()
 
 
@@ -86,6 +88,8 @@ class Rows:
             table |= _critical_columns(batch, solved.critical)
         if "modes" in plan.quantities:
             table |= _mode_columns(batch, solved.modes)
+        if "response" in plan.quantities:
+            table |= time_columns.response(plan, batch, solved.response)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._verdict(batch, solved, remarks)
@@ -205,7 +209,7 @@ class Rows:
         if problem.design is None:
             return "bad_input", problem.message
         answers = [solved.states[model.name][k] for model in reversed(self.plan.fem)]
-        answers += [answers_of[k] for answers_of in (solved.critical, solved.modes) if answers_of]
+        answers += [answers_of[k] for answers_of in (solved.critical, solved.modes, solved.response) if answers_of]
         worst = next((answer for answer in answers if answer.status != "ok"), None)
         texts = [answer.message for answer in answers if answer.message]
         return worst.status if worst else "ok", "; ".join(dict.fromkeys([*texts, *remarks]))

@@ -142,4 +142,5 @@ def _solved(
         chosen=[(target.chosen, target.expected_error) for target in chosen],
         critical=of("critical_depth") if "critical_depth" in plan.quantities else (),
         modes=of("modes") if "modes" in plan.quantities else (),
+        response=of("response") if "response" in plan.quantities else (),
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from studies.exploration import sweep_plot
 from studies.exploration.model_results import prefixes
+from studies.exploration.plate_motion import TIMED
 from studies.exploration.study_cases import Columns, Plan
 from studies.exploration.sweep_plot import Shown
 from studies.inputs import study_axes
@@ -163,6 +164,9 @@ def _shown(plan: Plan, columns: Mapping[str, NDArray[np.float64]]) -> list[Shown
     extra = [
         ("critical depth", "mm", "critical_depth_mm"),
         ("first natural frequency", "Hz", "mode1_Hz"),
+        ("gain of the magnet's shift per N", "1", "response_gain"),
+        ("-3 dB bandwidth per N", "Hz", "response_bandwidth_Hz"),
+        ("first resonance per N", "Hz", "response_resonance_Hz"),
     ]
     shown += [Shown(label, unit, {"FEM": column}, {}) for label, unit, column in extra if column in columns]
-    return shown[:1] if not any(name in plan.quantities for name in ("critical_depth", "modes")) else shown
+    return shown[:1] if not any(name in plan.quantities for name in ("critical_depth", "modes", *TIMED)) else shown

@@ -12,6 +12,7 @@ from geometry.bad_input import closest
 from geometry.design import BadInput
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.exploration.plate_motion import TIMED, check_motion
 from studies.inputs import study_axes, study_input, user_input
 from studies.inputs.user_input import Value
 from studies.output import atomic_files, console
@@ -71,6 +72,7 @@ def plan_of(source: str | None, options: Options) -> Plan:
         sideways = ("tilt",) if plan.loads_sideways else ()
         quantities = study_input.checked_quantities((*DEFAULT_QUANTITIES, *sideways))
     _check_quantities(quantities, fem, formulas)
+    check_motion({*names, *load}, quantities)
     return Plan(design, study.factors, load, magnet, fem, formulas, quantities)
 
 
@@ -169,7 +171,7 @@ def _models(options: Options, study: study_input.Study) -> tuple[tuple[FemModel,
 
 def _check_quantities(quantities: Sequence[str], fem: Sequence[Any], formulas: Sequence[str]) -> None:
     """Refuse quantities that the models cannot give."""
-    for name in ("decoded_force_error", "critical_depth", "modes"):
+    for name in ("decoded_force_error", "critical_depth", "modes", *TIMED):
         if name in quantities and not fem:
             raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
     if "decoded_force_error" in quantities and not formulas:
@@ -252,7 +254,7 @@ def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     """Return the main columns."""
     results, errors = _compared(row)
     answers = [key for name in results for key in row if key.endswith(f"_{name}")]
-    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_"))]
+    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_"))]
     judged = [key for error in errors for key in row if key.endswith(error)]
     return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
 

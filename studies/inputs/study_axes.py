@@ -77,8 +77,11 @@ LOAD = {
     "grip": Quantity("mm", 0.0, open_low=True),
     "friction": Quantity("1", 0.0, names=("none", "stick")),
     "imperfection": Quantity("N"),
+    "frequency": Quantity("Hz", 0.0, open_low=True),
+    "speed": Quantity("mm/s", 0.0, open_low=True),
 }
-"""Fields of a load, see `geometry.loads.Load`; `shear` is along x, and the tilt of the plate is in degrees."""
+"""Fields of a load, see `geometry.loads.Load`; `shear` is along x, and the tilt of the plate is in degrees. Frequency
+and speed say how fast the plate moves (`studies.exploration.plate_motion`)."""
 METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
 AXES = {**DESIGN, **LOAD, **METHOD}
@@ -87,7 +90,7 @@ AXES = {**DESIGN, **LOAD, **METHOD}
 COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
 
-UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3"}
+UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
 """Last part of a column's name for units that cannot stand there as they are."""
 
 

@@ -61,6 +61,7 @@ QuantityName = Literal[
     "decoded_force_error",
     "critical_depth",
     "modes",
+    "response",
 ]
 QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
 """Quantities of a study, in the order of their columns."""

@@ -1,0 +1,116 @@
+"""The steady vibration as a quantity of sweeps: similar designs share it, and it is that of `fem.vibration`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.accuracy import QUICK
+from fem.scene import Scene
+from fem.vibration import vibrating_sensor
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+from studies.exploration import store, sweep
+from studies.exploration.needed_paths import Processes
+from studies.exploration.path_keys import place
+from studies.exploration.plate_motion import PlateMotion
+from studies.exploration.study_cases import FemModel, Plan
+from studies.exploration.study_rows import flat_rows
+from studies.inputs.study_axes import Factor
+from studies.inputs.study_input import grid
+
+ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harmonics=1)
+LOSSY = replace(paper(), loss_high=2500.0)
+
+
+def run(design, axes, load, kept, quantities=("response",)):
+    """The flat rows of a sweep."""
+    factors = axes if isinstance(axes, tuple) else grid(axes)
+    plan = Plan(design, factors, load, "rigid", (FemModel("rough", ROUGH),), (), quantities)
+    return [row for table in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(table)]
+
+
+def gain_of(load, motion, at):
+    """The magnet's shift along a motion over the force, over that at 1 Hz, as a complex number, without splines."""
+    shaken = vibrating_sensor(LOSSY, load, (1.0, at), ROUGH).at([1.0, at])
+    k, along = shaken.motions.index(motion), ("x", "z").index(motion)
+    slow, fast = shaken.shift[:, k, along] / shaken.force[:, k, along]
+    return fast / abs(slow) * np.sign(slow.real)
+
+
+def test_gain_and_phase_are_those_of_the_vibration():
+    with store.in_memory() as kept:
+        first, _, last = run(
+            LOSSY, {"frequency": [600.0, 800.0, 1450.0]}, {"depth": 0.5}, kept, ("force", "response")
+        )
+        assert kept.counts() == (2, 2), "one static path, and one vibration for all frequencies"
+    for row, frequency in ((first, 600.0), (last, 1450.0)):
+        gain = gain_of(Load(depth=0.5), "z", frequency)
+        assert row["response_gain"] == pytest.approx(abs(gain), rel=2e-4)
+        assert row["response_phase_deg"] == pytest.approx(np.degrees(np.angle(gain)), abs=0.02)
+    assert first["status"] == "ok"
+    # the loss factor of 0.1 makes a resonance of Q = 10
+    assert first["response_Q"] == pytest.approx(10, rel=0.1)
+    assert np.isnan(first["response_bandwidth_Hz"]), "the mesh carries no frequency with a gain 3 dB lower"
+
+
+def test_similar_designs_share_a_vibration_that_scales():
+    """Half the size, four times the modulus and half the density: frequencies are 2 (4 / 0.5)^(1/2) times as high."""
+    names = (
+        "D",
+        "L",
+        "magnet_diameter",
+        "magnet_height",
+        "magnet_edge_radius",
+        "l0",
+        "f",
+        "density",
+        "magnet_density",
+    )
+    small = [getattr(paper(), name) * (0.5 if "loss" not in name else 1) for name in names]
+    values = tuple(zip((*(getattr(paper(), name) for name in names), 1.0, 0.5), (*small, 4.0, 0.25), strict=True))
+    points = (Factor((*names, "E", "depth"), values),)
+    with store.in_memory() as kept:
+        one, other = run(replace(paper(), loss_factor=0.0), points, {}, kept)
+        assert kept.counts() == (2, 2), "the static path and the vibration"
+    scale = 2 * (4 / 0.5) ** 0.5
+    assert other["response_resonance_Hz"] == pytest.approx(scale * one["response_resonance_Hz"], rel=1e-9)
+
+
+def test_fields_of_time_leave_static_quantities_alone():
+    axes = {"loss_factor": [0.0, 0.1, 0.2], "modulus": ["long-term", "instantaneous"]}
+    with store.in_memory() as kept:
+        rows = run(paper(), axes, {"depth": 0.5}, kept, ("force",))
+        assert kept.counts() == (1, 1)
+    assert len({row["fem_force_N"] for row in rows}) == 1
+
+
+def test_the_loss_factor_and_the_modulus_at_rest_change_the_vibration():
+    axes = {"loss_factor": [0.1, 0.2], "modulus": ["long-term", "instantaneous"]}
+    with store.in_memory() as kept:
+        rows = run(LOSSY, axes, {"depth": 0.5}, kept)
+    assert [row["response_Q"] > 7 for row in rows] == [True, True, False, False]
+    assert rows[1]["response_resonance_Hz"] < rows[0]["response_resonance_Hz"]
+    # the larger loss factor stiffens the silicone by half between 1 Hz and the resonance
+    assert 10 < rows[2]["response_bandwidth_Hz"] < 200
+
+
+@pytest.mark.parametrize(
+    ("load", "frequency", "part"),
+    [
+        (Load(depth=0.5), 5000.0, "known from 1 to"),
+        (Load(depth=0.5, plate_tilt=0.1), None, "a vibration needs an upright plate"),
+        (Load(depth=0.5, friction=0.3), None, "a vibration needs an upright plate"),
+    ],
+)
+def test_what_cannot_vibrate_is_refused(load, frequency, part):
+    with pytest.raises(BadInput, match=part):
+        place(Scene(Design(), (load,), ROUGH, "rigid"), "response", PlateMotion(frequency))
+
+
+def test_a_shear_in_any_direction_is_solved_along_x():
+    one, other = (
+        place(Scene(paper(), (Load(0.5, x, y, friction="stick"),), ROUGH, "rigid"), "response")
+        for x, y in ((0.5, 0.0), (0.3, -0.4))
+    )
+    assert one.content == other.content
