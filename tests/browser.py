@@ -158,6 +158,8 @@ class Page:
 
     def drag(self, start, end):
         """Press the mouse at a point, move it to another, release it."""
+        # a pointer that has not come over the page yet loses moves of its first press
+        self.move(*start)
         middle = [(a + b) / 2 for a, b in zip(start, end, strict=True)]
         for kind, (x, y), buttons in (
             ("mousePressed", start, 1),

@@ -162,7 +162,8 @@ def test_newest_state_is_drawn_after_a_drag(start):
     assert all(a < b for a, b in pairwise(asked))
     assert len(asked) <= 32
     assert page.run("Explorer.answers.a.state.data.load.depth") == pytest.approx(1.5)
-    assert 0 < percentile(times, 0.5) <= percentile(times, 0.95)
+    totals = [one["total"] for one in times]
+    assert 0 < percentile(totals, 0.5) <= percentile(totals, 0.95)
 
 
 def test_plate_follows_pointer_and_keys(start):

@@ -93,3 +93,20 @@ def test_a_path_that_is_ended_is_followed_again(paths):
     with watched(end), pytest.raises(Abandon):
         paths.solve(Scene(Design(), (load,), QUICK))
     assert_equal(paths.solve(Scene(Design(), (load,), QUICK)).response, solve(Design(), load, QUICK).response)
+
+
+@pytest.mark.parametrize(("shear", "way"), [(0.0, (1.0, 1.1, 0.8)), (1.0, (1.0, 1.1, 0.9))], ids=["press", "shear"])
+def test_a_moving_load_is_followed_from_the_last_state(paths, shear, way):
+    for value in way:
+        load = Load(
+            depth=0.5 if shear else value, shear_y=value if shear else 0.0, friction="stick" if shear else "none"
+        )
+        moving = paths.solve(Scene(Design(), (load,), QUICK), moving=True)
+        moved, fresh = moving.response, solve(Design(), load, QUICK).response
+        # both are within the tolerance of Newton's method
+        assert moved.force == pytest.approx(fresh.force, rel=1e-7, abs=1e-8)
+        assert moved.shift == pytest.approx(fresh.shift, rel=1e-7, abs=1e-8)
+    # a hand that rests gets the path of a solve
+    resting = paths.solve(Scene(Design(), (load,), QUICK))
+    assert resting.newton_iterations > moving.newton_iterations
+    assert_equal(resting.response, fresh)

@@ -1,7 +1,8 @@
 """The answers to a request of the page, part by part, in the order in which they are ready.
 
-The picture comes first, then everything that takes longer than it: error estimates, the decoded load, the curve and
-stability. What depends on the design alone is kept while only the load changes.
+The picture comes first, and everything else when no newer request has come for a moment: the sensor in 3D, error
+estimates, the decoded load, the curve and stability. What depends on the design alone is kept while only the load
+changes.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Answers:
         self._design: dict[str, Any] = {}
 
     def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
-        """Yield the parts of a request at a level; None stands before what takes longer than the picture."""
+        """Yield the parts of a request at a level; None stands before what can wait for a hand that rests."""
         state, parts = request.state, request.parts
         if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
             yield from self._solved(state, level, parts)
@@ -71,11 +72,11 @@ class Answers:
         solution = state_answers.solve(self.paths, state, level)
         if "state" in parts:
             yield "state", level, state_answers.answer(state, solution, decoder)
+        yield None
         if "field_lines" in parts:
             yield "field_lines", level, magnet_lines.field_lines(state.design, solution)
         if "sensor3d" in parts:
             yield "sensor3d", level, surface_data.surface(solution)
-        yield None
         if "state" in parts:
             solution = state_answers.solve_with_estimates(self.paths, state, level)
             yield "state", level, state_answers.answer(state, solution, decoder)

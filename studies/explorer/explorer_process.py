@@ -9,15 +9,20 @@ see no picture. The process ends when its input closes, which happens however th
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import gc
 import json
 import os
 import pickle
 import queue
 import signal
+import sys
 import threading
 import time
 from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
 
 from geometry.design import BadInput
 from studies import deferred_modules
@@ -26,7 +31,9 @@ if TYPE_CHECKING:
     from studies.explorer.explorer_answers import Answers
     from studies.explorer.explorer_state import Request
 
-GRACE = 0.6
+BACKGROUND = "--background"
+"""Option of a process that leaves the processor to others."""
+GRACE = 1.0
 """Time that the first picture of a job may take after a newer request has arrived, s."""
 PAUSE = 0.1
 """Time that a job waits for a newer request between its picture and what takes longer, s: more than the time between
@@ -37,12 +44,16 @@ Kind = Literal["answer", "file", "done"]
 
 
 class Job(NamedTuple):
-    """One job: its number, the message of the page, the level of its answers, and the name of an export or ""."""
+    """One job: its number, the message of the page, the level of its answers, and the name of an export or "".
+
+    `asked` is the time at which the server received the request, by the clock of the machine.
+    """
 
     number: int
     message: dict[str, Any]
     level: str
     export: str = ""
+    asked: float = 0.0
 
 
 class Abandoned(Exception):
@@ -108,12 +119,18 @@ class Worker:
         for answer in answers.all_of(request, level):
             if answer is not None:
                 part, at_level, data = answer
-                self.send("answer", encoded(request.number, request.side, part=part, level=at_level, data=data))
+                number, side, times = request.number, request.side, self._times()
+                self.send("answer", encoded(number, side, part=part, level=at_level, times=times, data=data))
             else:
                 self._pictured = True
                 self._wait()
             if self._pictured:
                 self._watch(0.0)
+
+    def _times(self) -> tuple[float, float]:
+        """Return the times that the present job has waited and has taken, ms."""
+        now = time.monotonic()
+        return round(1000 * (self._begin - self._job.asked), 1), round(1000 * (now - self._begin), 1)
 
     def _wait(self) -> None:
         """Wait until a newer request has come, at most `PAUSE`."""
@@ -135,12 +152,26 @@ class Worker:
 
 
 def encoded(number: int, side: str, **content: Any) -> str:
-    """Return an answer as JSON; numbers that are not finite become null."""
+    """Return an answer as JSON; numbers that are not finite become null, and arrays are packed."""
     message = {"number": number, "side": side, **content}
     try:
-        return json.dumps(message, allow_nan=False, separators=(",", ":"))
+        return json.dumps(message, allow_nan=False, separators=(",", ":"), default=packed)
     except ValueError:
-        return json.dumps(_finite(message), separators=(",", ":"))
+        return json.dumps(_finite(message), separators=(",", ":"), default=packed)
+
+
+def packed(array: Any) -> dict[str, str]:
+    """Return an array as `OfflineData.decoded` in the page reads it: digits would take 20 times as long.
+
+    >>> packed(np.array([1.0, 0.5])), packed(np.array([1, 2]))
+    ({'float32': 'AACAPwAAAD8='}, {'uint16': 'AQACAA=='})
+    """
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"an answer has no {type(array).__name__}")
+    kind, name = "<f4", "float32"
+    if array.dtype.kind in "iu":
+        kind, name = ("<u2", "uint16") if array.size == 0 or array.max() < 1 << 16 else ("<u4", "uint32")
+    return {name: base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")}
 
 
 def _finite(value: Any) -> Any:
@@ -152,19 +183,25 @@ def _finite(value: Any) -> Any:
 
 
 def warm(answers: Answers) -> None:
-    """Import and compile what the first request needs, by a small solve of each kind."""
+    """Import and compile what requests need, by a small solve of each kind."""
+    from fem import preparation
     from studies.explorer.explorer_state import request_of
 
+    preparation.prepare()
     for load in ({"depth": 0.5}, {"depth": 0.5, "shear": 0.2}):
         message = {"parts": ["state", "sensor3d"], "state": {"load": load}}
         # the first answer is the picture
         next(answers.all_of(request_of(message), "quick"))
+    # modules stay: searching them for garbage would take longer than a picture
+    gc.freeze()
 
 
 def main() -> None:
     """Do the jobs that arrive on standard input until it closes."""
     # Ctrl-C reaches all processes of the terminal; the server ends this one
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if BACKGROUND in sys.argv[1:] and hasattr(os, "nice"):
+        os.nice(10)
     deferred_modules.defer()
     jobs, stream = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # libraries and programs that a job starts get neither pipe: they read nothing, and print to standard error

@@ -15,12 +15,13 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple
 
 from geometry.design import BadInput
 from studies.exploration.worker_process import environment
-from studies.explorer.explorer_process import Job, Kind
+from studies.explorer.explorer_process import BACKGROUND, Job, Kind
 
 COMMAND = (sys.executable, "-P", "-m", "studies.explorer.explorer_process")
 """Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
@@ -36,12 +37,13 @@ Send = Callable[[str | bytes], None]
 
 
 class Asked(NamedTuple):
-    """A request that waits or runs: the page's message, the level, the name of an export or "", and the receiver."""
+    """A request that waits or runs: the page's message, level, name of an export or "", receiver, time of receipt."""
 
     message: dict[str, Any]
     level: str
     export: str
     send: Send
+    time: float
 
 
 class WorkerProcess:
@@ -50,8 +52,8 @@ class WorkerProcess:
     Its methods are called in the thread of the event loop.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
+    def __init__(self, loop: asyncio.AbstractEventLoop, *more: str) -> None:
+        self._loop, self._command = loop, (*COMMAND, *more)
         self._waiting: dict[Key, Asked] = {}
         self._running: tuple[Key, Asked] | None = None
         self._number = 0
@@ -63,7 +65,7 @@ class WorkerProcess:
     def ask(self, key: Key, message: dict[str, Any], level: str, send: Send, export: str = "") -> None:
         """Queue a request, or an export, in place of an older one of this key."""
         self.drop(key)
-        self._waiting[key] = Asked(message, level, export, send)
+        self._waiting[key] = Asked(message, level, export, send, time.monotonic())
         self._next()
 
     def drop(self, key: Key) -> None:
@@ -87,7 +89,7 @@ class WorkerProcess:
     def _start(self) -> None:
         self._ready, self._running = False, None
         self._process = subprocess.Popen(
-            COMMAND, env=environment(1), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            self._command, env=environment(1), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
         threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
 
@@ -118,7 +120,7 @@ class WorkerProcess:
         code = process.wait()
         _close_pipes(process)
         if self._running is not None:
-            message, _, _, send = self._running[1]
+            message, send = self._running[1].message, self._running[1].send
             sentence = f"the process that solved this state ended ({_ending(code)}): change the state and try again"
             send(encoded(message.get("number", 0), message.get("side", "a"), error=sentence, field=None))
         self._failures += 1
@@ -135,7 +137,7 @@ class WorkerProcess:
         asked = self._waiting.pop(key)
         self._number += 1
         self._running = key, asked
-        self._write(Job(self._number, asked.message, asked.level, asked.export))
+        self._write(Job(self._number, asked.message, asked.level, asked.export, asked.time))
 
     def _write(self, content: Job | int) -> None:
         """Send a job, or the number of one to abandon."""
@@ -150,7 +152,7 @@ class Workers:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self.quick, self.refining = WorkerProcess(loop), WorkerProcess(loop)
+        self.quick, self.refining = WorkerProcess(loop), WorkerProcess(loop, BACKGROUND)
         self._timers: dict[Key, asyncio.TimerHandle] = {}
 
     def ask(self, key: Key, message: dict[str, Any], send: Send) -> None:

@@ -3,6 +3,10 @@
 A path belongs to a mesh and a kind of load (`_key`). A press starts at rest, and a shear at the kept press below it,
 as in `fem.equilibrium.solve`: the answers are the same. Changes that no finite element sees, such as E, the magnet's
 remanence or the Hall elements, find the state that is there already.
+
+While a hand moves, the picture may start at the last state instead, which takes half the time. Without Coulomb
+friction equilibrium depends on the load alone, so both ways differ by the tolerance of Newton's method only. The
+answer with error estimates, which follows when the hand rests, always takes the first way.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from fem.solvers.depth_ranges import graded_depth
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import FIRST_TOUCH, PathState
+from geometry.arrays import Array
 
 MOST = 4
 """Most paths that are kept: two designs side by side, each with its coarser mesh for the error estimates."""
@@ -31,7 +36,8 @@ MOST = 4
 class _Kept:
     """A path with its states at rest, at the beginning of a shear, and the last one, of the scene named `name`.
 
-    `sideways` is the model in which the stability of its presses is checked.
+    `continued` says that the last state was reached from the one before it. `sideways` is the model in which the
+    stability of its presses is checked.
     """
 
     path: Path
@@ -40,6 +46,7 @@ class _Kept:
     begun: PathState | None = None
     name: str = ""
     last: PathState | None = None
+    continued: bool = False
     stop: Stop = ""
     iterations: int = 0
     seconds: float = 0.0
@@ -51,14 +58,15 @@ class KeptPaths:
     def __init__(self) -> None:
         self._kept: dict[str, _Kept] = {}
 
-    def solve(self, scene: Scene, *, sideways: bool = False) -> Solution:
+    def solve(self, scene: Scene, *, sideways: bool = False, moving: bool = False) -> Solution:
         """Return the solution of a scene with one load, without error estimates.
 
         Parameters
         ----------
         sideways : check whether an axisymmetric press would be stable sideways, which takes longer than the press.
+        moving : start at the last state if it is nearer than the first one.
         """
-        kept = self._followed(scene)
+        kept = self._followed(scene, moving)
         assert kept.last is not None
         return read(
             kept.last,
@@ -76,7 +84,7 @@ class KeptPaths:
             kept.path.close()
         self._kept.clear()
 
-    def _followed(self, scene: Scene) -> _Kept:
+    def _followed(self, scene: Scene, moving: bool) -> _Kept:
         """Return the path of a scene at its load."""
         key, name = _key(scene), json.dumps(scene.dimensionless())
         begin = time.perf_counter()
@@ -88,19 +96,43 @@ class KeptPaths:
         self._kept[key] = kept
         while len(self._kept) > MOST:
             self._kept.pop(next(iter(self._kept))).path.close()
-        if kept.name != name:
+        if kept.name != name or (kept.continued and not moving):
+            near = moving and bool(kept.name)
             kept.name = ""
-            _follow(kept, scene)
+            kept.continued = near and _continue(kept, scene)
+            if not kept.continued:
+                _follow(kept, scene)
             kept.name, kept.seconds = name, time.perf_counter() - begin
         return kept
 
 
+def _goal(scene: Scene) -> tuple[float, Array]:
+    """Return the depth, and the shear (2,) in the frame of the model, over D, of a scene's load."""
+    (load,), D, (x, y) = scene.loads, scene.design.D, scene.direction
+    return load.depth / D, np.array([[x, y], [-y, x]]) @ load.imposed_shear / D
+
+
+def _continue(kept: _Kept, scene: Scene) -> bool:
+    """Follow a path from its last state to the load of its scene; return whether this is a valid and shorter way."""
+    last, (depth, shear) = kept.last, _goal(scene)
+    if last is None or kept.stop or last.friction is not None or last.unstable or last.onset is not None:
+        return False
+    goal, start = np.array([depth, *shear]), kept.begun or kept.rest
+    if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
+        return False
+    kept.path.restart(last)
+    stop, state = kept.path.go(depth, shear), kept.path.state
+    # the limit of a path, and where it loses stability, are found from its beginning
+    if stop or state.unstable or state.onset is not None:
+        return False
+    kept.last, kept.iterations = state, kept.path.iterations
+    return True
+
+
 def _follow(kept: _Kept, scene: Scene) -> None:
     """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
-    (load,), D, path = scene.loads, scene.design.D, kept.path
-    x, y = scene.direction
-    shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear / D
-    depth, before = load.depth / D, 0
+    (load,), path = scene.loads, kept.path
+    (depth, shear), before = _goal(scene), 0
     if load.shears_tip:
         if kept.begun is None:
             path.restart(kept.rest)

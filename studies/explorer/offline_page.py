@@ -32,7 +32,7 @@ INDEX, LIVE = "index.html", "page/live_engine.js"
 ERRORS = Path(str(surrogate.__file__)).with_name("surrogate_errors.csv")
 """Errors of the shipped surrogate on unseen beams: summary.csv of its study."""
 MODULES = (
-    *("python_text.js", "offline_data.js", "input_checks.js", "gaussian_process.js", "surrogate_response.js"),
+    *("python_text.js", "input_checks.js", "gaussian_process.js", "surrogate_response.js"),
     *("cylinder_field.js", "hall_readings.js", "beam_formulas.js", "offline_model.js", "stored_sections.js"),
     *("state_commands.js", "offline_engine.js"),
 )

@@ -33,7 +33,7 @@ ARC = 7
 
 
 def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any]:
-    """Return the part `section` of a state."""
+    """Return the part `section` of a state; points, fields and triangles are arrays."""
     rest, moved, pressure, stretch, triangles = _sides(solution)
     load, response = solution.load, solution.response
     c, s = plane_of(solution)
@@ -44,13 +44,13 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         outline = magnet_outline(design, shift, response.shift[2], tilt)
     height = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
     return {
-        "points": np.round(moved, DIGITS).tolist(),
-        "rest": np.round(rest, DIGITS).tolist(),
-        "triangles": triangles.tolist(),
+        "points": np.round(moved, DIGITS),
+        "rest": np.round(rest, DIGITS),
+        "triangles": triangles,
         "fields": {
-            "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS).tolist(),
-            "pressure": np.round(pressure, _decimals(pressure)).tolist(),
-            "stretch": np.round(stretch, DIGITS).tolist(),
+            "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
+            "pressure": np.round(pressure, _decimals(pressure)),
+            "stretch": np.round(stretch, DIGITS),
         },
         "magnet": np.round(outline, DIGITS).tolist(),
         "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},

@@ -32,9 +32,9 @@ def surface(solution: Solution) -> dict[str, Any]:
 
 def _data(rest: Array, u: Array, triangles: Ints) -> dict[str, Any]:
     return {
-        "points": np.round(rest + u, DIGITS).ravel().tolist(),
-        "value": np.round(np.linalg.norm(u, axis=1), DIGITS).tolist(),
-        "triangles": triangles.ravel().tolist(),
+        "points": np.round(rest + u, DIGITS).ravel(),
+        "value": np.round(np.linalg.norm(u, axis=1), DIGITS),
+        "triangles": triangles.ravel(),
     }
 
 

@@ -97,6 +97,7 @@ const Controls = (() => {
     return {
       field, box, show: parts.show,
       refuse(text) {
+        if (tell.textContent === (text || "")) return;
         tell.hidden = !text; Format.put(tell, text || "");
         for (const node of parts.nodes) if (text) node.setAttribute("aria-invalid", "true"); else node.removeAttribute("aria-invalid");
       },
@@ -107,7 +108,7 @@ const Controls = (() => {
   const matters = (field, value) => Object.entries(field.needs).every(([name, need]) => (need === "positive" ? true : need.includes(value(name))));
 
   function build(fields, parent, change) {
-    const rows = new Map(), groups = new Map();
+    const rows = new Map(), groups = new Map(), shown = new Map();
     for (const field of fields) {
       if (!groups.has(field.group)) {
         const group = Format.make("details", { class: "group", open: OPEN.includes(field.group) }, parent);
@@ -118,7 +119,12 @@ const Controls = (() => {
     }
     return {
       show(value) {
-        for (const { field, box, show } of rows.values()) { box.hidden = !matters(field, value); show(value(field.name)); }
+        for (const [name, { field, box, show }] of rows) {
+          const hidden = !matters(field, value), next = value(name);
+          if (box.hidden !== hidden) box.hidden = hidden;
+          // what is unchanged is not written: that would cost a layout of the page at every move of the hand
+          if (shown.get(name) !== next) { shown.set(name, next); show(next); }
+        }
       },
       refuse(name, text) { for (const [own, one] of rows) one.refuse(own === name ? text : ""); if (rows.has(name) && text) reveal(name); return rows.has(name); },
     };

@@ -22,7 +22,7 @@ const Explorer = (() => {
   function set(side, name, next, done = true) {
     if (!sides[side] || (sides[side][name] === next && !done)) return;
     if (sides[side][name] !== next) { sides[side][name] = next; requests.change(side); }
-    touch("controls", "state");
+    touch("controls", "wish");
     if (done) commitSoon();
   }
 
@@ -123,7 +123,7 @@ const Explorer = (() => {
   function draw(all) {
     if (all.has("layout")) layout();
     if (all.has("controls")) drawControls();
-    if (all.has("state")) drawState();
+    if (all.has("state")) drawState(); else if (all.has("wish")) drawWish();
     if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
     if (all.has("curve") || all.has("state")) drawCurves();
     if (all.has("stability") || all.has("state")) drawStability();
@@ -179,6 +179,9 @@ const Explorer = (() => {
     const highest = Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high]));
     views.bars.show(read.map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })), 1.05 * highest);
   }
+
+  // Before the answer: where the plate is to go, and that the solve is on its way.
+  function drawWish() { for (const side of shownSides()) { views.sections[side].wish(); views.sections[side].say(caption(side)); } }
 
   function caption(side) {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;

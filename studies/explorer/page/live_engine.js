@@ -10,7 +10,7 @@ const LiveEngine = () => {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     socket = new WebSocket(`${scheme}://${location.host}/live${token ? `?token=${encodeURIComponent(token)}` : ""}`);
     socket.addEventListener("open", () => { wait = FIRST_WAIT; opened(); });
-    socket.addEventListener("message", (event) => answer(JSON.parse(event.data)));
+    socket.addEventListener("message", (event) => answer(unpacked(JSON.parse(event.data))));
     socket.addEventListener("close", () => { socket = null; closed("gone"); again(); });
   }
 
@@ -27,9 +27,20 @@ const LiveEngine = () => {
     }, wait);
   }
 
+  // Arrays from their texts; points and triangles of a section as rows, as the drawing reads them.
+  function unpacked(message) {
+    if (!message.data) return message;
+    const data = OfflineData.decoded(message.data), { section } = data;
+    if (section) Object.assign(section, { points: rows(section.points, 2), rest: rows(section.rest, 2), triangles: rows(section.triangles, 3) });
+    return { ...message, data };
+  }
+  const rows = (list, width) => Array.from({ length: list.length / width }, (_, k) => list.subarray(k * width, (k + 1) * width));
+
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {
     model: "finite elements",
+    // a newer request replaces one that waits
+    replaces: true,
     start: connect,
     ask(request) { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request)); },
     onAnswer(callback) { answer = callback; },

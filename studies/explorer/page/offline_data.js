@@ -1,8 +1,8 @@
-// Data of the page as JSON, in which arrays of numbers are texts of base64 in little-endian order.
+// Data in JSON, of the page without a server and of the server's answers, in which arrays of numbers are texts of base64 in little-endian order.
 "use strict";
 
 const OfflineData = (() => {
-  const TYPES = { float64: Float64Array, float32: Float32Array, int16: Int16Array, uint16: Uint16Array };
+  const TYPES = { float64: Float64Array, float32: Float32Array, int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array };
 
   /** The value with each {type: text} replaced by its array. */
   function decoded(value) {

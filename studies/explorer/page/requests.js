@@ -1,15 +1,16 @@
 "use strict";
-// Requests to the engine and their answers: one request in flight for each side, the newest wins, late answers are dropped.
+// Requests to the engine and their answers: the newest wins, late answers are dropped. The server replaces a request that
+// waits, so every change is sent at once; an engine without a server gets one request at a time for each side.
 
 const Requests = (engine, { message, show, refuse, progress }) => {
   const PATIENCE = 1000, MOST_TIMES = 2000;
   const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "commands"];
   const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
   const sides = { a: NEW(), b: NEW() };
-  const times = [];
+  const times = [], sent = new Map();
   let number = 0, asked = false, open = false;
 
-  // Changes of one frame are one request.
+  // Changes of one event are one request.
   function change(side, input = performance.now()) {
     sides[side].dirty = true;
     if (sides[side].inputs.length < 200) sides[side].inputs.push([Infinity, input]);
@@ -19,7 +20,7 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   function schedule() {
     if (asked) return;
     asked = true;
-    requestAnimationFrame(() => { asked = false; send(); });
+    queueMicrotask(() => { asked = false; send(); });
   }
 
   function send() {
@@ -27,12 +28,14 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     for (const [name, side] of Object.entries(sides)) {
       if (!side.dirty) continue;
       const waited = performance.now() - side.since;
-      if (side.flying && waited < PATIENCE) { setTimeout(schedule, PATIENCE - waited + 5); continue; }
+      if (side.flying && !engine.replaces && waited < PATIENCE) { setTimeout(schedule, PATIENCE - waited + 5); continue; }
       const request = message(name);
       if (!request) { side.dirty = false; continue; }
       number += 1;
       Object.assign(side, { number, flying: number, since: performance.now(), dirty: false });
       for (const input of side.inputs) if (input[0] === Infinity) input[0] = number;
+      sent.set(number, side.since);
+      if (sent.size > MOST_TIMES) sent.delete(sent.keys().next().value);
       engine.ask({ number, side: name, ...request });
     }
   }
@@ -56,14 +59,20 @@ const Requests = (engine, { message, show, refuse, progress }) => {
     const coarser = last?.level === "standard" && answer.level === "quick";
     if (last && (answer.number < last.number || (answer.number === last.number && coarser))) return;
     side.drawn[part] = { number: answer.number, level: answer.level };
+    if (part === "state") side.answered = { times: answer.times, at: performance.now() };
     if (answer.error !== undefined) { side.inputs = side.inputs.filter(([n]) => n > answer.number); refuse(answer.side, answer); }
     else show(answer.side, part, answer);
   }
 
-  // Called after a picture is drawn: from each input to the picture that contains it, ms.
+  // Called after a picture is drawn: from each input to the first picture that contains it, ms, and what that time consists
+  // of: until the request of the picture was sent, its wait for the worker, the worker's time, transport, and drawing.
   function drawn(name, shown) {
-    const side = sides[name], now = performance.now();
-    for (const [n, at] of side.inputs) if (n <= shown) { times.push(now - at); if (times.length > MOST_TIMES) times.shift(); }
+    const side = sides[name], now = performance.now(), { times: [queue, work] = [0, 0], at: received = now } = side.answered || {};
+    const begin = sent.get(shown) ?? now;
+    for (const [n, at] of side.inputs) if (n <= shown) {
+      times.push({ total: now - at, before: begin - at, queue, work, transport: received - begin - queue - work, drawing: now - received });
+      if (times.length > MOST_TIMES) times.shift();
+    }
     side.inputs = side.inputs.filter(([n]) => n > shown);
   }
 

@@ -49,18 +49,22 @@ const SectionDrawing = (() => {
   // The field, linear in each triangle, pixel by pixel: no seams between neighbours, whatever their size.
   function colours(pen, at, section, name, span) {
     const { points, triangles: cells, fields } = section, value = fields[name], { width, height } = pen.canvas, lut = table(FIELDS[name].map);
-    const image = pen.createImageData(width, height), pixel = new Uint32Array(image.data.buffer), n = points.length;
+    const image = blank(pen), pixel = new Uint32Array(image.data.buffer), n = points.length;
     const x = new Float64Array(n), y = new Float64Array(n), s = new Float64Array(n);
     for (let k = 0; k < n; k++) { x[k] = at.x(points[k][0]) - 0.5; y[k] = at.z(points[k][1]) - 0.5; s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1); }
-    for (const [i, j, k] of cells) {
-      const ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i], det = ux * vy - uy * vx;
+    // the part of the canvas that is coloured
+    let left = width, right = 0, top = height, bottom = 0;
+    for (let k = 0; k < n; k++) { left = Math.min(left, x[k]); right = Math.max(right, x[k]); top = Math.min(top, y[k]); bottom = Math.max(bottom, y[k]); }
+    for (const cell of cells) {
+      const i = cell[0], j = cell[1], k = cell[2], ux = x[j] - x[i], uy = y[j] - y[i], vx = x[k] - x[i], vy = y[k] - y[i], det = ux * vy - uy * vx;
       if (!det) continue;
       const sx = ((s[j] - s[i]) * vy - (s[k] - s[i]) * uy) / det, sy = ((s[k] - s[i]) * ux - (s[j] - s[i]) * vx) / det;
       const first = Math.max(0, Math.ceil(Math.min(y[i], y[j], y[k]))), last = Math.min(height - 1, Math.floor(Math.max(y[i], y[j], y[k])));
       for (let row = first; row <= last; row++) {
         // where the row enters and leaves the triangle
         let from = Infinity, to = -Infinity;
-        for (const [a, b] of [[i, j], [j, k], [k, i]]) {
+        for (let corner = 0; corner < 3; corner++) {
+          const a = cell[corner], b = cell[corner === 2 ? 0 : corner + 1];
           if ((row - y[a]) * (row - y[b]) > 0 || y[a] === y[b]) continue;
           const cross = x[a] + ((row - y[a]) * (x[b] - x[a])) / (y[b] - y[a]);
           from = Math.min(from, cross); to = Math.max(to, cross);
@@ -72,7 +76,18 @@ const SectionDrawing = (() => {
         }
       }
     }
-    pen.putImageData(image, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    left = Math.max(0, Math.floor(left)); top = Math.max(0, Math.floor(top));
+    if (right > left && bottom > top) pen.putImageData(image, 0, 0, left, top, Math.ceil(right) - left + 1, Math.ceil(bottom) - top + 1);
+  }
+
+  // Transparent pixels of a canvas' size; they are used again, since each picture would leave a megabyte to collect.
+  const images = new WeakMap();
+  function blank(pen) {
+    const { canvas } = pen, image = images.get(canvas);
+    if (image?.width === canvas.width && image.height === canvas.height) { new Uint32Array(image.data.buffer).fill(0); return image; }
+    images.set(canvas, pen.createImageData(canvas.width, canvas.height));
+    return images.get(canvas);
   }
 
   function meshLines(pen, at, { points, triangles: cells }) {
@@ -110,18 +125,13 @@ const SectionDrawing = (() => {
   }
 
   // The plate: a slab above its lower face, which passes through (x, z) and falls towards +x at a positive tilt.
-  function plate(pen, at, { x = 0, z, tilt = 0 }, half, dashed) {
+  function plate(pen, at, { x = 0, z, tilt = 0 }, half) {
     const angle = (tilt * Math.PI) / 180, ratio = at.ratio;
     pen.save();
     pen.translate(at.x(x), at.z(z)); pen.rotate(angle);
     const w = half * at.scale, h = 13 * ratio;
-    if (dashed) {
-      pen.setLineDash([5 * ratio, 4 * ratio]); pen.strokeStyle = Format.colour("--s1"); pen.lineWidth = 1.6 * ratio;
-      pen.beginPath(); pen.moveTo(-w, 0); pen.lineTo(w, 0); pen.stroke();
-    } else {
-      pen.fillStyle = Format.colour("--plate"); pen.fillRect(-w, -h, 2 * w, h);
-      pen.strokeStyle = Format.colour("--ink"); pen.lineWidth = 1.5 * ratio; pen.beginPath(); pen.moveTo(-w, 0); pen.lineTo(w, 0); pen.stroke();
-    }
+    pen.fillStyle = Format.colour("--plate"); pen.fillRect(-w, -h, 2 * w, h);
+    pen.strokeStyle = Format.colour("--ink"); pen.lineWidth = 1.5 * ratio; pen.beginPath(); pen.moveTo(-w, 0); pen.lineTo(w, 0); pen.stroke();
     pen.restore();
   }
 
@@ -174,8 +184,8 @@ const SectionDrawing = (() => {
     pen.restore();
   }
 
-  // Draws all of one side; `wish` is the plate that was asked for, and `value` returns fields of the design.
-  function draw(canvas, { state, field, span, view, mesh, fieldLines, value, wish }) {
+  // Draws all of one side; `value` returns fields of the design.
+  function draw(canvas, { state, field, span, view, mesh, fieldLines, value }) {
     const pen = canvas.getContext("2d", { willReadFrequently: true }), at = transform(canvas, view), r = at.ratio;
     if (state) colours(pen, at, state.section, field, span); else pen.clearRect(0, 0, canvas.width, canvas.height);
     ground(pen, at, value("D"));
@@ -192,8 +202,7 @@ const SectionDrawing = (() => {
     }
     if (fieldLines) lines(pen, at, fieldLines, view);
     elements(pen, at, value, state?.section.direction || [1, 0]);
-    if (state) plate(pen, at, state.section.plate, 0.62 * value("D"), false);
-    if (wish) plate(pen, at, wish, 0.62 * value("D"), true);
+    if (state) plate(pen, at, state.section.plate, 0.62 * value("D"));
     if (state) bar(pen, canvas, at, field, span);
     return at;
   }

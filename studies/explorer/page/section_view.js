@@ -7,7 +7,8 @@ const SectionView = (() => {
   // `move(depth, shear, done)` sets the load; `load()` returns the present one.
   function start(figure, { load, move, value }) {
     const canvas = figure.querySelector("canvas"), handle = figure.querySelector(".plate"), caption = (name) => figure.querySelector(`figcaption .${name}`);
-    let at = null, held = null, way = 1;
+    const mark = Format.make("div", { class: "wish", hidden: true }, handle.parentNode);
+    let at = null, held = null, way = 1, shown = null;
 
     handle.addEventListener("pointerdown", (event) => {
       if (event.button) return;
@@ -58,15 +59,25 @@ const SectionView = (() => {
       handle.setAttribute("aria-valuetext", text); handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), depth))); handle.setAttribute("aria-valuenow", Format.plain(depth));
     }
 
+    // A dashed line where the plate is to go, above the picture, which a move of the hand then leaves as it is.
+    function wish() {
+      const { plate: present, direction = [1, 0] } = shown?.section || {}, target = present && wanted(present, direction);
+      const far = at && present && (Math.abs(target.z - present.z) > 0.004 || Math.abs(target.x - present.x) > 0.004 || target.tilt !== present.tilt);
+      mark.hidden = !far;
+      if (far) {
+        const half = 0.62 * value("D") * at.scale / at.ratio, x = at.x(target.x || 0) / at.ratio, y = at.z(target.z) / at.ratio;
+        mark.style.width = `${2 * half}px`; mark.style.transform = `translate(${x - half}px, ${y}px) rotate(${target.tilt || 0}deg)`;
+      }
+      place(present && (held ? target : present));
+    }
+
     return {
-      canvas,
+      canvas, wish,
       draw(drawing) {
         Format.fit(canvas);
         if (!canvas.width) return;
-        const { plate: present, direction = [1, 0] } = drawing.state?.section || {}, target = present && wanted(present, direction);
-        const far = present && (Math.abs(target.z - present.z) > 0.004 || Math.abs(target.x - present.x) > 0.004 || target.tilt !== present.tilt);
-        at = SectionDrawing.draw(canvas, { ...drawing, value, wish: far ? target : null });
-        place(present && (held ? target : present));
+        at = SectionDrawing.draw(canvas, { ...drawing, value }); shown = drawing.state;
+        wish();
       },
       say({ chip, time, text }) { Format.put(caption("chip"), chip); caption("chip").dataset.level = chip; Format.put(caption("time"), time); Format.put(caption("text"), text); },
       grey(yes) { figure.classList.toggle("stale", yes); },
