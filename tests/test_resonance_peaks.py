@@ -52,3 +52,7 @@ def test_the_flat_range_of_an_undamped_oscillator():
     end = flat_to(oscillator(970.0, 0.0), 0.05, 0.01, 600.0)
     assert end == pytest.approx(accurate_to(970.0, 0.05), rel=1e-6)
     assert flat_to(oscillator(970.0, 0.0), 0.05, 0.01, 200.0) is None
+
+
+def test_rounding_errors_make_no_peak():
+    assert peaks(lambda f: 1 + 1e-9 * np.sin(50 * np.log(f)), 1.0, 100.0) == []

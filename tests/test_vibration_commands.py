@@ -82,3 +82,16 @@ def test_a_state_that_is_unstable_is_a_failed_solve(run, strict):
 
 def test_a_band_is_read_from_its_text():
     assert read_band("0.5:20") == (0.5, 20.0)
+
+
+def test_a_sensor_that_gives_way_under_a_force_says_so(run, strict):
+    status, out, _ = run("response", "paper", "--depth", 3.5, *QUICK, "--json")
+    along_x = strict(out)[1]
+    assert status == 0
+    assert "gives way under a force" in along_x["message"]
+
+
+def test_an_elastic_sensor_has_resonances_without_a_quality_factor(run, strict):
+    along_x = strict(run("response", "paper", "--set", "loss_factor=0", *QUICK, "--json")[1])[1]
+    assert along_x["resonance_per_mm_Hz"][0] == pytest.approx(along_x["undamped_Hz"][0], rel=1e-6)
+    assert set(along_x["resonance_per_mm_Q"]) == {None}

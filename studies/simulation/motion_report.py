@@ -101,7 +101,8 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     at : curves of the sensor at any frequencies.
     coarse : the same curves on a coarser mesh, or None.
     """
-    motion, free = curves.motion, curves.force is None
+    motion, free, damped = curves.motion, curves.force is None, bool(sensor.relaxation.times)
+    stiffness = sensor.static_stiffness().get(motion)
     low, high = float(curves.frequency[0]), float(curves.frequency[-1])
 
     def gain(value: Callable[[Curves], Complex]) -> resonance_peaks.Gain:
@@ -119,7 +120,7 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     differences = None if coarse is None else mesh_difference(curves, coarse)
     return MotionReport(
         status="ok",
-        message=_message(curves, by_N or by_mm, at_band),
+        message=_message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness),
         motion=motion,
         depth_mm=load.depth,
         shear_mm=load.shear_x,
@@ -129,9 +130,9 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
         stiffness_N_per_mm=None if curves.force is None else float(abs(curves.force[0])),
         undamped_Hz=[f for name, fs in sensor.undamped().items() if motion in name.split(" and ") for f in fs],
         resonance_per_mm_Hz=[peak.frequency for peak in by_mm],
-        resonance_per_mm_Q=[peak.Q for peak in by_mm],
+        resonance_per_mm_Q=[peak.Q if damped else None for peak in by_mm],
         resonance_per_N_Hz=[peak.frequency for peak in by_N],
-        resonance_per_N_Q=[peak.Q for peak in by_N],
+        resonance_per_N_Q=[peak.Q if damped else None for peak in by_N],
         element=list(curves.names),
         reading_per_mm=(curves.units[0], _slow(curves.per_mm, curves.readers)),
         reading_per_N=(curves.units[0], _slow(curves.per_N, curves.readers)),
@@ -210,16 +211,26 @@ def _least(values: Array | None, frequency: Array) -> tuple[float | None, float 
     return float(values[i]), float(frequency[i])
 
 
-def _message(curves: Curves, resonances: list[Peak], at_band: dict[int, tuple[float | None, float | None]]) -> str:
+def _message(
+    curves: Curves,
+    resonances: list[Peak],
+    at_band: dict[int, tuple[float | None, float | None]],
+    *,
+    damped: bool,
+    stiffness: float | None,
+) -> str:
     """Say what the readings do at 600 Hz, up to which the paper used its sensor, and where they resonate."""
+    if stiffness is not None and not stiffness > 0:
+        return (
+            f"the stiffness along {curves.motion} at rest is {stiffness:.3g} N/mm: the sensor is stable under a "
+            "plate that is held, and gives way under a force, so readings per N are not those of a free plate"
+        )
     under = "shaken at its base" if curves.force is None else "under a force"
-    first = (
-        f"{under}, the magnet resonates at {resonances[0].frequency:.0f} Hz"
-        if resonances
-        else (f"{under}, the magnet has no resonance in the band")
-    )
-    if resonances and resonances[0].Q is not None:
-        first += f" (Q = {resonances[0].Q:.2g})"
+    first = f"{under}, the magnet has no resonance in the band"
+    if resonances:
+        first = f"{under}, the magnet resonates at {resonances[0].frequency:.0f} Hz"
+        if damped and resonances[0].Q is not None:
+            first += f" (Q = {resonances[0].Q:.2g})"
     if not at_band:
         return first
     k = curves.readers[0]

@@ -21,6 +21,8 @@ ACCURATE = 0.05
 """Relative change of a reading that counts as accurate: the paper's limit for its force."""
 Response = Callable[[Array], NDArray[np.complex128]]
 """Complex amplitude at frequencies (f,), Hz."""
+Models = dict[str, tuple[float, Response]]
+"""Natural frequency, Hz, and response of oscillators by their names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +51,12 @@ class Rung:
         return records.flat(self)
 
 
-def oscillators(
-    design: Design, motion: str, stiffness: float, relaxation: Relaxation
-) -> dict[str, tuple[float, Response]]:
+def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relaxation) -> Models:
     """Return natural frequency, Hz, and response of each oscillator, by its name.
 
     Parameters
     ----------
-    stiffness : of the state at rest along the motion, N/mm.
+    stiffness : of the state at rest along the motion, N/mm; above 0.
     """
     from fem.modes import spring_mass
 
@@ -66,7 +66,7 @@ def oscillators(
     def prony(f: Array) -> NDArray[np.complex128]:
         return receptance(f, own, relaxation.complex_modulus(2 * np.pi * f) / relaxation.rest)
 
-    chosen: dict[str, tuple[float, Response]] = {
+    chosen: Models = {
         f"mass on a spring, loss factor {loss:.3g}": (own, lambda f: receptance(f, own, 1 + 1j * loss)),
         "mass on a spring with the silicone's branches": (own, prony),
     }
@@ -82,7 +82,7 @@ def oscillators(
 
 def rungs(
     motion: str,
-    models: dict[str, tuple[float, Response]],
+    models: Models,
     finite_elements: Response,
     band: tuple[float, float],
 ) -> list[Rung]:

@@ -16,6 +16,8 @@ Gain = Callable[[Array], Array]
 GRID = 600
 """Frequencies of the grid on which peaks are looked for. On three decades they are 1.2 % apart; a peak narrower than
 that still rises towards its place from both sides."""
+PROMINENCE = 1e-3
+"""Height of a peak over the valleys beside it, relative: rounding errors and the mesh make smaller ones."""
 TO_HALF_POWER = math.sqrt(0.5)
 """Gain at half the power of a peak, and at the end of a bandwidth (-3 dB)."""
 
@@ -49,10 +51,11 @@ def grid(low: float, high: float) -> Array:
 def peaks(gain: Gain, low: float, high: float) -> list[Peak]:
     """Return the resonances between low and high, Hz, in rising order."""
     from scipy.optimize import minimize_scalar
+    from scipy.signal import find_peaks
 
     f = grid(low, high)
     values = gain(f)
-    inside = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
+    inside, _ = find_peaks(np.log(values), prominence=PROMINENCE)
     resonances = []
     for i in inside.tolist():
         ends = (math.log(f[i - 1]), math.log(f[i + 1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from studies.simulation import oscillator_ladder, response_curves
 from studies.simulation.motion_report import MotionReport, report_motion
 from studies.simulation.oscillator_ladder import Rung
 from studies.simulation.response_curves import At, Curves
+
+if TYPE_CHECKING:
+    from fem.accuracy import Accuracy
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
@@ -84,16 +88,16 @@ def run(
     at = response_curves.evaluator(design, sensor)
     curves = at(frequencies)
     motions = [report_motion(sensor, at, one, load, coarse.get(one.motion)) for one in curves.values()]
-    ladder, models = [], {}
-    for motion, one in curves.items():
-        if one.force is not None:
-            models[motion] = oscillator_ladder.oscillators(
-                design, motion, float(sensor.static_stiffness()[motion]), sensor.relaxation
-            )
+    ladder: list[Rung] = []
+    models: dict[str, oscillator_ladder.Models] = {}
+    for motion, stiffness in sensor.static_stiffness().items():
+        if stiffness > 0:  # the sensor is stable under a force too
+            models[motion] = oscillator_ladder.oscillators(design, motion, stiffness, sensor.relaxation)
             ladder += oscillator_ladder.rungs(motion, models[motion], _per_force(at, motion), band)
     if folder is not None:
         _write(folder, curves, coarse, ladder, models)
-    return Report(motions, ladder, _notes(design, load))
+    notes = [*_notes(design, load), _free_note(sensor.scene.design, magnet, level)]
+    return Report(motions, ladder, notes)
 
 
 def _per_force(at: At, motion: str) -> oscillator_ladder.Response:
@@ -122,12 +126,26 @@ def _notes(design: Design, load: Load) -> list[str]:
     return [*relaxation_notes(design), contact, plate]
 
 
+def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
+    """Return the natural frequencies of the free sensor at rest, beside the paper's formula."""
+    from fem.modes import modes, spring_mass
+
+    free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
+    first = {shape: f for f, shape in reversed(list(zip(free.frequency, free.shape, strict=True)))}
+    named = " and ".join(f"{first[shape]:.0f} Hz ({shape})" for shape in ("bending", "axial") if shape in first)
+    silicone, whole = spring_mass(at_rest)
+    return (
+        f"without damping and with the long-term modulus the free sensor resonates at {named}; the paper's formula "
+        f"(970 Hz in the paper) gives {silicone:.0f} Hz, and {whole:.0f} Hz with the magnet's mass"
+    )
+
+
 def _write(
     folder: Path,
     curves: Mapping[str, Curves],
     coarse: Mapping[str, Curves],
     ladder: list[Rung],
-    models: Mapping[str, Mapping[str, tuple[float, oscillator_ladder.Response]]],
+    models: Mapping[str, oscillator_ladder.Models],
 ) -> None:
     """Write the tables and a plot for each motion."""
     from studies.simulation import bode_plot
