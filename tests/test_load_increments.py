@@ -148,3 +148,16 @@ def test_a_last_step_without_a_check_reaches_the_tolerance(solver):
     assert reference_size(system, sure.state, quick.assembly).share(quick.assembly) > TOLERANCE
     assert quick.iterations == sure.iterations
     assert quick.assembly.energy == pytest.approx(sure.assembly.energy, rel=1e-10)
+
+
+def test_a_press_is_predicted_to_the_tolerance_of_intermediate_states(solver, monkeypatch):
+    """Where an imperfect press buckles, a rough state may lie on the side of the other branch."""
+    asked = []
+
+    def record(*given, tolerance, **options):
+        asked.append(tolerance)
+        return newton(*given, tolerance=tolerance, **options)
+
+    monkeypatch.setattr(load_increments, "newton", record)
+    follow_segment(solver, at_rest(section()), np.array([0.05, 0.0, 0.0]), predicts=True)
+    assert set(asked) == {load_increments.PASSED_TOLERANCE}

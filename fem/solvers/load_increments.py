@@ -31,9 +31,10 @@ the increment. Those of a press are also at most the share FRICTION_PRESS_SHARE 
 SHORTEST = 1e-3
 """Increment over D, or over the length of a segment shorter than D, below which the path stops: if even such a small
 increment fails, the path has reached a limit."""
-PREDICTED, PREDICTED_TOLERANCE = 0.4, 0.1
+PREDICTED, PREDICTED_TOLERANCE = 0.4, 0.01
 """Longest shear over D that a predictor follows in one increment, and its Newton tolerance: the prediction is off by
-some percent anyway, from the harmonics that it leaves out."""
+some percent anyway, from the harmonics that it leaves out. At 0.1 long shears need more corrections. A press is
+predicted to PASSED_TOLERANCE: where it buckles, a rough state may lie on the side of another branch."""
 PASSED_TOLERANCE, SOLID_PASSED_TOLERANCE = 1e-4, 3e-3
 """Newton tolerances of intermediate states without friction, on sections and in tetrahedra, whose iterations cost
 more. The next increment corrects the remaining residual."""
@@ -95,7 +96,7 @@ def follow_segment(
 
     Parameters
     ----------
-    predicts : whether the states are only a prediction, solved to PREDICTED_TOLERANCE.
+    predicts : whether the states are only a prediction, those of a shear to PREDICTED_TOLERANCE.
     friction_step_factor : factor on the longest increments with Coulomb friction.
     """
     start, iterations = state.position, 0
@@ -104,7 +105,8 @@ def follow_segment(
         return Segment(state, "", 0)
     state = _set_direction(state, (goal - start) / length)
     longest = longest_increment(state, max(start[0], goal[0]), friction_step_factor) / length
-    if predicts and start[0] == goal[0] and length <= PREDICTED:
+    rough = predicts and start[0] == goal[0]
+    if rough and length <= PREDICTED:
         longest = 1.0
     # `place` and `step` are shares of the segment's length
     place, step = 0.0, min(longest, 1.0)
@@ -113,7 +115,7 @@ def follow_segment(
         # the tolerance of 1e-3 avoids a tiny last increment
         target = 1.0 if 1 - place <= 1.001 * step else place + step
         position = goal if target == 1 else start + target * (goal - start)
-        tolerance = PREDICTED_TOLERANCE if predicts else _tolerance(state, passed=target < 1)
+        tolerance = PREDICTED_TOLERANCE if rough else _tolerance(state, passed=predicts or target < 1)
         tried = apply_increment(solver, state, position, tolerance, sure=step * length <= SURE)
         iterations += tried.iterations
         if tried.state is not None:
