@@ -84,16 +84,6 @@ class ViscousState:
     iterations: int = 0
 
     @property
-    def stored(self) -> float:
-        """Energy stored in silicone and springs, over E D^3."""
-        return self.history.stored(self.points) + self.other
-
-    @property
-    def dissipated(self) -> float:
-        """Energy dissipated in the silicone, over E D^3."""
-        return self.absorbed - self.history.stored(self.points)
-
-    @property
     def error(self) -> float:
         """Estimated error of the force along the last motion from the time steps, over E D^2."""
         return CERTAINTY * float(np.abs(self.errors).sum())

@@ -202,7 +202,7 @@ def _follow(
                 path.begin_shear()
             for stop in march(path, segment, step_limits(tolerance, duration, largest_step)):
                 if progress is not None:
-                    text = f"{path.state.path.d.model}: {path.state.time:.4g} s, step {path.steps}"
+                    text = f"{path.state.path.d.model}: until {segment.end:.4g} s"
                     progress(path.state.time / whole if whole else 1.0, text)
                 if stop:
                     yield _read(path, path.reached_load(segment.load), stop)
@@ -217,7 +217,7 @@ def _follow(
 def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
     """Return the present state in the user's units."""
     state, design = path.state, path.scene.design
-    unit = design.E * design.D**3
+    unit, kept = design.E * design.D**3, state.history.stored(state.points)
     status: Status = "ok"
     message = ""
     if state.path.unstable:
@@ -230,10 +230,10 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         response=read_response(state.path, path.scene),
         status=status,
         message=message,
-        time_error=state.error / max(state.largest, 1e-300) if state.error else 0.0,
+        time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
         work=state.work * unit,
-        stored=state.stored * unit,
-        dissipated=state.dissipated * unit,
+        stored=(kept + state.other) * unit,
+        dissipated=(state.absorbed - kept) * unit,
         friction_dissipated=state.path.dissipated * unit,
         step=path.steps,
         iterations=path.iterations,

@@ -48,6 +48,7 @@ VERBS = {
     "Simulation": {
         "simulation_commands": "solve analytic compare stability modes",
         "vibration_commands": "response",
+        "cycle_commands": "cycle",
         "material_commands": "fit",
         "demo_commands": "demo",
     },

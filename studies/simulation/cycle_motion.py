@@ -1,0 +1,171 @@
+"""The motion of a loading cycle: the plate's path over time, and the numbers that define it, checked.
+
+A press goes from first touch to the depth and back. A shear follows a press: the plate goes to +shear, then to and
+fro between +shear and -shear. The stroke is the depth, or twice the shear. A triangle has one speed; a sine has the
+same frequency, and its mean speed is given. At each end of the stroke the plate may rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fem.timed_path import TimedLoad
+from geometry.design import BadInput
+from geometry.loads import Load
+
+Waveform = Literal["triangle", "sine"]
+Phase = Literal["press", "in", "out", "hold"]
+
+HALF = 24
+"""Straight pieces of half a period of a sine; an even number, so that one ends at mid-stroke."""
+MOST_CYCLES = 1000
+"""Largest number of cycles: more are a mistake rather than a wish."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A periodic motion of the plate.
+
+    Attributes
+    ----------
+    depth : of the press, mm.
+    shear : largest shear along x, mm; 0 for a press.
+    friction : as in `Load`.
+    frequency : strokes to and fro per second without the holds, Hz.
+    waveform : triangle or sine.
+    cycles : number of cycles.
+    hold : rest at each end of the stroke, s.
+    """
+
+    depth: float
+    shear: float
+    friction: float | Literal["none", "stick"]
+    frequency: float
+    waveform: Waveform = "triangle"
+    cycles: int = 3
+    hold: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("--depth", self.depth), ("--frequency", self.frequency)):
+            if not 0 < value < math.inf:
+                unit = "mm" if name == "--depth" else "Hz"
+                raise BadInput(f"{name} of a cycle must be above 0 {unit}; got {value:g}")
+        if not 1 <= self.cycles <= MOST_CYCLES:
+            raise BadInput(f"--cycles must be between 1 and {MOST_CYCLES}; got {self.cycles}")
+        if not 0 <= self.hold < math.inf:
+            raise BadInput(f"--hold must be a time of 0 s or more; got {self.hold:g}")
+        if not math.isfinite(self.shear):
+            raise BadInput(f"--shear must be a finite number of mm; got {self.shear:g}")
+        if self.shear and self.friction == "none":
+            raise BadInput("a shear needs friction: leave out --friction none, or give stick or a coefficient")
+
+    @property
+    def stroke(self) -> float:
+        """Way of the plate from one end to the other, mm."""
+        return abs(2 * self.shear) if self.shear else self.depth
+
+    @property
+    def half(self) -> float:
+        """Duration of a stroke, s."""
+        return 1 / (2 * self.frequency)
+
+
+def frequency_of(speed: float | None, frequency: float | None, stroke: float) -> float:
+    """Return the frequency of a motion of which speed, mm/s, or frequency, Hz, is given.
+
+    >>> frequency_of(0.5, None, 1.0)
+    0.25
+    """
+    if (speed is None) == (frequency is None):
+        raise BadInput("a cycle needs either --speed or --frequency")
+    if speed is None:
+        assert frequency is not None
+        return frequency
+    if not 0 < speed < math.inf:
+        raise BadInput(f"--speed must be above 0 mm/s; got {speed:g}")
+    return speed / (2 * stroke) if stroke else math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A load of the motion with its place in the cycle: number of the cycle from 1 (0 for the press before a shear),
+    phase, and whether it lies at mid-stroke or at an end of the stroke."""
+
+    timed: TimedLoad
+    cycle: int
+    phase: Phase
+    place: Literal["", "middle", "end"] = ""
+
+
+def stops(motion: Motion) -> list[Stop]:
+    """Return the loads of a motion in their order.
+
+    A cycle of a press begins at depth 0, "in" is the way down; one of a shear begins at +shear, "in" is the way to
+    +shear, which is the second one.
+
+    >>> from geometry.loads import Load
+    >>> [round(stop.timed.load.depth, 3) for stop in stops(Motion(1.0, 0.0, "none", 0.5, cycles=1))]
+    [0.5, 1.0, 0.5, 0.0]
+    """
+    path: list[Stop] = []
+    time = 0.0
+    if motion.shear:
+        time = motion.depth / motion.stroke * motion.half
+        path.append(Stop(TimedLoad(time, _load(motion, motion.depth, 0.0)), 0, "press", "end"))
+        for part, way in _quarter(motion.waveform):
+            time += motion.half * part / 2
+            path.append(Stop(TimedLoad(time, _load(motion, motion.depth, motion.shear * way)), 0, "press"))
+        time = _hold(motion, path, time, 0)
+    ways: tuple[Phase, Phase] = ("out", "in") if motion.shear else ("in", "out")
+    for cycle in range(1, motion.cycles + 1):
+        for phase in ways:
+            begin = time
+            for at, share in _stroke(motion.waveform):
+                time = begin + motion.half * at
+                place: Literal["", "middle", "end"] = "middle" if at == 0.5 else "end" if at == 1 else ""
+                path.append(
+                    Stop(TimedLoad(time, _at(motion, share if phase == "in" else 1 - share)), cycle, phase, place)
+                )
+            time = _hold(motion, path, time, cycle)
+    return path
+
+
+def _stroke(waveform: Waveform) -> list[tuple[float, float]]:
+    """Return shares of a stroke's duration and of its way, from one end to the other."""
+    if waveform == "triangle":
+        return [(0.5, 0.5), (1.0, 1.0)]
+    at = np.arange(1, HALF + 1) / HALF
+    # exact at mid-stroke and at the ends
+    way = np.where(at == 0.5, 0.5, (1 - np.cos(math.pi * at)) / 2)
+    return list(zip(at.tolist(), way.tolist(), strict=True))
+
+
+def _quarter(waveform: Waveform) -> list[tuple[float, float]]:
+    """Return durations over a quarter period and shares of the way, from the middle of the stroke to its end."""
+    if waveform == "triangle":
+        return [(1.0, 1.0)]
+    steps = HALF // 2
+    return [(1 / steps, math.sin(math.pi / 2 * i / steps)) for i in range(1, steps + 1)]
+
+
+def _hold(motion: Motion, path: list[Stop], time: float, cycle: int) -> float:
+    """Add the rest at the end of a stroke, if there is one; return the time after it."""
+    if not motion.hold:
+        return time
+    path.append(Stop(TimedLoad(time + motion.hold, path[-1].timed.load), cycle, "hold"))
+    return time + motion.hold
+
+
+def _at(motion: Motion, share: float) -> Load:
+    """Return the load at a share of the stroke, counted from its outer end."""
+    if motion.shear:
+        return _load(motion, motion.depth, motion.shear * (2 * share - 1))
+    return _load(motion, motion.depth * share, 0.0)
+
+
+def _load(motion: Motion, depth: float, shear: float) -> Load:
+    return Load(depth=depth, shear_x=shear, friction=motion.friction)

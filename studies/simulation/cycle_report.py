@@ -1,0 +1,289 @@
+"""What `magtip cycle` computes: loops of a viscoelastic sensor in numbers, tables, pictures and sentences."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analytic.relaxation_loops import loop
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet, check_load
+from geometry.messages import Progress
+from geometry.relaxation import moduli, relaxation_notes, relaxation_of
+from studies.output.csv_tables import write_table
+from studies.output.records import FlatRow
+from studies.simulation.cycle_loops import CycleState, LoopRow, StaticCurve, loops, outputs_of, with_readings
+from studies.simulation.cycle_motion import Motion, Stop, stops
+
+if TYPE_CHECKING:
+    from fem.timed_path import TimedState, ViscousLaw
+
+FILES = ("cycle.csv", "loops.csv", "cycle.png")
+"""Files that a folder of results holds, beside run.json."""
+STEPS = 32
+"""Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
+CURVE = 24
+"""States of the static curve."""
+SEARCHES, GAP_TOLERANCE = 6, 0.05
+"""Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
+points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """The states and loops of a motion by one law.
+
+    Attributes
+    ----------
+    law : "prony" or "finite", see `fem.viscoelasticity`.
+    status, message : "ok", or why the path ended.
+    unit : unit of the outputs.
+    seconds : processor time.
+    """
+
+    law: str
+    status: str
+    message: str
+    states: list[CycleState]
+    loops: list[LoopRow]
+    unit: str
+    seconds: float
+
+    @property
+    def time_error(self) -> float:
+        """Largest estimated error of the force from the time steps, over the largest force."""
+        return max((one.state.time_error for one in self.states), default=math.nan)
+
+    @property
+    def drift_percent(self) -> float | None:
+        """Change of the largest force from the first to the last cycle, percent; None for a single one."""
+        if len(self.loops) < 2:
+            return None
+        return 100 * (self.loops[-1].largest_N / self.loops[0].largest_N - 1)
+
+    def row(self) -> FlatRow:
+        """Return status, the loops and the errors for JSON."""
+        steps = self.states[-1].state if self.states else None
+        return {
+            "law": self.law,
+            "status": self.status,
+            "message": self.message,
+            "loops": [one.row() for one in self.loops],
+            "drift_percent": self.drift_percent,
+            "time_error": self.time_error if self.states else None,
+            "time_steps": steps.step if steps else 0,
+            "dofs": steps.dofs if steps else 0,
+            "seconds": self.seconds,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Static:
+    """The slow, fully relaxed sensor: its curve, and the estimated error of the mesh at the end of the stroke."""
+
+    curve: StaticCurve | None
+    mesh_error: float | None
+
+
+def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) -> Static:
+    """Return force and outputs of slow loading along the motion; a shear sticks to the plate.
+
+    Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
+    """
+    from fem.accuracy import LEVELS
+    from fem.equilibrium import trace
+
+    way = motion.shear or motion.depth
+    shares = np.linspace(0, 1, CURVE + 1)[1:]
+    loads = [
+        Load(motion.depth, way * share, friction="stick") if motion.shear else Load(way * share) for share in shares
+    ]
+    solved = trace(design, loads, LEVELS[accuracy], magnet=magnet)
+    if len(solved) < CURVE or solved[-1].status not in ("ok", "unstable"):
+        return Static(None, None)
+    axis, relaxed = 0 if motion.shear else 2, moduli(design)[1] / design.E
+    force = relaxed * np.array([0.0, *(state.response.force[axis] for state in solved)])
+    shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])
+    tilt = np.array([0.0, *(state.response.tilt for state in solved)])
+    error = solved[-1].estimates.sideways if motion.shear else solved[-1].estimates.force
+    if motion.shear:
+        # at shear 0 the pressed sensor is between both sides, which are mirror images
+        shift[0] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2])
+        mirror = shift[:0:-1] * [-1, 1, 1]
+        force, shift, tilt = (
+            np.concatenate([-force[:0:-1], force]),
+            np.concatenate([mirror, shift]),
+            np.concatenate([-tilt[:0:-1], tilt]),
+        )
+    outputs = outputs_of(design, shift, tilt)
+    known = bool(np.isfinite(outputs).all())
+    return Static(StaticCurve(force, outputs) if known else None, error)
+
+
+def run(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    static: Static,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    progress: Progress,
+) -> Cycles:
+    """Follow a motion; the states that were reached are returned even if the path ends early."""
+    begin = time.process_time()
+    passed = list(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
+    states = with_readings(design, passed, static.curve)
+    failed = [state for _, state, _ in passed if state.status == "not_converged"]
+    unstable = [state for _, state, _ in passed if state.status == "unstable"]
+    status, message = "ok", ""
+    if unstable:
+        status, message = "unstable", f"{unstable[0].message}, first at {unstable[0].time:.4g} s"
+    if failed:
+        status, message = failed[0].status, failed[0].message
+    unit = "V" if design.hall_layout == "three" else "T"
+    return Cycles(law, status, message, states, loops(motion, states), unit, time.process_time() - begin)
+
+
+def _follow(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    progress: Progress,
+) -> Iterator[tuple[Stop, TimedState, bool]]:
+    """Yield each state with the load of the motion that it moves to, and whether it has reached that."""
+    from fem.accuracy import LEVELS
+    from fem.timed_path import follow
+
+    path = stops(motion)
+    check_load(design, path[0].timed.load, magnet)
+    ahead = iter(path)
+    stop = next(ahead)
+    states = follow(
+        design,
+        [one.timed for one in path],
+        LEVELS[accuracy],
+        law=law,
+        tolerance=tolerance,
+        largest_step=motion.half / STEPS if not motion.hold else max(motion.half / STEPS, motion.hold / STEPS),
+        magnet=magnet,
+        every_step=True,
+    )
+    for state in states:
+        progress(state.time / path[-1].timed.time, f"cycle {max(stop.cycle, 1)} of {motion.cycles}")
+        reached = state.time >= stop.timed.time and state.status != "not_converged"
+        yield stop, state, reached
+        if reached and (following := next(ahead, None)) is not None:
+            stop = following
+
+
+def loss_factor_of_gap(
+    design: Design,
+    motion: Motion,
+    gap_percent: float,
+    static: Static,
+    accuracy: str,
+    magnet: Magnet,
+    tolerance: float,
+    progress: Progress,
+) -> tuple[float, LoopRow]:
+    """Return the constant loss factor with which the last loop has this gap, percent, and that loop, by secants.
+
+    The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
+    """
+    if design.prony:
+        raise BadInput(
+            "--gap searches for a loss factor, but the design has measured branches (prony): empty that field"
+        )
+    if not 0 < gap_percent < 100:
+        raise BadInput(f"--gap must be between 0 and 100 percent of full scale; got {gap_percent:g}")
+    known = relaxation_of(replace(design, loss_factor=0.1))
+    tried: list[tuple[float, float]] = [(0.0, 0.0)]
+    factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform).hysteresis)
+    for _ in range(SEARCHES):
+        trial = replace(design, loss_factor=factor)
+        cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
+        if cycles.status != "ok" or not cycles.loops:
+            raise ArithmeticError(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
+        last = cycles.loops[-1]
+        if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:
+            return factor, last
+        tried.append((factor, last.gap_percent))
+        (f0, g0), (f1, g1) = tried[-2:]
+        factor = max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1)
+    raise ArithmeticError(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
+
+
+def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> list[str]:
+    """Return what the numbers assume and how accurate they are, in sentences."""
+    linear = loop(relaxation_of(design), motion.frequency, motion.waveform).hysteresis
+    mesh = "not known" if static.mesh_error is None else f"about {static.mesh_error:.1%}"
+    return [
+        *relaxation_notes(design),
+        (
+            f"the motion has {motion.frequency:.4g} Hz and a stroke of {motion.stroke:g} mm in {motion.half:.4g} s; "
+            "inertia is neglected, so the frequency must be far below the lowest natural frequency (magtip modes)"
+        ),
+        f"error of the force: {mesh} from the mesh, {cycles.time_error:.1g} from the time steps",
+        f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles",
+        "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
+    ]
+
+
+def findings(cycles: Cycles) -> list[str]:
+    """Return what the last loop says, in sentences."""
+    if not cycles.loops:
+        return []
+    last = cycles.loops[-1]
+    lost = last.material_mJ + last.friction_mJ
+    share = f" ({last.friction_mJ / lost:.1%} by friction)" if lost and last.friction_mJ else ""
+    sentences = [
+        (
+            f"the last loop has a gap of {last.gap_percent:.2f} % of full scale at mid-stroke, and dissipates "
+            f"{lost:.4g} mJ{share}"
+        )
+    ]
+    if last.decoded_gap_percent is not None:
+        sentences.append(
+            f"the decoded force has a gap of {last.decoded_gap_percent:.2f} %, and is off by up to "
+            f"{last.decoded_error_percent:.1f} % of full scale"
+        )
+    if cycles.drift_percent is not None:
+        sentences.append(
+            f"the largest force drifts by {cycles.drift_percent:+.2f} % from the first to the last cycle"
+        )
+    return sentences
+
+
+def difference(first: Cycles, second: Cycles) -> str:
+    """Return how the last loops of both laws differ, in a sentence."""
+    one, other = first.loops[-1], second.loops[-1]
+    return (
+        f"by the law for large rates the last loop has a gap of {other.gap_percent:.2f} % in place of "
+        f"{one.gap_percent:.2f} %, an area of {other.area_mJ:.4g} in place of {one.area_mJ:.4g} mJ, and a largest "
+        f"force of {other.largest_N:.4g} in place of {one.largest_N:.4g} N"
+    )
+
+
+def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:
+    """Write the states and loops of all laws, and a picture of the first one."""
+    from studies.simulation import cycle_plot
+
+    write_table(
+        folder / "cycle.csv",
+        [{"law": one.law} | state.row(one.unit) for one in results for state in one.states],
+        digits=9,
+    )
+    write_table(
+        folder / "loops.csv", [{"law": one.law} | row.row() for one in results for row in one.loops], digits=9
+    )
+    cycle_plot.draw(folder / "cycle.png", motion, results[0].states)

@@ -1,0 +1,58 @@
+"""Verb cycle: its measures against a linear spring, its files, and exit status 2."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from analytic.relaxation_loops import loop
+from geometry.design import paper
+from geometry.relaxation import relaxation_of
+from studies.cli import entry_point
+
+QUICK = ["--accuracy", "quick", "--magnet", "ignored"]
+
+
+def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "cycle",
+        "paper",
+        "--depth",
+        "0.5",
+        "--speed",
+        "0.5",
+        "--cycles",
+        "2",
+        "--json",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    assert entry_point.main([*words, *QUICK]) == 0
+    record = json.loads(capsys.readouterr().out)
+    last = record["loops"][-1]
+    spring = 100 * loop(relaxation_of(paper()), 0.5).hysteresis
+    assert last["gap_percent"] == pytest.approx(spring, rel=0.2)
+    assert 0 < last["area_mJ"] < 1.2 * last["material_mJ"]
+    assert last["friction_mJ"] == 0
+    assert record["drift_percent"] < 0
+    assert record["time_error"] < 1e-3
+    assert "long-term modulus (assumed)" in record["notes"][0]
+    table = pd.read_csv(tmp_path / "o" / "cycle.csv")
+    assert table["depth_mm"].max() == 0.5
+    assert table["S1_V"].nunique() > 10
+    assert (tmp_path / "o" / "cycle.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--speed", "0"], "--speed must be above 0 mm/s"),
+        (["--frequency", "1e6"], "the branches speak for"),
+        (["--speed", "1", "--hold", "100"], "not for 100 s"),
+        (["--speed", "1", "--tolerance", "2"], "--tolerance must be between 0 and 1"),
+    ],
+)
+def test_impossible_cycles_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert entry_point.main(["cycle", "paper", *words]) == 2
+    assert message in capsys.readouterr().err
