@@ -238,6 +238,8 @@ def compare(
     out: Path | None = None,
     accuracy: Annotated[AccuracyName | None, STANDARD] = None,
     tolerance: Annotated[str | None, TOLERANCE] = None,
+    frequency: float | None = None,
+    speed: float | None = None,
     sets: Sets = None,
     wide: Wide = False,
     as_json: AsJson = False,
@@ -251,6 +253,10 @@ def compare(
     ----------
     out
         Folder for tables and plots.
+    frequency
+        Also say how the forces differ in small vibrations at this frequency, Hz.
+    speed
+        Also say how the forces differ if the plate moves with this speed from rest, mm/s.
     """
     command_line = command(compare, locals())
     design = design_of(source, sets)
@@ -269,7 +275,9 @@ def compare(
         chosen.say()
         level = chosen.choice.level_or_accuracy
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        summary = study.run(design, folder, accuracy=LEVELS[level], progress=progress)
+        summary = study.run(
+            design, folder, accuracy=LEVELS[level], progress=progress, frequency=frequency, speed=speed
+        )
         if folder is not None:
             run_record.write(folder, command_line, dataclasses.asdict(design))
     if as_json:
@@ -278,4 +286,6 @@ def compare(
         for name in ("press", "shear"):
             sweep_request.show(summary[name], name.capitalize(), wide=wide)
             print_remarks(summary[name], sweep_request.CASE)
+        if "rate_sentence" in summary["summary"]:
+            console.note(f"{summary['summary']['rate_sentence']}.")
     return report_failures([*summary["press"], *summary["shear"]])

@@ -26,8 +26,10 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
 from geometry.messages import Progress
 from studies.output.csv_tables import write_table
+from studies.output.records import FlatRow
 from studies.simulation import comparison_findings
 from studies.simulation.comparison_rows import NAN, Answers, PressRow, ShearRow, with_reading_errors
+from studies.simulation.rate_stiffening import check_rate, rate_sentence, with_rate
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 """Files that `write` writes into a folder."""
@@ -72,6 +74,8 @@ def run(
     depths: Sequence[float] | None = None,
     shears: Sequence[float] | None = None,
     shear_depth: float | None = None,
+    frequency: float | None = None,
+    speed: float | None = None,
 ) -> dict[str, Any]:
     """Compare, and write the tables and plots of `write` into an existing folder, or nothing if it is None.
 
@@ -80,19 +84,37 @@ def run(
     depths : of the press, mm; by default 12 steps up to 3 D/8, or to 0.6 of the silicone on the axis if that is less.
     shears : shears of the plate, which sticks to the tip, mm; by default 0 to 3 D/8 in 6 steps.
     shear_depth : depth of the press under the shear, mm; by default a third of the deepest default of the press.
+    frequency, speed : of the motion, Hz or mm/s, at which the tables have the finite elements' force too (see
+        `rate_stiffening`); by default neither.
 
     Returns
     -------
     "press" and "shear", a flat row for each state, and "summary" (see `comparison_findings.findings`). A state that
     is not reached keeps its row, with NaN, a status and a message.
     """
+    loads = default_loads(design, depths, shears, shear_depth)
+    check_rate(design, max(max(load.depth, load.shear_x) for part in loads for load in part), frequency, speed)
     comparison = compare(design, accuracy, progress, depths, shears, shear_depth)
+    press, shear = tables(design, comparison, frequency, speed)
     if folder is not None:
         if progress is not None:
             progress(1.0, ", ".join(FILES))
-        write(folder, design, comparison)
+        write(folder, design, comparison, frequency, speed)
+    summary = dict(comparison.summary)
+    if frequency is not None or speed is not None:
+        summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
+    return {"press": press, "shear": shear, "summary": summary}
+
+
+def tables(
+    design: Design, comparison: Comparison, frequency: float | None = None, speed: float | None = None
+) -> tuple[list[FlatRow], list[FlatRow]]:
+    """Return the flat rows of press and shear."""
     press, shear = ([row.row() for row in rows] for rows in (comparison.press, comparison.shear))
-    return {"press": press, "shear": shear, "summary": comparison.summary}
+    return (
+        with_rate(design, "press", press, frequency, speed),
+        with_rate(design, "shear", shear, frequency, speed),
+    )
 
 
 def compare(
@@ -125,12 +147,19 @@ def default_loads(
     return press, [Load(depth=under, shear_x=value, friction="stick") for value in shears]
 
 
-def write(folder: Path, design: Design, comparison: Comparison) -> None:
+def write(
+    folder: Path,
+    design: Design,
+    comparison: Comparison,
+    frequency: float | None = None,
+    speed: float | None = None,
+) -> None:
     """Write press.csv, shear.csv, press.png and shear.png into an existing folder."""
     from studies.simulation import comparison_plots
 
-    write_table(folder / "press.csv", [row.row() for row in comparison.press])
-    write_table(folder / "shear.csv", [row.row() for row in comparison.shear])
+    press, shear = tables(design, comparison, frequency, speed)
+    write_table(folder / "press.csv", press)
+    write_table(folder / "shear.csv", shear)
     comparison_plots.press(folder / "press.png", design, comparison.press)
     comparison_plots.shear(folder / "shear.png", design, comparison.shear)
 
