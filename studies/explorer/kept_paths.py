@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,7 +120,8 @@ def _continue(kept: _Kept, scene: Scene) -> bool:
     goal, start = np.array([depth, *shear]), kept.begun or kept.rest
     if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
         return False
-    kept.path.restart(last)
+    # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
+    kept.path.restart(replace(last, reduced=None))
     stop, state = kept.path.go(depth, shear), kept.path.state
     # the limit of a path, and where it loses stability, are found from its beginning
     if stop or state.unstable or state.onset is not None:

@@ -92,13 +92,16 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
     flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
     angles = fourier_fields(field, np.array([0.0, math.pi]))
-    rest, moved, pressure, stretch = [], [], [], []
+    rest, moved, pressure = [], [], []
+    stretch: list[Array] = []
     for k, s in enumerate((1.0, -1.0)):
         u, slope = angles.E[k] @ field.u.T, angles.V[k, :, 1] @ field.u.T
         rest.append(np.stack([s * x, z], axis=1))
         moved.append(np.stack([s * (x + u[0]), z + u[2]], axis=1))
         pressure.append(-_at_all_nodes(field, nodes, field.p @ angles.C[k]))
-        stretch.append(_largest_stretch(field, nodes, u, slope))
+        # a press has the same stretch on both sides
+        repeated = k and solution.model == "axisymmetric"
+        stretch.append(stretch[0] if repeated else _largest_stretch(field, nodes, u, slope))
     triangles = np.concatenate([flat, flat[:, ::-1] + count])
     return *(np.concatenate(part) for part in (rest, moved, pressure, stretch)), triangles  # type: ignore[return-value]
 
