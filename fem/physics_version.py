@@ -14,7 +14,7 @@ from typing import Literal
 
 from fem.scene import Model
 
-PHYSICS: dict[Model | Literal["critical depth", "modes", "response"], int] = {
+PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], int] = {
     "axisymmetric": 2,
     "harmonic": 2,
     "half": 2,
@@ -22,5 +22,6 @@ PHYSICS: dict[Model | Literal["critical depth", "modes", "response"], int] = {
     "critical depth": 1,
     "modes": 1,
     "response": 1,
+    "cycle": 1,
 }
-"""Version of each model, and of the critical depth, the natural frequencies and the vibration, counted from 1."""
+"""Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""

@@ -112,4 +112,4 @@ def test_the_vibration_changes_only_with_the_version():
 
 def test_every_model_has_a_version():
     models = {model for model in get_args(Model) if model != "auto"}
-    assert set(PHYSICS) == models | {"critical depth", "modes", "response"}
+    assert set(PHYSICS) == models | {"critical depth", "modes", "response", "cycle"}

@@ -12,6 +12,7 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.exploration import path_keys, repeated_solves, solved_paths, store, store_check, store_fields, store_file
+from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import State
 
 ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harmonics=1)
@@ -33,13 +34,17 @@ CASES = {
         "response",
     ),
     "elastic response": (replace(paper(), loss_factor=0.0), Load(depth=0.5), "ignored", "response"),
+    "cycle": (replace(paper(), loss_factor=0.2), Load(0.5, 0.2, friction=0.3), "rigid", "cycle"),
+    "elastic cycle": (replace(paper(), loss_factor=0.0), Load(depth=0.5), "ignored", "cycle"),
     "critical depth": (replace(paper(), L=20.0), Load(depth=0.5), "ignored", "critical depth"),
 }
 
 
 def place_of(name):
     design, load, magnet, kind = CASES[name]
-    return path_keys.place(Scene(design, (load,), ROUGH, magnet), kind)
+    return path_keys.place(
+        Scene(design, (load,), ROUGH, magnet), kind, PlateMotion(speed=0.7) if "cycle" in name else STILL
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -48,7 +53,9 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
     place = place_of(name)
     content = json.loads(json.dumps(place.content))
     state = State(*place.at, "ok", "ok", solved_paths.units_of(place.scene, place.kind), 0.0, "")
-    again = path_keys.place(repeated_solves._scene(content, state), content["quantity"])
+    again = path_keys.place(
+        repeated_solves._scene(content, state), content["quantity"], repeated_solves._motion(content, state)
+    )
     assert store.key(again.content) == store.key(place.content)
     assert again.at == place.at
 

@@ -11,6 +11,7 @@ from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
 from studies.exploration import path_keys, store, store_fields
+from studies.exploration.plate_motion import PlateMotion
 from studies.exploration.store import State
 from studies.exploration.store_file import LISTED
 from studies.inputs.option_groups import Selection
@@ -66,10 +67,11 @@ def places(content, at=""):
         (Load(depth=0.5), "modes"),
         (Load(depth=0.5), "critical depth"),
         (Load(depth=0.5), "response"),
+        (Load(depth=0.5), "cycle"),
     ],
 )
 def test_every_value_of_a_content_is_a_field(load, kind):
-    content = path_keys.place(Scene(paper(), (load,), QUICK), kind).content
+    content = path_keys.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
     of_fields = {place for field in store_fields.FIELDS.values() for place in re.findall(r"\$\.([^']+)", field.sql)}
     listed = {place.removeprefix("$.") for place in LISTED.values()}
     # D is 1 over D, and the number of modes is the same in all contents

@@ -75,6 +75,7 @@ def test_a_grip_needs_no_depth():
         (Options(["depth=1"], tolerance="200%"), ["--tolerance must be a percentage", "'200%'"]),
         (Options(["depth=1"], models="paper", quantities="modes"), ["quantity modes needs finite elements"]),
         (Options(["depth=1"], models="paper", quantities="response"), ["quantity response needs finite elements"]),
+        (Options(["depth=1"], quantities="cycle"), ["quantity cycle needs the rate"]),
         (Options(["depth=1"], load=["frequency=2"]), ["frequency has no effect", "response"]),
         (Options(["depth=1"], load=["speed=2"], quantities="response"), ["speed has no effect"]),
         (Options(["speed=1,2"], depth=1.0, load=["frequency=2"], quantities="response"), ["leave one of them out"]),

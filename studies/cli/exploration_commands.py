@@ -60,8 +60,8 @@ def sweep(
     ----------
     axis
         Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
-        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency) or of
-        magnet; repeatable.
+        nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency,
+        speed) or of magnet; repeatable.
     load
         Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable.
     design
@@ -77,7 +77,7 @@ def sweep(
         another model than auto) and levels of the formulas; default: standard,paper.
     quantities
         Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
-        response; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
+        response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways.
     out
         Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.
     store

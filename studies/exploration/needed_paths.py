@@ -28,7 +28,12 @@ from studies.output import console
 from studies.simulation.model_choice import Choice, choose
 from studies.simulation.state_rows import surrogate_message
 
-KINDS: dict[str, Kind] = {"critical_depth": "critical depth", "modes": "modes", "response": "response"}
+KINDS: dict[str, Kind] = {
+    "critical_depth": "critical depth",
+    "modes": "modes",
+    "response": "response",
+    "cycle": "cycle",
+}
 """Quantities that are paths of their own in the store."""
 INLINE = 4.0
 """Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
@@ -255,7 +260,7 @@ def cost(task: Task) -> float:
     loads = 1 + 0.2 * len(scene.loads)
     size = math.pow(0.09 / scene.accuracy.section_size, 1.5)
     if task.kind != "states":
-        return size
+        return size * {"response": 2.0, "cycle": 7.0}.get(task.kind, 1.0) * (6.0 if scene.sideways else 1.0)
     if scene.solid:
         alone = 20.0 if scene.model == "half" else 60.0
         return alone * loads * math.pow(0.14 / scene.accuracy.solid_size, 3.0)

@@ -14,8 +14,9 @@ The body is one of revolution. So without a tilted plate and without an imperfec
 matter: all shears are solved along x, and `Place.direction` turns the answer. Tetrahedra of the whole body (model
 full) are no exact body of revolution, and keep the direction.
 
-Three more quantities are stored, each as a path with a single state: the critical depth of a design, its natural
-frequencies about a press, and its steady vibration about a press or a shear (`response_paths`).
+Four more quantities are stored, each as a path with a single state: the critical depth of a design, its natural
+frequencies about a press, its steady vibration about a press or a shear (`response_paths`), and cycles of a press or
+a shear at one rate (`cycle_paths`).
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from typing import Any, Literal
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.loads import Load
-from studies.exploration import response_paths
+from studies.exploration import cycle_paths, response_paths
 from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import Position, position
 
-Kind = Literal["states", "critical depth", "modes", "response"]
+Kind = Literal["states", "critical depth", "modes", "response", "cycle"]
 """What a path holds."""
 MODES = 6
 """Number of natural frequencies that are solved and stored."""
@@ -46,17 +47,19 @@ class Place:
     scene : the case as it is solved, with a single load.
     at : position on the path.
     direction : direction of the case's shear, to which the answer is turned.
+    motion : of the plate, of cycles only; other answers do not depend on it.
     """
 
     scene: Scene
     kind: Kind
     at: Position
     direction: tuple[float, float] = (1.0, 0.0)
+    motion: PlateMotion = STILL
 
     @property
     def content(self) -> dict[str, Any]:
         """Everything on which the states of the path depend except their position."""
-        return content(self.scene, self.kind)
+        return content(self.scene, self.kind, self.motion)
 
 
 def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> Place:
@@ -76,9 +79,13 @@ def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> P
         return Place(replace(scene, loads=(Load(depth=0.01 * D),), model="axisymmetric"), kind, (0.0, 0.0))
     if kind == "modes":
         return Place(replace(scene, loads=(Load(depth=load.depth),), model="axisymmetric"), kind, (0.0, 0.0))
+    sections = replace(scene, model="auto")
+    along_x = replace(sections, loads=(_canonical(sections, load)[0],))
+    if kind == "cycle":
+        cycle_paths.cycle_of(along_x, motion)
+        return Place(along_x, kind, (0.0, 0.0), motion=motion)
     if kind == "response":
-        sections = replace(scene, model="auto")
-        at_rest = response_paths.rest_scene(replace(sections, loads=(_canonical(sections, load)[0],)))
+        at_rest = response_paths.rest_scene(along_x)
         response_paths.check_frequency(at_rest, motion.frequency)
         return Place(at_rest, kind, (0.0, 0.0))
     alone, direction = _canonical(scene, load)
@@ -101,10 +108,12 @@ def position_of(load: Load, D: float) -> Position:
     return position(load.depth / D, math.hypot(*load.imposed_shear) / D)
 
 
-def content(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
+def content(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> dict[str, Any]:
     """Return everything on which the states of a path depend except their position, with the physics version."""
     if kind == "response":
         return response_paths.content(scene)
+    if kind == "cycle":
+        return cycle_paths.content(scene, motion)
     values = scene.dimensionless()
     loads, load = values.pop("loads"), scene.loads[0]
     first = loads[0]

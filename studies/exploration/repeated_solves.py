@@ -15,7 +15,8 @@ from fem.scene import Scene
 from geometry.design import LAWS, BadInput, Design, paper
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.exploration import path_keys, response_paths, solved_paths, store
+from studies.exploration import cycle_paths, path_keys, response_paths, solved_paths, store
+from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import Content, Position, State
 from studies.exploration.store_fields import accuracy_name, current_physics
 
@@ -56,7 +57,7 @@ def differences(connection: sqlite3.Connection, rows: Sequence[Row], progress: P
 def _difference(key: str, content: Content, stored: State) -> str:
     """Solve a state again; return in which way it differs, empty if it does not."""
     try:
-        place = path_keys.place(_scene(content, stored), content["quantity"])
+        place = path_keys.place(_scene(content, stored), content["quantity"], _motion(content, stored))
     except (BadInput, KeyError) as error:
         return f"cannot be solved by this version ({error})"
     if store.key(place.content) != key:
@@ -108,13 +109,19 @@ def _design(content: Content, answer: Mapping[str, Any]) -> Design:
     ratio = load.get("density_ratio")
     design = replace(design, density=answer.get("density_kg_per_m3", design.density))
     design = design if not ratio else replace(design, magnet_density=ratio * design.density)
-    return response_paths.fields_of(load, design) if content["quantity"] == "response" else design
+    fields = {"response": response_paths.fields_of, "cycle": cycle_paths.fields_of}.get(content["quantity"])
+    return fields(load, design) if fields else design
+
+
+def _motion(content: Content, state: State) -> PlateMotion:
+    """Return the motion of the plate of a stored state."""
+    return cycle_paths.motion_of(_of_load(content), state.answer["D_mm"]) if content["quantity"] == "cycle" else STILL
 
 
 def _load(content: Content, at: Position, D: float, E: float) -> Load:
     """Return the load at a position of a path."""
     load = _of_load(content)
-    if content["quantity"] == "response":
+    if content["quantity"] in ("response", "cycle"):
         return Load(D * load["depth"], D * load["shear_x"], friction=load["friction"])
     if content["quantity"] != "states":
         return Load(depth=D * load.get("depth", 0.01))

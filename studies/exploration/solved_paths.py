@@ -9,14 +9,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from fem.scene import Scene, choose_model
 from geometry.loads import Load, Response
 from geometry.messages import Progress
+from studies.exploration import cycle_paths, response_paths
 from studies.exploration.path_keys import MODES, Kind, Place, place, position_of, unit_vector
+from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import Outcome, Position, State, Store, key, position
 from studies.output.provenance import versions
 
@@ -91,12 +93,14 @@ class Task:
     number : number of the path in its study, from 1.
     scene : the missing states as loads, in rising order; their design is that of the path's first case.
     solved : positions of the path that are stored already, from which smaller steps can start.
+    motion : of the plate, of cycles.
     """
 
     number: int
     scene: Scene
     kind: Kind
     solved: tuple[Position, ...] = ()
+    motion: PlateMotion = STILL
 
 
 def answers(path: Place, store: Store) -> dict[Position, Answer]:
@@ -122,7 +126,7 @@ def missing(
 def task(number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = ()) -> Task:
     """Return the solve of some positions of a path, of which others have been `reached` before."""
     if path.kind != "states":
-        return Task(number, path.scene, path.kind)
+        return Task(number, path.scene, path.kind, motion=path.motion)
     D, load = path.scene.design.D, path.scene.loads[0]
     scene = replace(path.scene, loads=tuple(_at(load, at, D) for at in positions))
     return Task(number, scene, path.kind, tuple(reached))
@@ -149,7 +153,9 @@ def solve_task(task: Task, progress: Progress | None = None) -> list[State]:
     if task.kind == "modes":
         return [_modes(task.scene)]
     if task.kind == "response":
-        return [_response(task.scene)]
+        return [_timed(task.scene, task.kind, response_paths.solve)]
+    if task.kind == "cycle":
+        return [_timed(task.scene, task.kind, functools.partial(cycle_paths.solve, motion=task.motion))]
     from studies.simulation.compare import Outcome as Reached
     from studies.simulation.compare import follow
 
@@ -294,20 +300,18 @@ def _modes(scene: Scene) -> State:
     return _other(scene, "ok", "ok", values, "", time.perf_counter() - begin)
 
 
-def _response(scene: Scene) -> State:
-    """Return the vibration about a state at rest as a state, see `response_paths`."""
+def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -> State:
+    """Return the vibration or the cycles of a scene as a state, see `response_paths` and `cycle_paths`."""
     import time
-
-    from studies.exploration import response_paths
 
     begin = time.perf_counter()
     try:
-        values, message = response_paths.solve(scene), ""
+        values, message = solve(scene), ""
     except (ValueError, RuntimeError, ArithmeticError) as error:
         values, message = {}, str(error)
     result: Outcome = "ok" if values else "failed"
     state = _other(scene, result, result, values, message, time.perf_counter() - begin)
-    return replace(state, answer=state.answer | units_of(scene, "response"))
+    return replace(state, answer=state.answer | units_of(scene, kind))
 
 
 def frequency_unit(D: float, E: float, density: float) -> float:

@@ -43,7 +43,7 @@ class Solved:
     states : for each model, by its name, the answer of each problem, for the problem's own D, E and direction of the
         shear; its status is "bad_input" where the problem is impossible.
     numbers : number of the reference's path of each problem, 0 for none.
-    critical, modes, response : answers of the other kinds, if the study asks for them.
+    critical, modes, response, cycle : answers of the other kinds, if the study asks for them.
     chosen : for each problem the model that a tolerance has chosen, and the bound of its relative error.
     """
 
@@ -52,6 +52,7 @@ class Solved:
     critical: Sequence[Answer] = ()
     modes: Sequence[Answer] = ()
     response: Sequence[Answer] = ()
+    cycle: Sequence[Answer] = ()
     chosen: Sequence[tuple[str, float]] = ()
 
 
@@ -90,6 +91,8 @@ class Rows:
             table |= _mode_columns(batch, solved.modes)
         if "response" in plan.quantities:
             table |= time_columns.response(plan, batch, solved.response)
+        if "cycle" in plan.quantities:
+            table |= time_columns.cycle(batch, solved.cycle)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._verdict(batch, solved, remarks)
@@ -209,7 +212,11 @@ class Rows:
         if problem.design is None:
             return "bad_input", problem.message
         answers = [solved.states[model.name][k] for model in reversed(self.plan.fem)]
-        answers += [answers_of[k] for answers_of in (solved.critical, solved.modes, solved.response) if answers_of]
+        answers += [
+            answers_of[k]
+            for answers_of in (solved.critical, solved.modes, solved.response, solved.cycle)
+            if answers_of
+        ]
         worst = next((answer for answer in answers if answer.status != "ok"), None)
         texts = [answer.message for answer in answers if answer.message]
         return worst.status if worst else "ok", "; ".join(dict.fromkeys([*texts, *remarks]))

@@ -143,4 +143,5 @@ def _solved(
         critical=of("critical_depth") if "critical_depth" in plan.quantities else (),
         modes=of("modes") if "modes" in plan.quantities else (),
         response=of("response") if "response" in plan.quantities else (),
+        cycle=of("cycle") if "cycle" in plan.quantities else (),
     )

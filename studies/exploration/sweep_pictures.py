@@ -167,6 +167,7 @@ def _shown(plan: Plan, columns: Mapping[str, NDArray[np.float64]]) -> list[Shown
         ("gain of the magnet's shift per N", "1", "response_gain"),
         ("-3 dB bandwidth per N", "Hz", "response_bandwidth_Hz"),
         ("first resonance per N", "Hz", "response_resonance_Hz"),
+        ("gap of the loop at mid-stroke", "% of full scale", "loop_gap_percent"),
     ]
     shown += [Shown(label, unit, {"FEM": column}, {}) for label, unit, column in extra if column in columns]
     return shown[:1] if not any(name in plan.quantities for name in ("critical_depth", "modes", *TIMED)) else shown

@@ -254,7 +254,7 @@ def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     """Return the main columns."""
     results, errors = _compared(row)
     answers = [key for name in results for key in row if key.endswith(f"_{name}")]
-    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_"))]
+    others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_", "loop_"))]
     judged = [key for error in errors for key in row if key.endswith(error)]
     return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
 

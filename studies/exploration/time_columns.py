@@ -1,4 +1,4 @@
-"""Columns of a study's rows that depend on time: the steady vibration of each case."""
+"""Columns of a study's rows that depend on time: steady vibrations, and loops of loading cycles."""
 
 from __future__ import annotations
 
@@ -42,3 +42,17 @@ def _response(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]
         NAN if values[name] is None else values[name] for name in ("bandwidth", "resonance", "Q")
     )
     return abs(gain), math.degrees(cmath.phase(gain)), bandwidth * unit, resonance * unit, Q
+
+
+def cycle(batch: Batch, answers: Sequence[Answer]) -> Columns:
+    """Return gap at mid-stroke, % of full scale, area, mJ, and largest force, N, of the last loop."""
+    D = np.array([NAN if p.design is None else p.design.D for p in batch.problems])[batch.problem]
+    gap, area, largest = (
+        np.array([answer.values.get(name, NAN) for answer in answers])[batch.problem]
+        for name in ("gap_percent", "area_over_ED3", "largest_over_ED2")
+    )
+    return {
+        "loop_gap_percent": gap,
+        "loop_area_mJ": area * batch.E * D**3,
+        "loop_largest_force_N": largest * batch.E * D**2,
+    }

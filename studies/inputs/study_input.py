@@ -62,6 +62,7 @@ QuantityName = Literal[
     "critical_depth",
     "modes",
     "response",
+    "cycle",
 ]
 QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
 """Quantities of a study, in the order of their columns."""
