@@ -81,14 +81,18 @@ def _blocks(_: int) -> tuple[float, ...]:
     )
 
 
-def _relative(name: str, published: float, tolerance: float) -> Quantity:
+def relative(name: str, published: float, tolerance: float) -> Quantity:
+    """Return a quantity whose tolerance is relative."""
     return Quantity(name, published, tolerance * abs(published))
 
 
 def targets(*, quick: bool = False) -> list[Target]:
     """Return all targets, fast ones first; if quick, on coarser meshes, with two pressures of Reese's block."""
+    from studies.validation import time_targets
+
     chosen = [
         *_closed_forms(),
+        *time_targets.targets(),
         *_contact(),
         *_families(),
         *_beams(),
@@ -117,12 +121,12 @@ def _closed_forms() -> list[Target]:
             _magnet,
             tuple(Quantity(f"B_z, mT, at {z} mm", b, 6e-4) for z, b in field),
         ),
-        Target("homogeneous states", "closed form", _blocks, tuple(_relative(*pair, 1e-10) for pair in block)),
+        Target("homogeneous states", "closed form", _blocks, tuple(relative(*pair, 1e-10) for pair in block)),
     ]
 
 
 def _contact() -> list[Target]:
-    depths = [_relative(f"F / Hertz at {d} mm", 1.0, 5e-3) for d in ("1e-6", "1e-5", "1e-4")]
+    depths = [relative(f"F / Hertz at {d} mm", 1.0, 5e-3) for d in ("1e-6", "1e-5", "1e-4")]
     levels = ("quick", "standard", "fine")
     pressed: list[tuple[float, Magnet]] = [(d, magnet) for magnet in ("ignored", "rigid") for d in (0.01, 0.1, 0.3)]
     return [
@@ -156,7 +160,7 @@ def _families() -> list[Target]:
             "thick sphere",
             "Bower, solidmechanics.org 4.2",
             partial(solid_problems.thick_sphere, stretches=(1.25, 2.0)),
-            tuple(_relative(f"p/mu at stretch {stretch:g}", p, 1e-4) for stretch, p in sphere),
+            tuple(relative(f"p/mu at stretch {stretch:g}", p, 1e-4) for stretch, p in sphere),
             meshes=(4, 8, 16),
             quick=(4, 8),
         ),
@@ -165,7 +169,7 @@ def _families() -> list[Target]:
                 f"bonded cylinder, S = {S:g}",
                 "fine axisymmetric Taylor-Hood elements",
                 partial(solid_problems.bonded_cylinder, S=S),
-                (_relative("E_a/E", modulus, 1e-3),),
+                (relative("E_a/E", modulus, 1e-3),),
                 meshes=(16, 32, 64),
                 quick=(8, 16, 32),
             )
@@ -175,7 +179,7 @@ def _families() -> list[Target]:
             "Cook's membrane",
             "Elmer's test, after Mueller 2015",
             solid_problems.cook,
-            (_relative("u_y(48, 60), mm", 4.701, 2e-3),),
+            (relative("u_y(48, 60), mm", 4.701, 2e-3),),
             meshes=(16, 32, 64),
             quick=(8, 16, 32),
             judged="extrapolated",
@@ -207,7 +211,7 @@ def _beams() -> list[Target]:
             "elastica",
             "Mattiasson 1981; mesh numbers are L/D",
             partial(beam_problems.elastica, loads=(1.0, 2.0)),
-            tuple(_relative(f"{name}/L, P L^2/EI = {load}", value, 1e-4) for load, name, value in elastica),
+            tuple(relative(f"{name}/L, P L^2/EI = {load}", value, 1e-4) for load, name, value in elastica),
             meshes=(10, 20, 40),
             quick=(5, 10, 20),
             judged="extrapolated",

@@ -1,0 +1,84 @@
+"""Targets of `verify` in time: viscoelastic cubes, beams and a half space."""
+
+from __future__ import annotations
+
+from studies.validation import time_problems
+from studies.validation.verify_targets import Quantity, Target, relative
+
+LEVELS = ("quick", "standard", "fine")
+
+
+def targets() -> list[Target]:
+    """Return the targets in time."""
+    cube = [
+        relative(f"{name} after {t} s, over that of the modulus", value, 1e-9)
+        for t in ("0", "0.3", "3")
+        for name, value in (("sigma_xz/mu", 0.8), ("(sigma_xx - sigma_zz)/mu", 0.64))
+    ]
+    laws = ("linear overstresses", "law for large rates")
+    return [
+        Target("relaxation of a sheared cube", "closed form", time_problems.relaxing_cube, tuple(cube)),
+        Target(
+            "cyclic shear of a cube",
+            "closed form; mesh numbers are time steps of a cycle",
+            time_problems.cyclic_cube,
+            tuple(relative(f"{name} modulus / exact", 1.0, 1e-4) for name in ("storage", "loss")),
+            meshes=(16, 32, 64),
+            quick=(16, 32, 64),
+            judged="extrapolated",
+        ),
+        Target(
+            "cyclic stretch of a rubber block",
+            "Holzapfel 1996; Ansys VM234; mesh numbers are time steps of a cycle",
+            time_problems.holzapfel_block,
+            (relative("Cauchy stress at 16 s, Pa", 6.013e5, 3e-3), relative("share relaxed at 20 s", 1.0, 1e-3)),
+            meshes=(50, 100, 200),
+            quick=(100,),
+            note="the constants of the Ogden law are not printed in the manual; those used are the usual ones of "
+            "Ogden 1972, 6.3e5, 1.2e3 and -1e4 Pa with 1.3, 5 and -2",
+        ),
+        Target(
+            "held silicone beam",
+            "exact for nu = 0.5: F(t)/F(0) = G(t)/G(0)",
+            time_problems.held_beam,
+            tuple(relative(f"F(t)/F(0) over G(t)/G(0) at {t} s", 1.0, 1e-6) for t in (0.3, 2)),
+        ),
+        Target(
+            "viscoelastic half space",
+            "Lee and Radok 1960, Ting 1966; mesh 2 is level standard",
+            lambda n: time_problems.indented_half_space(LEVELS[n - 1]),
+            tuple(relative(f"force / closed form, {t}", 1.0, 4e-3) for t in ("0.5 s", "1 s", "1.1 s (release)")),
+            meshes=(2,),
+            quick=(2,),
+        ),
+        Target(
+            "fast and slow presses of the sensor",
+            "elastic solves with the instantaneous and the long-term modulus",
+            time_problems.limits,
+            tuple(
+                relative(f"force / elastic force, {speed}, {law}", 1.0, 2e-5)
+                for speed in ("fast", "slow")
+                for law in laws
+            ),
+            note="the plate's springs follow the modulus of the design, so they are twice as stiff beside the "
+            "relaxed silicone; that is the difference of the slow presses",
+        ),
+        Target(
+            "energy of a sheared beam",
+            "work = stored + dissipated; mesh numbers are time steps of a stroke",
+            time_problems.balance,
+            tuple(relative(f"(stored + dissipated) / work, {law}", 1.0, 1e-6) for law in laws),
+            meshes=(24, 48, 96),
+            quick=(),
+            judged="extrapolated",
+        ),
+        Target(
+            "order of the time steps",
+            "theory: second order; mesh numbers are time steps of a stroke",
+            time_problems.change,
+            tuple(Quantity(f"order of the force, {law}", 2.0, 0.1) for law in laws),
+            meshes=(24, 48),
+            quick=(),
+            judged="order",
+        ),
+    ]
