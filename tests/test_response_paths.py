@@ -1,5 +1,6 @@
 """The steady vibration as a quantity of sweeps: similar designs share it, and it is that of `fem.vibration`."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from fem.scene import Scene
 from fem.vibration import vibrating_sensor
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import store, sweep
+from studies.exploration import repeated_solves, solved_paths, store, sweep
 from studies.exploration.needed_paths import Processes
 from studies.exploration.path_keys import place
 from studies.exploration.plate_motion import PlateMotion
@@ -52,6 +53,14 @@ def test_gain_and_phase_are_those_of_the_vibration():
     # the loss factor of 0.1 makes a resonance of Q = 10
     assert first["response_Q"] == pytest.approx(10, rel=0.1)
     assert np.isnan(first["response_bandwidth_Hz"]), "the mesh carries no frequency with a gain 3 dB lower"
+
+
+def test_a_stored_vibration_is_solved_again_to_the_same_numbers():
+    content = place(Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response").content
+    task = solved_paths.Task(1, Scene(LOSSY, (Load(depth=0.5),), ROUGH, "rigid"), "response")
+    (state,) = solved_paths.solve_task(task)
+    stored = json.loads(json.dumps(state.answer, sort_keys=True))
+    assert repeated_solves._difference(store.key(content), content, replace(state, answer=stored)) == ""
 
 
 def test_similar_designs_share_a_vibration_that_scales():

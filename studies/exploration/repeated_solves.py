@@ -149,7 +149,9 @@ def _numbers(answer: Mapping[str, Any]) -> list[list[float]]:
     response = answer["response"]
     if response is not None:
         return [response["force"], response["shift"]]
-    return [value if isinstance(value, list) else [value] for value in answer["values"].values() if _is_number(value)]
+    # a stored answer has its values in alphabetical order
+    values = [value for _, value in sorted(answer["values"].items())]
+    return [value if isinstance(value, list) else [value] for value in values if _is_number(value)]
 
 
 def _is_number(value: Any) -> bool:
