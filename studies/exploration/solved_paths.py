@@ -310,9 +310,9 @@ def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -
     except (ValueError, RuntimeError, ArithmeticError) as error:
         values, message = {}, str(error)
     result: Outcome = "ok" if values else "failed"
-    error = {"error_estimate": values.pop("time_error", None)}
+    estimate = {"error_estimate": values.pop("time_error", None)}
     state = _other(scene, result, result, values, message, time.perf_counter() - begin)
-    return replace(state, answer=state.answer | units_of(scene, kind) | error)
+    return replace(state, answer=state.answer | units_of(scene, kind) | estimate)
 
 
 def frequency_unit(D: float, E: float, density: float) -> float:

@@ -14,6 +14,7 @@ from studies.report import (
     paper_figures,
     sizing_figures,
     sweep_figures,
+    time_figures,
     uncertainty_figures,
     verdict_figures,
 )
@@ -50,6 +51,10 @@ KNOWN = (
     Known("stability.csv", ("L_over_D", "critical_depth_mm"), verdict_figures.stability),
     Known("field.csv", ("region", "height_per_radius", "compiled"), verdict_figures.field),
     Known("ladder.csv", ("level", "outside", "press_force_error"), verdict_figures.ladder),
+    Known("ladder.csv", ("motion", "model", "natural_Hz"), None),
+    Known("response.csv", ("motion", "frequency_Hz"), time_figures.response),
+    Known("cycle.csv", ("law", "time_s", "cycle", "depth_mm", "shear_mm"), time_figures.cycle),
+    Known("loops.csv", ("law", "cycle", "gap_percent"), None),
     Known("claims.csv", ("claim", "paper", "computed", "verdict"), None),
     Known("heights.csv", ("magnet_height_mm", "error_percent_of_largest"), paper_figures.heights),
     Known("presses.csv", ("magnet_height_mm", "depth_mm", "fem_force_N"), paper_figures.presses),
@@ -128,7 +133,10 @@ def _figures_of(name: str, table: Table, *, assumption: bool) -> tuple[list[Figu
             return (known.figures(table) if known.figures else []), ""
     if assumption and table.has(*ASSUMPTION):
         return paper_figures.assumption(table), ""
-    if any(column.startswith("fem_") for column in table.columns) and "status" in table.columns:
+    if (
+        any(column.startswith(("fem_", "response_", "loop_")) for column in table.columns)
+        and "status" in table.columns
+    ):
         figures = sweep_figures.sweep(table)
         return figures, "" if figures else f"{name} has no figure: no axis varies, or every case failed."
     expected = next((known for known in KNOWN if known.file == name), None)

@@ -26,6 +26,8 @@ from studies.report.report_figures import (
     series,
 )
 
+TIMED = ("response", "loop")
+"""Beginnings of the columns of results that depend on time, of the finite elements alone."""
 MODELS = ("fem", "analytic", "chosen")
 """Beginnings of the columns of results; the name of an accuracy or of a level may follow."""
 QUANTITIES = {
@@ -36,6 +38,10 @@ QUANTITIES = {
     "tilt_rad": "tilt (rad)",
     "S1_V": "output of S1 (V)",
     "strain": "strain of 99.9 % of the silicone",
+    "response_gain": "gain of the magnet's shift per N (1)",
+    "response_bandwidth_Hz": "-3 dB bandwidth per N (Hz)",
+    "response_resonance_Hz": "first resonance per N (Hz)",
+    "loop_gap_percent": "gap of the loop at mid-stroke (% of full scale)",
 }
 """Quantities that are drawn, and the names of their axes."""
 ERRORS = {
@@ -68,7 +74,7 @@ def axes_of(table: Table) -> list[str]:
     """Return the columns of the axes that have several values."""
     names = []
     for name in table.columns:
-        if name.split("_")[0] in MODELS:
+        if name.split("_")[0] in (*MODELS, *TIMED):
             break
         if len(set(table.texts(name))) > 1:
             names.append(name)
@@ -116,6 +122,8 @@ def _with_note(figure: Figure, note: str) -> Figure:
 
 def models_of(table: Table, end: str) -> list[str]:
     """Return the columns of a quantity, finite elements first."""
+    if end.split("_")[0] in TIMED:
+        return [end] if end in table.columns else []
     found = [name for name in table.columns if name.endswith(f"_{end}") and name.split("_")[0] in MODELS]
     exact = [name for name in found if _plain_model(name.removesuffix(f"_{end}"))]
     return sorted(exact, key=lambda name: not name.startswith("fem"))
@@ -132,6 +140,8 @@ def model_name(column: str, end: str) -> str:
     >>> model_name("analytic_finite_force_N", "force_N"), model_name("fem_force_N", "force_N")
     ('formula, level finite', 'finite elements')
     """
+    if column == end:
+        return "finite elements"
     kind, _, level = column.removesuffix(end).strip("_").partition("_")
     base = {"fem": "finite elements", "analytic": "formula", "chosen": "chosen model"}.get(kind, "formula")
     if kind == "analytic" and not level:
