@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from fem.discretisation import element_loops, elements, rigid_inclusion
+from fem.discretisation import element_loops, elements, rigid_inclusion, viscous_history
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, lame, law
 from geometry import compiled, section
@@ -34,6 +34,13 @@ def prepare() -> bool:
             state = system.admissible(np.zeros(system.size))
             assert state is not None
             system.assemble(state, None)
+    # a time step of each viscoelastic law
+    branches = viscous_history.Branches(np.array([0.5]), np.array([1.0]), 1.0)
+    for name in ("prony", "finite"):
+        (m, q), t = system.elements.weights.shape, len(system.elements.angles.theta)
+        assert state is not None
+        system.viscous = viscous_history.at_rest(name, branches, (t, m, q)).overstress(1.0)
+        system.assemble(state, None)
     return True
 
 

@@ -51,6 +51,13 @@ def test_the_other_side_is_the_mirror_image(leaning):
     assert other.force[2] == pytest.approx(one.force[2], rel=1e-6)
 
 
+@pytest.mark.parametrize("force", [1e-3, 5e-3])
+def test_a_deep_press_at_once_leans_the_same_way(force):
+    state = trace(SLENDER, [Load(depth=2.0, imperfection=force)], replace(QUICK, harmonics=2), estimate=False)[-1]
+    assert state.status == "ok"
+    assert 6.0 < state.response.shift[0] < 6.2
+
+
 def test_models_that_can_carry_one():
     assert choose_model([Load(depth=1.0, imperfection=1e-3)], "auto") == "harmonic"
     with pytest.raises(BadInput, match="imperfection"):

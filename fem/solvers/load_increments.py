@@ -175,7 +175,9 @@ def find_equilibrium(
         # plain steps are damped, and reach some states that settled steps do not
         if answer is not None and answer.converged:
             return answer
-    return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=False)
+    # a dead load selects the side to which a press buckles, which an error of the last step must not do
+    confirm = bool(system.dead.any())
+    return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm)
 
 
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from studies.validation import time_problems
-from studies.validation.verify_targets import Quantity, Target, relative
+from studies.validation.verification_target import Quantity, Target, relative
 
 LEVELS = ("quick", "standard", "fine")
 

@@ -17,7 +17,8 @@ from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
-from studies.validation.verify_targets import Judged, Quantity, Target, targets
+from studies.validation.verification_target import Judged, Quantity, Target
+from studies.validation.verify_targets import targets
 
 ABOUT = """\
 Each target is checked by one of three numbers: the value on the finest mesh, its Richardson extrapolation, or the

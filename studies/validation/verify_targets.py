@@ -5,10 +5,9 @@ Tolerances are fixed and are never widened to make a target pass. If a target is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
-from typing import Literal
 
 from analytic.magnet import cylinder_field
 from geometry.loads import Magnet
@@ -17,10 +16,10 @@ from studies.validation import (
     contact_problems,
     manufactured_solutions,
     solid_problems,
+    time_targets,
     vibration_problems,
 )
-
-Judged = Literal["finest", "extrapolated", "order"]
+from studies.validation.verification_target import Quantity, Target, relative
 
 REESE = (
     "the published values are known to half a percentage point, and at p/p0 = 80 the limit of these elements lies "
@@ -34,36 +33,6 @@ BONDED = (
     "over a length of about D, by a share that is proportional to D/L and grows with nu. A base that is free to "
     "contract, and the limit D/L = 0, agree with the theory, so that the bonded base explains the difference"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """One published number and the tolerance of the computed one, in the same unit."""
-
-    name: str
-    published: float
-    tolerance: float
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """A problem with published quantities.
-
-    Attributes
-    ----------
-    solve : returns the quantities on mesh n.
-    meshes, quick : meshes of a full and of a reduced run; the reduced run skips a target without meshes.
-    judged : which number is checked: value on the finest mesh, extrapolated value, or order of convergence.
-    """
-
-    name: str
-    source: str
-    solve: Callable[[int], Sequence[float]]
-    quantities: tuple[Quantity, ...]
-    meshes: tuple[int, ...] = (1,)
-    quick: tuple[int, ...] = (1,)
-    judged: Judged = "finest"
-    note: str = ""
 
 
 def _magnet(_: int) -> tuple[float, ...]:
@@ -81,15 +50,8 @@ def _blocks(_: int) -> tuple[float, ...]:
     )
 
 
-def relative(name: str, published: float, tolerance: float) -> Quantity:
-    """Return a quantity whose tolerance is relative."""
-    return Quantity(name, published, tolerance * abs(published))
-
-
 def targets(*, quick: bool = False) -> list[Target]:
     """Return all targets, fast ones first; if quick, on coarser meshes, with two pressures of Reese's block."""
-    from studies.validation import time_targets
-
     chosen = [
         *_closed_forms(),
         *time_targets.targets(),
