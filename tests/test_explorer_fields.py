@@ -33,7 +33,7 @@ def test_values_are_those_of_the_design():
 
 def test_fields_without_effect_name_the_choice_that_they_need():
     needs = {field["name"]: field["needs"] for field in FIELDS}
-    assert set(needs) - {"depth", "shear", "direction", "friction", "plate_tilt", "magnet"} >= set(
+    assert set(needs) - {"depth", "shear", "direction", "friction", "plate_tilt", "frequency", "magnet"} >= set(
         paper().unused_fields()
     )
     assert needs["yeoh_2"] == {"law": ["yeoh"]}

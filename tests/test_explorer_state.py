@@ -72,6 +72,7 @@ def test_wrong_field_is_the_one_without_which_the_state_is_accepted():
         ({"state": {"load": {"grip": 1}}}, "there is no key 'grip'"),
         ({"state": {"load": {"depth": True}}}, "depth must be a finite number"),
         ({"state": {"load": {"depth": 1, "shear": 1, "direction": float("nan")}}}, "finite number of degrees"),
+        ({"state": {"load": {"depth": 1, "frequency": -1}}}, "frequency must be 0 Hz or more"),
         ({"state": {"level": "fine"}}, "level must be one of quick, standard"),
         ({"formula_level": "best"}, "level must be one of paper"),
     ],

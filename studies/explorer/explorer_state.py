@@ -29,8 +29,9 @@ Level = Literal["quick", "standard"]
 Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "commands"]
 
 SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
-LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt")
-"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees."""
+LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", "frequency")
+"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the frequency of
+small vibrations, Hz, for which the page says how the silicone behaves; the solved state is at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,7 @@ class ExplorerState:
     motion : the load as the options of `magtip solve`.
     level : accuracy to which a state is refined.
     formula_level : level of the formulas beside the finite elements.
+    frequency : of small vibrations, Hz; 0: none.
     """
 
     preset: str
@@ -51,6 +53,7 @@ class ExplorerState:
     magnet: Magnet
     level: Level = "standard"
     formula_level: str = "paper"
+    frequency: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +106,13 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
     texts = [f"{name}={value}" for name, value in values.items() if isinstance(value, str)]
     numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
     design = user_input.design_from(preset, {**numbers, **user_input.overrides(texts)}, magnet)
-    motion = motion_of(_table("load", content.get("load") or {}))
+    values = _table("load", content.get("load") or {})
+    motion, frequency = motion_of(values), _number("frequency", values.get("frequency"))
+    if not 0 <= frequency < math.inf:
+        raise BadInput(f"frequency must be 0 Hz or more; got {frequency:g} Hz")
     (load,) = load_cases.loads_of(motion)
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas))
+    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas), frequency)
 
 
 def motion_of(values: Mapping[str, Any]) -> Motion:

@@ -79,7 +79,9 @@ def check(design: Design) -> None:
 
 def page(design: Design, sections: Mapping[str, Any]) -> str:
     """Return the page with the sections of its design."""
-    data = {"fields": explorer_fields(paper()), "model": offline_data.constants(), "sections": sections}
+    # the page itself has no branches of a loss factor, so it says nothing about frequencies
+    fields = [field for field in explorer_fields(paper()) if field["name"] != "frequency"]
+    data = {"fields": fields, "model": offline_data.constants(), "sections": sections}
     state = urlencode(state_commands.address_fields(design))
     # the first state is that of the design, unless the address has one
     first = (

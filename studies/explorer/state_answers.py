@@ -10,6 +10,7 @@ import numpy as np
 
 from analytic import beam, hall
 from analytic.parts import of_design
+from analytic.relaxation_loops import loop
 from fem.accuracy import LEVELS, Accuracy, coarser
 from fem.equilibrium import with_estimates
 from fem.scene import Scene
@@ -17,6 +18,7 @@ from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
+from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
 from studies.explorer.kept_paths import KeptPaths
 from studies.explorer.section_data import section
@@ -70,8 +72,28 @@ def answer(state: ExplorerState, solution: Solution, decoder: Decoder | None = N
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
+        "rate": rate(state.design, state.frequency),
         "formula": formula(state.design, state.load, "paper"),
         "formula_level": {"level": state.formula_level, **formula(state.design, state.load, state.formula_level)},
+    }
+
+
+def rate(design: Design, frequency: float) -> Data | None:
+    """Return how the silicone behaves in small vibrations; None at 0 Hz, or where its branches do not speak.
+
+    "storage" is the storage modulus over the one that E is; "gap" that of the loop of a linear spring, a sine, in %
+    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out.
+    """
+    relaxation = relaxation_of(design)
+    if not frequency or range_sentence(relaxation, frequencies=[frequency]):
+        return None
+    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
+    linear = loop(relaxation, frequency, "sine")
+    return {
+        "frequency": frequency,
+        "loss_factor": linear.hysteresis,
+        "storage": linear.full_scale / own,
+        "gap": 100 * linear.hysteresis,
     }
 
 
