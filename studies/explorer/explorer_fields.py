@@ -206,7 +206,7 @@ def _load_fields(design: Design) -> list[Field]:
         number(
             *("frequency", "Frequency", "Hz", 0.0, 1e6),
             kind="logarithmic",
-            slider=[0.01, 1000],
+            slider=[0.01, 2000],
             step=0.01,
             value=1.0,
             help="of small vibrations, for loss factor and stiffness of the silicone",

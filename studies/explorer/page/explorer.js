@@ -216,11 +216,20 @@ const Explorer = (() => {
     }));
   }
 
+  // What the silicone does in small vibrations at the frequency, "" where that is not known.
+  function rateText(name, rate, mode) {
+    if (!rate) return "";
+    const { number, plain } = Format, { loss_factor: loss, storage, gap } = rate;
+    const first = mode && loss ? ` With both the first mode is at ${number(mode * Math.sqrt(storage))} Hz with Q = ${number(1 / loss)}.` : "";
+    return `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`;
+  }
+
   function drawStability() {
     const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
     views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
     const notes = stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : ""));
-    Format.put($("#stability-note"), notes.filter(Boolean).join(" "));
+    const rates = list.map((side, k) => rateText(sides.b ? `${side.toUpperCase()}: ` : "", answers[side].state?.data.rate, stability[k].first_mode_hz));
+    Format.put($("#stability-note"), [...rates, ...notes].filter(Boolean).join(" "));
     const texts = list.filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth).map((side) => {
       const beyond = sides[side].depth > answers[side].stability.data.critical_depth, name = sides.b ? `${side.toUpperCase()}: the` : "The";
       return `${name} depth of ${Format.plain(sides[side].depth)} mm is ${beyond ? "beyond" : "near"} the critical depth: the press may buckle sideways.`;

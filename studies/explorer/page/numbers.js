@@ -11,7 +11,7 @@ const Numbers = (() => {
     response: { force: NONE, shift: NONE, tilt: null, tilt_y: null, contact_radius: null }, readings: { elements: ["S1", "S2", "S3"], volts: NONE, rest: NONE } };
 
   // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
-  function response({ response: r, estimates: e, formula_level: f, rate }) {
+  function response({ response: r, estimates: e, formula_level: f }) {
     const half = (name, k) => (e?.force ? (Array.isArray(e[name]) ? e[name][k] : e[name]) : NaN);
     const row = (name, unit, quantity, k, own = k === null ? r[quantity] : r[quantity][k]) => [name, unit, own, half(quantity, k), k === null ? f?.[quantity] : f?.[quantity]?.[k]];
     return [
@@ -19,10 +19,6 @@ const Numbers = (() => {
       row("shift along x", "mm", "shift", 0), row("shift along y", "mm", "shift", 1), row("shift along z", "mm", "shift", 2),
       row("tilt towards x", "deg", "tilt", null), ["tilt towards y", "deg", r.tilt_y, half("tilt", null), f?.tilt_y],
       ["contact radius", "mm", r.contact_radius, null, null],
-      ...(rate === undefined ? [] : [
-        ["loss factor at the frequency", "", rate?.loss_factor, null, null], ["storage modulus there over E", "", rate?.storage, null, null],
-        ["gap of a linear loop, a sine", "% FS", rate?.gap, null, null],
-      ]),
     ];
   }
 
