@@ -6,8 +6,8 @@ import json
 import pytest
 
 from studies.claims import claims_report
-from studies.claims.other_answers import hall_factor
-from studies.claims.sensor_figures import factor_figures
+from studies.claims.other_answers import hall_factor, hysteresis
+from studies.claims.sensor_figures import factor_figures, loop_figures
 from studies.cli import entry_point
 
 VERDICTS = {
@@ -61,6 +61,13 @@ def test_decoded_force_is_the_sum_of_its_parts(folder):
     for row in rows:
         parts = row["tilt_N"] + row["geometry_N"] + row["force_law_N"]
         assert row["fem_force_x_N"] + parts == pytest.approx(row["decoded_force_x_N"], abs=1e-6)
+
+
+def test_the_gap_of_a_loading_cycle_allows_a_loss_factor():
+    figures = hysteresis(loop_figures()).figures
+    assert figures["gap_percent"] == pytest.approx(8.0, abs=0.1)
+    # for a sine the gap of a spring is the loss factor itself
+    assert figures["allowed_loss_factor_sine"] == pytest.approx(0.1, rel=0.01)
 
 
 def test_rows_of_json_have_figures():

@@ -26,9 +26,9 @@ FILES = (
 INTRODUCTION = """\
 The claims are those of Chathuranga et al., IEEE Sensors Journal 2016, on a beam of D = 8 mm, L = 9 mm and E = 1 MPa
 with a magnet of 4 mm diameter. The measured curves of the paper exist as pictures only, so finite elements take the
-place of the measurement. They are a model, too: neo-Hookean silicone without hysteresis, a rigid and bonded magnet,
-a frictionless plate in presses. By comparison with a coarser mesh their forces are uncertain by at most
-{estimate:.1f} %.
+place of the measurement. They are a model, too: neo-Hookean silicone, elastic but for the claim on hysteresis, a
+rigid and bonded magnet, a frictionless plate in presses. By comparison with a coarser mesh their forces are uncertain
+by at most {estimate:.1f} %.
 
 - *reproduced*: our figures agree with the claim.
 - *refuted*: they contradict it, for all values that the paper leaves open.

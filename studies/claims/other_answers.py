@@ -7,7 +7,17 @@ from collections.abc import Sequence
 
 from studies.claims.claim_answers import Answer, verdict
 from studies.claims.press_errors import PUBLISHED
-from studies.claims.sensor_figures import FACTOR, CostRow, FactorFigures, LayoutRow, ModeRow, table_entries
+from studies.claims.sensor_figures import (
+    CYCLE_DEPTH,
+    CYCLE_SPEED,
+    FACTOR,
+    CostRow,
+    FactorFigures,
+    LayoutRow,
+    LoopFigures,
+    ModeRow,
+    table_entries,
+)
 from studies.claims.shear_errors import SplitRow, TipRow, share
 
 LARGE = 10.0
@@ -179,17 +189,27 @@ def band(rows: Sequence[ModeRow]) -> Answer:
     )
 
 
-def hysteresis() -> Answer:
+def hysteresis(figures: LoopFigures) -> Answer:
     """Answer the claim on hysteresis."""
+    allowed, sine = (10 * figures.loss_factor / part for part in (figures.fem_percent, figures.sine_percent))
     return Answer(
         claim="hysteresis along z",
         paper="< 10 % of full scale",
-        computed="none by construction",
+        computed=f"{figures.fem_percent:.1f} % for an assumed loss factor of {figures.loss_factor:g}",
         verdict="not decidable",
-        text="Both models are elastic, so loading and unloading coincide. Only a measurement, or a viscoelastic law "
-        "that the paper gives no data for, can answer.",
-        commands=(),
-        figures={},
+        text="The paper gives neither a viscoelastic measurement of its silicone nor the speed of its loading. With "
+        f"a constant loss factor of {figures.loss_factor:g}, an assumption, a press at {CYCLE_SPEED:g} mm/s has a "
+        f"gap at mid-stroke of {figures.fem_percent:.1f} % of full scale in its second cycle, and a viscoelastic "
+        f"spring {figures.spring_percent:.1f} %; the gap is nearly proportional to the loss factor. So the claim "
+        f"holds if the silicone's loss factor is below about {allowed:.2f}, or {sine:.2f} if the plate moved like a "
+        "sine and the sensor like a spring.",
+        commands=(f"magtip cycle paper --depth {CYCLE_DEPTH:g} --speed {CYCLE_SPEED:g} --cycles 2 --accuracy quick",),
+        figures={
+            "loss_factor": figures.loss_factor,
+            "gap_percent": figures.fem_percent,
+            "allowed_loss_factor": allowed,
+            "allowed_loss_factor_sine": sine,
+        },
     )
 
 

@@ -15,14 +15,18 @@ import numpy as np
 from analytic import beam
 from analytic.lookup import Grid
 from analytic.magnet import cylinder_field
+from analytic.relaxation_loops import loop
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
 from fem.modes import modes, spring_mass
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
+from geometry.relaxation import relaxation_of
 from studies.claims.claim_states import S1_AT_REST, with_magnet
 from studies.sensing import layout_uniqueness
+from studies.simulation import cycle_report
+from studies.simulation.cycle_motion import Motion
 
 FACTOR = 6.463e5
 """The paper's conversion factor of a Hall element, V/Wb (section V.A)."""
@@ -68,6 +72,41 @@ def table_entries() -> int:
     108721501
     """
     return math.prod(Grid(*WORKSPACE, STEP).shape)
+
+
+# Hysteresis
+
+CYCLE_DEPTH, CYCLE_SPEED = 1.0, 0.5
+"""Depth of the press, mm, and speed of the plate, mm/s, of a loading cycle; the paper gives no speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFigures:
+    """Gap at mid-stroke over full scale of a slow loading cycle, percent.
+
+    Attributes
+    ----------
+    loss_factor : of the silicone, as the preset assumes it.
+    fem_percent : second cycle of a press by viscoelastic finite elements.
+    spring_percent, sine_percent : steady cycles of a viscoelastic spring, of a triangle and of a sine.
+    """
+
+    loss_factor: float
+    fem_percent: float
+    spring_percent: float
+    sine_percent: float
+
+
+def loop_figures() -> LoopFigures:
+    """Return the hysteresis of the paper's sensor with the loss factor of the preset, at level quick."""
+    design = paper()
+    motion = Motion(CYCLE_DEPTH, 0.0, "none", CYCLE_SPEED / (2 * CYCLE_DEPTH), cycles=2)
+    cycles = cycle_report.run(
+        design, motion, "prony", cycle_report.Static(None, None), "quick", "rigid", 1e-3, lambda share, text: None
+    )
+    relaxation = relaxation_of(design)
+    spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
+    return LoopFigures(design.loss_factor, cycles.loops[-1].gap_percent, 100 * spring, 100 * sine)
 
 
 # Frequencies
