@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from fem.accuracy import STANDARD, Accuracy, coarser
 from fem.contact.contact_extent import find_press
 from fem.contact.plate_contact import Plate
-from fem.discretisation import elements, rigid_inclusion, single_order
+from fem.discretisation import angular_fields, rigid_inclusion, single_order
 from fem.discretisation.mesh_specification import specification
 from fem.discretisation.nonlinear_system import ON_AXIS, System
 from fem.error_estimate_rules import TANGENT_RULES
@@ -209,7 +209,7 @@ def _order_matrices(press: Press, scene: Scene, order: int) -> tuple[sp.csr_matr
 def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Return tangent and mass of torsion about a press, from the axisymmetric model with u_theta."""
     d, low, at_press = press.state.d, press.state.d.system, press.state.d.system.state(press.state.q)
-    e = replace(d.elements, angles=elements.torsion_fields())
+    e = replace(d.elements, angles=angular_fields.torsion_fields())
     # about an axisymmetric state torsion does not couple to the other displacements and the pressures
     fixed = np.ones((len(e.nodes), 3), dtype=bool)
     fixed[:, 1] = low.fixed.all(axis=1) | (e.nodes[:, 0] < ON_AXIS)

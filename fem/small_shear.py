@@ -14,7 +14,7 @@ import numpy as np
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.contact.contact_extent import find_press
-from fem.discretisation import elements, single_order
+from fem.discretisation import angular_fields, single_order
 from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import Assembly
 from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
@@ -176,7 +176,7 @@ def _read_pose(glued: PathState, step: Array) -> tuple[float, float]:
     if system.rigid:
         shift, tilt = system.motion(step)
         return float(shift), float(tilt)
-    fields = replace(system.elements, angles=elements.fourier_fields(1))
+    fields = replace(system.elements, angles=angular_fields.fourier_fields(1))
     recovery = build_recovery(fields, glued.d.shape.H, mirrored=True)
     states = (system.state(way * step) for way in (small, -small))
     (ahead, tilt2), (behind, tilt1) = (recover_pose(recovery, single_order.raise_fields(s.u)) for s in states)

@@ -9,7 +9,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.solvers.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response
@@ -87,7 +87,7 @@ class Field:
     u: Array
     p: Array
     vertices: NDArray[np.int64]
-    angles: elements.Angles
+    angles: angular_fields.Angles
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
-from fem.discretisation import element_integrals, elements, single_order
+from fem.discretisation import angular_fields, element_integrals, single_order
 from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import CHUNK, State, System
 from fem.equilibrium import start_path
@@ -209,7 +209,7 @@ def _point_pose(state: PathState, q: Array) -> Array:
     if d.model == "axisymmetric":
         return np.array([0.0, d.centre(u)[0][2], 0.0])
     if d.elements.angles.fields == ORDER_FIELDS:
-        fields = replace(d.elements, angles=elements.fourier_fields(1))
+        fields = replace(d.elements, angles=angular_fields.fourier_fields(1))
         shift, tilt = recover_pose(build_recovery(fields, d.shape.H, mirrored=True), single_order.raise_fields(u))
     else:
         shift, tilt = recover_pose(d.centre, u)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from fem import modes
 from fem.accuracy import QUICK, STANDARD
-from fem.discretisation import elements
+from fem.discretisation import angular_fields, elements
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import on_axis
 from fem.error_estimate_rules import TANGENT_RULES
@@ -66,15 +66,15 @@ def timoshenko(length, count):
 
 
 def test_bending_of_a_slender_cylinder_is_timoshenkos():
-    found = frequencies(cylinder(20, elements.fourier_fields(1)), 4)
+    found = frequencies(cylinder(20, angular_fields.fourier_fields(1)), 4)
     beam = timoshenko(20, 3)
     for omega in beam:
         assert np.abs(found / omega - 1).min() < 0.01
 
 
 def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
-    axial = frequencies(cylinder(20, elements.fourier_fields(0)), 2)
-    both = frequencies(cylinder(20, elements.torsion_fields()), 5)
+    axial = frequencies(cylinder(20, angular_fields.fourier_fields(0)), 2)
+    both = frequencies(cylinder(20, angular_fields.torsion_fields()), 5)
     for k in (1, 2):
         quarter = (2 * k - 1) * math.pi / 40
         assert axial[k - 1] == pytest.approx(quarter, rel=0.01)
@@ -83,10 +83,10 @@ def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
 
 
 def test_total_mass_is_the_silicones():
-    system = cylinder(2, elements.fourier_fields(2))
+    system = cylinder(2, angular_fields.fourier_fields(2))
     M = system.mass(3.0, np.zeros(0))
     up = np.zeros(system.fixed.shape)
-    up[:, len(elements.orders(2))] = 1
+    up[:, len(angular_fields.orders(2))] = 1
     free = up[system.free]
     inside = free @ (M + M.T)[: system.n_free, : system.n_free] @ free - free**2 @ M.diagonal()[: system.n_free]
     # the nodes of the clamped face carry the rest

@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 from fem.contact.plate_contact import Plate
-from fem.discretisation import elements, rigid_inclusion, symmetry_models
+from fem.discretisation import angular_fields, elements, rigid_inclusion, symmetry_models
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import lame
 from fem.solvers.direct_solver import Solver
@@ -181,9 +181,9 @@ def test_rigid_body_motion_gives_no_forces():
 @pytest.mark.parametrize("kind", ["axial", "torsion", "harmonic", "planar", "spatial"])
 def test_rigid_motion_derivatives(kind):
     body = {
-        "axial": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), elements.fourier_fields(0)),
-        "torsion": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), elements.torsion_fields()),
-        "harmonic": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), elements.fourier_fields(2)),
+        "axial": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(0)),
+        "torsion": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.torsion_fields()),
+        "harmonic": lambda: rigid_inclusion.section(RNG.normal(size=(4, 2)), angular_fields.fourier_fields(2)),
         "planar": lambda: rigid_inclusion.solid(RNG.normal(size=(4, 3)), 3),
         "spatial": lambda: rigid_inclusion.solid(RNG.normal(size=(4, 3)), 6),
     }[kind]()
@@ -225,7 +225,7 @@ def stiff_or_rigid(magnet, angles, depth):
 def test_rigid_magnet_equals_a_very_stiff_one():
     forces, shifts = [], []
     for magnet in ("hole", "meshed"):
-        system, answer = stiff_or_rigid(magnet, elements.fourier_fields(0), 0.1)
+        system, answer = stiff_or_rigid(magnet, angular_fields.fourier_fields(0), 0.1)
         nodes, shape = system.elements.nodes, Design().shape.scaled(1 / 8)
         forces.append(answer.assembly.forces[system.fixed[:, 1], 1].sum())
         centre = np.argmin(np.hypot(nodes[:, 0] - shape.magnet_diameter / 2, nodes[:, 1] - shape.H))
@@ -238,7 +238,7 @@ def test_a_press_softens_torsion_around_a_rigid_magnet_as_around_a_very_stiff_on
     """Torsional compliance, pressed over at rest: 1.07. The second-order part of the magnet's turn belongs to it."""
     ratios = []
     for magnet in ("hole", "meshed"):
-        system, answer = stiff_or_rigid(magnet, elements.torsion_fields(), 0.2)
+        system, answer = stiff_or_rigid(magnet, angular_fields.torsion_fields(), 0.2)
         nodes, top = system.elements.nodes, (Design().H + Design().magnet_height / 2) / 8 + 1e-6
         torque = np.zeros(system.fixed.shape)
         torque[:, 1] = np.where(nodes[:, 1] > top, nodes[:, 0], 0.0)
@@ -255,5 +255,5 @@ def test_a_press_softens_torsion_around_a_rigid_magnet_as_around_a_very_stiff_on
 
 def test_a_magnet_that_turns_about_its_axis_keeps_its_distances():
     arms = np.abs(RNG.normal(size=(4, 2)))
-    u = rigid_inclusion.section(arms, elements.torsion_fields()).displacement(np.array([0.3, 2.0]))
+    u = rigid_inclusion.section(arms, angular_fields.torsion_fields()).displacement(np.array([0.3, 2.0]))
     np.testing.assert_allclose(np.hypot(arms[:, 0] + u[:, 0], u[:, 1]), arms[:, 0], rtol=1e-14)

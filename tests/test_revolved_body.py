@@ -7,7 +7,7 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.equilibrium import trace
 from fem.results import revolved_body
 from fem.solution import Field
@@ -23,9 +23,9 @@ def field(N, w, z, p=lambda n, r, z: 0 * r, magnet="hole"):
     x = mesh.doflocs
     vertices = np.unique(mesh.dofs.element_dofs[:3])
     n = range(N + 1)
-    u = np.stack([*(w(k, *x) for k in elements.orders(N)), *(z(k, *x) for k in n)], axis=1)
+    u = np.stack([*(w(k, *x) for k in angular_fields.orders(N)), *(z(k, *x) for k in n)], axis=1)
     pressures = np.stack([p(k, *x[:, vertices]) for k in n], axis=1)
-    return Field(mesh=mesh, u=u, p=pressures, vertices=vertices, angles=elements.fourier_fields(N))
+    return Field(mesh=mesh, u=u, p=pressures, vertices=vertices, angles=angular_fields.fourier_fields(N))
 
 
 def rigid(N, phi, move):
@@ -110,7 +110,7 @@ def test_between_nodes_the_series_is_interpolated():
     found = np.asarray(basis.interpolate(dofs))
     x, y, z = np.asarray(basis.global_coordinates())
     r, theta = np.hypot(x, y), np.arctan2(y, x)
-    w = {k: wave(k, r, z) for k in elements.orders(2)}
+    w = {k: wave(k, r, z) for k in angular_fields.orders(2)}
     exact = np.stack(
         [
             sum(w[k] * np.cos((k + 1) * theta) for k in w),

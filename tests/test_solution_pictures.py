@@ -8,7 +8,7 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.equilibrium import trace
 from fem.solution import Field
 from geometry.design import paper
@@ -83,7 +83,7 @@ def test_cut_through_a_full_body(pressed):
     slope = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.0], [0.4, 0.0, -0.2]])
     u, vertices = mesh.doflocs.T @ slope.T, np.unique(mesh.dofs.element_dofs[:4])
     field = Field(
-        mesh=mesh, u=u, p=np.zeros((len(vertices), 1)), vertices=vertices, angles=elements.cartesian_fields(3)
+        mesh=mesh, u=u, p=np.zeros((len(vertices), 1)), vertices=vertices, angles=angular_fields.cartesian_fields(3)
     )
     # both planes leave the cube through x = -0.5 and x = 0.5
     for shear, length in ((0.0, 1.0), (0.5, math.hypot(1.0, 0.5))):

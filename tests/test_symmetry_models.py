@@ -9,7 +9,7 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.contact.plate_contact import KAPPA
-from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation import angular_fields, rigid_inclusion
 from fem.discretisation.symmetry_models import field_names, raise_harmonics
 from fem.results.postprocess import read_pose, tip_force
 from fem.scene import Scene
@@ -115,10 +115,10 @@ def test_a_state_keeps_its_energy_with_more_orders(low, high):
 @pytest.mark.parametrize("harmonics", [1, 2])
 def test_the_magnet_moves_as_a_solid_does(harmonics):
     """Sine orders contain finite rotations about any axis."""
-    angles = elements.fourier_fields(harmonics, sines=True)
+    angles = angular_fields.fourier_fields(harmonics, sines=True)
     arms, motion = np.array([[0.1, 0.2], [0.3, -0.1]]), 0.3 * np.arange(1, 7)
     fields = rigid_inclusion.section(arms, angles).displacement(motion)
-    cartesian = np.einsum("ijt,tjf->tif", elements.rotations(angles.theta), angles.E)
+    cartesian = np.einsum("ijt,tjf->tif", angular_fields.rotations(angles.theta), angles.E)
     moved = np.einsum("tif,nf->tni", cartesian, fields).reshape(-1, 3)
     c, s = np.cos(angles.theta)[:, None], np.sin(angles.theta)[:, None]
     places = np.stack([arms[:, 0] * c, arms[:, 0] * s, arms[:, 1] + 0 * c], axis=-1).reshape(-1, 3)
@@ -126,6 +126,6 @@ def test_the_magnet_moves_as_a_solid_does(harmonics):
 
 
 def test_the_names_of_the_fields_count_them():
-    angles = elements.fourier_fields(3, sines=True)
+    angles = angular_fields.fourier_fields(3, sines=True)
     assert len(set(field_names(angles))) == angles.fields
     assert angles.pressures == 7

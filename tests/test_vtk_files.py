@@ -10,7 +10,7 @@ import pytest
 import skfem
 
 from fem.accuracy import QUICK
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.equilibrium import trace
 from fem.solution import Field
 from geometry.design import paper
@@ -56,7 +56,7 @@ def test_cells_are_positive_and_nodes_in_vtk_order(tmp_path, kind, measure):
         assert np.abs(grid.points[cells[:, column]] - middle).max() < 1e-12
 
 
-ANGLES = {2: elements.fourier_fields(0), 3: elements.cartesian_fields(3)}
+ANGLES = {2: angular_fields.fourier_fields(0), 3: angular_fields.cartesian_fields(3)}
 
 
 @pytest.mark.parametrize("kind", [skfem.MeshTri2, skfem.MeshTet2])

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.discretisation.elements import Angles, Elements
+from fem.discretisation.angular_fields import Angles
+from fem.discretisation.elements import Elements
 from fem.discretisation.overstress import Overstress
 from fem.material import Law, numbered
 from fem.solvers.sparse_pattern import Pattern

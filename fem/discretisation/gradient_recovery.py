@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.discretisation.elements import Elements
 from geometry.arrays import Array, Ints
 
@@ -116,8 +116,8 @@ def _revolved_nodes(e: Elements) -> tuple[Ints, Array, Array]:
     to separate all harmonics of the section from those of the polynomial.
     """
     N, count = e.angles.harmonics, len(e.nodes)
-    angles = elements.fourier_fields(N, 2 * N + DEGREE + 1, sines=e.angles.sines)
-    turns = elements.rotations(angles.theta)
+    angles = angular_fields.fourier_fields(N, 2 * N + DEGREE + 1, sines=e.angles.sines)
+    turns = angular_fields.rotations(angles.theta)
     places = np.stack([e.nodes[:, 0], np.zeros(count), e.nodes[:, 1]], axis=1)
     points = np.einsum("ijt,nj->tni", turns, places).reshape(-1, 3)
     displacements = np.repeat(np.einsum("ijt,tjf->tif", turns, angles.E), count, axis=0)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.discretisation.elements import Angles, orders
+from fem.discretisation.angular_fields import Angles, orders
 from geometry.arrays import Array
 
 
@@ -86,7 +86,7 @@ def section(arms: Array, angles: Angles) -> RigidBody:
 
 
 def sideways(arms: Array, angles: Angles) -> RigidBody:
-    """Return the motion of a section's nodes in a model of order 1, see `elements.order_fields`."""
+    """Return the motion of a section's nodes in a model of order 1, see `angular_fields.order_fields`."""
     r, z = arms.T
     B = np.zeros((3, len(arms), angles.fields))
     B[0, :, 2] = 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields, elements
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import System
 from geometry.arrays import Array, Ints
@@ -62,8 +62,8 @@ def interpolate_section(section: System, other: System) -> SectionInterpolation:
     x, y, z = other.elements.nodes.T
     cells, local = _locate(section.elements, np.stack([np.hypot(x, y), z], axis=1))
     angles = section.elements.angles
-    series = elements.fields_at(np.arctan2(y, x), angles.harmonics, sines=angles.sines)
-    E = np.einsum("ijn,njf->nif", elements.rotations(series.theta), series.E)
+    series = angular_fields.fields_at(np.arctan2(y, x), angles.harmonics, sines=angles.sines)
+    E = np.einsum("ijn,njf->nif", angular_fields.rotations(series.theta), series.E)
     shape, _ = _shape_functions(local)
     return SectionInterpolation(section, other, cells, shape, _barycentric(local), E, series.C)
 

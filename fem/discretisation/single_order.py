@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.discretisation import elements, rigid_inclusion
-from fem.discretisation.elements import Angles, Surface
+from fem.discretisation import angular_fields, rigid_inclusion
+from fem.discretisation.angular_fields import Angles
+from fem.discretisation.elements import Surface
 from fem.discretisation.nonlinear_system import NONE, ON_AXIS, State, System
 from fem.discretisation.symmetry_models import Discretisation
 from geometry.arrays import Array
@@ -23,7 +24,7 @@ from geometry.arrays import Array
 
 def build(low: Discretisation, order: int) -> Discretisation:
     """Return the model of one order n >= 1 on the mesh of an axisymmetric model; `linearise` gives it a state."""
-    base, angles = low.system, elements.order_fields(order)
+    base, angles = low.system, angular_fields.order_fields(order)
     e = replace(base.elements, angles=angles)
     assert base.surface is not None
     clamped, on_axis = np.all(base.fixed, axis=1), e.nodes[:, 0] < ON_AXIS
@@ -70,7 +71,7 @@ def raise_fields(u: Array) -> Array:
 
 def revolve_surface(surface: Surface, angles: Angles) -> Surface:
     """Return the skin of an axisymmetric section with points at several angles."""
-    turned, t = elements.rotations(angles.theta), len(angles.theta)
+    turned, t = angular_fields.rotations(angles.theta), len(angles.theta)
     return Surface(
         nodes=surface.nodes,
         shape=np.repeat(surface.shape, t, axis=0),

@@ -17,7 +17,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.discretisation import elements, rigid_inclusion
+from fem.discretisation import angular_fields, elements, rigid_inclusion
 from fem.discretisation.elements import Elements
 from fem.discretisation.gradient_recovery import Recovery, build_recovery
 from fem.discretisation.nonlinear_system import NONE, System
@@ -163,7 +163,7 @@ def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: floa
 
 def on_axis(harmonics: int, *, sines: bool = False) -> NDArray[np.bool_]:
     """Return which fields of a section may differ from zero on the axis: w_-1, a sideways displacement, and z_0."""
-    across = [order == -1 for order in elements.orders(harmonics)] * (2 if sines else 1)
+    across = [order == -1 for order in angular_fields.orders(harmonics)] * (2 if sines else 1)
     along = [n == 0 for n in range(harmonics + 1)] + [False] * (harmonics if sines else 0)
     return np.array(across + along)
 
@@ -184,12 +184,12 @@ def raise_harmonics(low: System, high: System, q: Array) -> Array:
     return high.unknowns(u, p, motion)
 
 
-def field_names(angles: elements.Angles) -> list[tuple[str, int]]:
+def field_names(angles: angular_fields.Angles) -> list[tuple[str, int]]:
     """Return kind and order of each field: a and b, real and imaginary part of w_k; z and s, cosine and sine of u_z.
 
     The pressures have the kinds and orders of the fields z and s.
     """
-    k, n, both = elements.orders(angles.harmonics), range(angles.harmonics + 1), angles.sines
+    k, n, both = angular_fields.orders(angles.harmonics), range(angles.harmonics + 1), angles.sines
     names = [("a", order) for order in k] + [("b", order) for order in k if both]
     return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if both]
 

@@ -12,7 +12,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array
 
@@ -75,8 +75,8 @@ def revolve(field: Field) -> Body:
     ray %= rays
     angle = np.pi * ray / half
     # the series at the angles of the rays
-    series = elements.fields_at(np.pi * np.arange(rays) / half, field.angles.harmonics, sines=whole)
-    E = np.einsum("ijt,tjf->tif", elements.rotations(series.theta), series.E)
+    series = angular_fields.fields_at(np.pi * np.arange(rays) / half, field.angles.harmonics, sines=whole)
+    E = np.einsum("ijt,tjf->tif", angular_fields.rotations(series.theta), series.E)
     u = np.einsum("nif,nf->ni", E[ray], field.u[node])
     where = np.full(len(x[0]), -1)
     where[field.vertices] = np.arange(len(field.vertices))

@@ -1,8 +1,8 @@
 """The section of a solution along its shear, as points, triangles and fields for the page.
 
-Every triangle of the second-order mesh becomes four flat ones. `fem.discretisation.elements.fields_at` gives the
-displacement u and its slope v by the angle theta along r, theta and z at theta = 0 and pi, from the amplitudes of the
-Fourier series. With the unit tensor 1 the deformation gradient there is
+Every triangle of the second-order mesh becomes four flat ones. The series of `angular_fields`
+gives the displacement u and its slope v by the angle theta along r, theta and z at theta = 0 and pi. With the unit
+tensor 1 the deformation gradient there is
 
     F = 1 + [du/dr, v/r, du/dz],
 
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
 from geometry.design import Design
@@ -106,9 +106,9 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     return *(np.concatenate(part) for part in (rest, moved, pressure, stretch)), triangles  # type: ignore[return-value]
 
 
-def fourier_fields(field: Field, theta: Array) -> elements.Angles:
+def fourier_fields(field: Field, theta: Array) -> angular_fields.Angles:
     """Return the fields of a section at angles (t,)."""
-    return elements.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
+    return angular_fields.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
 
 
 def _at_all_nodes(field: Field, nodes: Ints, p: Array) -> Array:

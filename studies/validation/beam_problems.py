@@ -14,7 +14,7 @@ import skfem
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fem.discretisation import elements
+from fem.discretisation import angular_fields, elements
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import State, System
 from fem.discretisation.symmetry_models import on_axis
@@ -65,7 +65,7 @@ def vibration(slenderness: int, nu: float, *, rows: int, count: int) -> list[flo
     K = system.assemble(system.state(np.zeros(system.size)), None).tangent
     # three times as many modes, since torsion and extension lie between the bending frequencies
     values, vectors = eigen(K, system.mass(1.0, np.zeros(0)), 3 * count)
-    sideways = np.abs([*elements.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
+    sideways = np.abs([*angular_fields.orders(HARMONICS), *range(HARMONICS + 1)]) == 1
     bends = np.broadcast_to(sideways, system.free.shape)[system.free]
     shapes = np.abs(vectors[: system.n_free]).T
     bending = [float(value) for value, x in zip(values, shapes, strict=True) if x[bends].max() > x[~bends].max()]
@@ -129,7 +129,7 @@ def cylinder(
     load = facet_loads(mesh, e, "end", (1 / AREA, 0, 0))
     if not bonded:
         load += facet_loads(mesh, e, "base", (-1 / AREA, 0, 0))
-        fixed[base & ~axis, : len(elements.orders(HARMONICS))] = False
+        fixed[base & ~axis, : len(angular_fields.orders(HARMONICS))] = False
     fixed[np.ix_(axis, ~on_axis(HARMONICS))] = True
     return body(e, fixed, *lame(1.0, nu), dead=load), e
 
@@ -141,5 +141,5 @@ def _tip(e: Elements) -> int:
 
 def _tip_motion(state: State, tip: int) -> tuple[float, float]:
     """Return the displacement along x and z of a node on the axis: the fields w_-1 and z_0."""
-    k = list(elements.orders(HARMONICS))
+    k = list(angular_fields.orders(HARMONICS))
     return float(state.u[tip, k.index(-1)]), float(state.u[tip, len(k)])

@@ -25,8 +25,9 @@ import numpy as np
 import skfem
 
 from fem import material
-from fem.discretisation import elements
-from fem.discretisation.elements import Angles, Elements
+from fem.discretisation import angular_fields, elements
+from fem.discretisation.angular_fields import Angles
+from fem.discretisation.elements import Elements
 from fem.discretisation.symmetry_models import on_axis
 from geometry.arrays import Array
 from studies.validation.solid_problems import SKIN, Mask, body, solve
@@ -194,7 +195,7 @@ def _rule(case: Case, mesh: skfem.Mesh, e: Elements) -> _Rule:
     if not case.harmonics:
         one = np.ones((len(N), 1))
         return _Rule(points, weights, N, N1, np.repeat(np.eye(case.dim)[None], len(N), axis=0), one)
-    a = elements.fourier_fields(case.harmonics, ANGLES)
+    a = angular_fields.fourier_fields(case.harmonics, ANGLES)
     c, s = np.cos(a.theta), np.sin(a.theta)
     r, z = np.moveaxis(points, -1, 0)[..., None]
     solid = np.stack([r * c, r * s, np.broadcast_to(z, (*z.shape[:-1], ANGLES))], axis=-1)

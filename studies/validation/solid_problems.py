@@ -17,7 +17,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem import material
-from fem.discretisation import elements
+from fem.discretisation import angular_fields, elements
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import System
 from fem.material import lame
@@ -262,7 +262,7 @@ def turned_cylinder(stretch: float, angle: float, harmonics: int = 2) -> tuple[f
     e = elements.build(square(2), axisymmetric=True, harmonics=harmonics)
     c, s = math.cos(angle), math.sin(angle)
     A = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ np.diag([stretch, stretch**-0.5, stretch**-0.5])
-    k, (r, z) = list(elements.orders(harmonics)), e.nodes.T
+    k, (r, z) = list(angular_fields.orders(harmonics)), e.nodes.T
     u = np.zeros((len(r), e.angles.fields))
     u[:, k.index(-1)], u[:, k.index(0)] = A[0, 2] * z, ((A[0, 0] + A[1, 1]) / 2 - 1) * r
     u[:, k.index(-2)], u[:, len(k)], u[:, len(k) + 1] = (A[0, 0] - A[1, 1]) / 2 * r, (A[2, 2] - 1) * z, A[2, 0] * r
