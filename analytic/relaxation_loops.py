@@ -20,13 +20,11 @@ A fast stroke (z -> 0) and a slow one (z -> inf) both have no gap.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from geometry.loads import Waveform
 from geometry.prony import Relaxation
-
-Waveform = Literal["sine", "triangle"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Magnet = Literal["rigid", "ignored"]
+Waveform = Literal["triangle", "sine"]
 Angle = TypeVar("Angle", float, "NDArray[np.float64]")
 STEEPEST = 0.7
 """Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""

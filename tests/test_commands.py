@@ -4,7 +4,7 @@ import re
 
 ORDER = """
     Design: design cad mesh cache catalogue size
-    Simulation: solve analytic compare stability modes fit demo
+    Simulation: solve analytic compare stability modes response cycle fit demo
     Sensing: field readings decode table layout
     Exploration: explore sweep sensitivity report store
     Validation: verify friction extremes accuracy crosscheck ladder range claims assumption bench trade surrogate

@@ -133,7 +133,10 @@ def test_bad_input_is_one_sentence(run, tmp_path, tokens):
     [
         (("slove",), 'Did you mean "solve"?'),
         (("solve", "paper", "--dpeth", 1), "did you mean --depth?"),
-        (("compare", "paper", "--depth", 1), "choose one of --out, --accuracy, --tolerance, --set, --wide, --json"),
+        (
+            ("compare", "paper", "--depth", 1),
+            "choose one of --out, --accuracy, --tolerance, --frequency, --speed, --set, --wide, --json",
+        ),
         (("solve", "papre", "--depth", 1), "did you mean paper?"),
         (("design", "paper", "--set", "magnet_hieght=3"), "did you mean magnet_height?"),
         (("solve", "paper", "--depth", 1, "--accuracy", "best"), '"quick", "standard", "fine"'),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
-from geometry.loads import Magnet
+from geometry.loads import Magnet, Waveform
 from geometry.messages import Progress
 from studies.cli.command_output import report_failures, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
@@ -18,10 +18,10 @@ from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
 from studies.output.records import FlatRow
-from studies.simulation.cycle_motion import Motion, Waveform, frequency_of
 
 if TYPE_CHECKING:
     from fem.timed_path import ViscousLaw
+    from studies.simulation.cycle_motion import Motion
 
 FLAG = Parameter(negative="")
 
@@ -87,6 +87,7 @@ def cycle(
     design = design_of(source, sets, magnet)
     from geometry.relaxation import check_range
     from studies.simulation import cycle_report as study
+    from studies.simulation.cycle_motion import Motion, frequency_of
     from studies.simulation.load_cases import friction_of
 
     stroke = abs(2 * shear) or depth

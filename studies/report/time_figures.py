@@ -63,7 +63,7 @@ def _panels(table: Table, columns: list[str], names: list[str], *, relative: boo
 
 def cycle(table: Table) -> list[Figure]:
     """Return the loops of force over motion, a panel for each law."""
-    sheared = bool(np.nanmax(np.abs(table.floats("shear_mm"))) > 0)
+    sheared = bool((np.abs(table.floats("shear_mm")) > 0).any())
     way, force = ("shear_mm", "force_x_N") if sheared else ("depth_mm", "force_z_N")
     x, y, decoded = table.floats(way), table.floats(force), table.floats("decoded_force_N")
     cycles = table.texts("cycle")

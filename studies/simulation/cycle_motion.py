@@ -15,9 +15,8 @@ import numpy as np
 
 from fem.timed_path import TimedLoad
 from geometry.design import BadInput
-from geometry.loads import Load
+from geometry.loads import Load, Waveform
 
-Waveform = Literal["triangle", "sine"]
 Phase = Literal["press", "in", "out", "hold"]
 
 HALF = 24
