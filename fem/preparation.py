@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from fem.discretisation import element_loops, elements, rigid_inclusion, viscous_history
+from fem.contact.contact_extent import solve_press
+from fem.discretisation import element_loops, elements, rigid_inclusion, symmetry_models, viscous_history
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, lame, law
 from geometry import compiled, section
@@ -34,6 +35,8 @@ def prepare() -> bool:
             state = system.admissible(np.zeros(system.size))
             assert state is not None
             system.assemble(state, None)
+    # springs of the plate, chosen and by their overlap
+    solve_press(symmetry_models.section(shape.scaled(1 / shape.D), 0.49, "rigid", 0.4, 0.2), 0.02)
     # a time step of each viscoelastic law
     branches = viscous_history.Branches(np.array([0.5]), np.array([1.0]), 1.0)
     for name in ("prony", "finite"):

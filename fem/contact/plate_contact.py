@@ -26,7 +26,6 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,6 @@ from numpy.typing import NDArray
 from fem.contact import coulomb_friction
 from fem.contact.coulomb_friction import Friction, FrictionTraction
 from fem.discretisation.elements import Surface
-from geometry import compiled
 from geometry.arrays import Array
 
 KAPPA, SECTION_KAPPA = 3e3, 3e4
@@ -44,8 +42,6 @@ GLUE_REACH = 0.0025
 """Largest distance from a tilted plate at which a section is glued, over the depth. With 0 and with 0.005 the forces
 of glued shears at level quick differ from finer sections and from tetrahedra by up to 1.7 %, in opposite
 directions."""
-SAVING_S = 1e-4
-"""CPU time that the compiled springs save in a call, s: about 0.13 ms with NumPy, 0.02 ms compiled."""
 SETTLED = 1e-9
 """Relative change of the contact radius at which its iteration ends: far below the error of the fit."""
 
@@ -220,10 +216,6 @@ def assemble_springs(
     energy : stored in the springs.
     symmetric : whether the stiffness is symmetric.
     """
-    if _only_presses(surface, plate) and compiled.worthwhile(SAVING_S):
-        kernels = compiled.load("fem.contact.plate_compiled")
-        if kernels is not None:
-            return *_press(kernels, surface, u, plate, tangent=tangent), True
     plate_springs = springs(surface, u, plate)
     residual, stiffness, energy = plate_springs.traction, plate_springs.stiffness, plate_springs.energy
     base = base_traction(surface, u, plate.stiffness)
@@ -240,28 +232,6 @@ def assemble_springs(
         np.array_equal(C, stiffness.get((j, i), 0 * C)) for (i, j), C in stiffness.items()
     )
     return forces, blocks, energy, not slips
-
-
-def _only_presses(surface: Surface, plate: Plate) -> bool:
-    """Return whether the springs are those of `plate_compiled`: an upright plate on a section with one angle."""
-    section = surface.angles == 1 and surface.nodes.shape[1] == 3
-    loose = plate.tied is None and plate.friction is None
-    return section and loose and plate.height is not None and not plate.tilt
-
-
-def _press(
-    kernels: ModuleType, surface: Surface, u: Array, plate: Plate, *, tangent: bool
-) -> tuple[Array, Array, float]:
-    """Return forces, stiffness and energy of `assemble_springs` by the compiled loop."""
-    (k, f), fields = surface.nodes.shape, u.shape[1]
-    forces, n = np.zeros((k, f * fields)), f * fields
-    matrices = np.zeros((k, n, n) if tangent else (0, 0, 0))
-    chosen = plate.pressed is not None
-    energy = kernels.press(
-        surface.nodes, surface.upward_spread, surface.weights, surface.points, u, plate.height, plate.stiffness,
-        chosen, plate.pressed if chosen else np.empty((0, 0), dtype=bool), forces, matrices,
-    )  # fmt: skip
-    return forces.reshape(k, f, fields), matrices if tangent else np.zeros((k, 0, 0)), energy
 
 
 def average_over_facets(surface: Surface, values: Array) -> Array:

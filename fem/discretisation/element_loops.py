@@ -85,8 +85,8 @@ class Loops:
         self._carried = _carried_fields(elements.angles)
         self._products = _field_pairs(elements.angles, elements.cells.shape[1])
         # no batch has elements of both kinds, as the magnet's neighbours have more unknowns
-        self._inner = [slice(a, b) for a, b in _cuts(elements, 0, inner)]
-        self._near = [slice(a, b) for a, b in _cuts(elements, inner, len(elements.cells))]
+        self._inner = [slice(a, b) for a, b in cut_batches(elements, 0, inner)]
+        self._near = [slice(a, b) for a, b in cut_batches(elements, inner, len(elements.cells))]
         self._buffers: dict[tuple[str, tuple[int, ...]], Array] = {}
         self._few = len(self._inner) + len(self._near) <= FEW_BATCHES
         self._strained: Array | None = None
@@ -198,7 +198,8 @@ class Loops:
         )  # fmt: skip
         if viscous is not None:
             own = viscous.part(part, angles_first=True)
-            self._add_overstress(own, G.reshape(9, -1), Jm1, self._mu[part], w.ravel(), W, P, A, tangent=tangent)
+            mu = np.tile(np.repeat(self._mu[part], q), t)
+            add_overstress(own, G.reshape(9, -1), Jm1, mu, w.ravel(), W, P, A, tangent=tangent)
         energy = self._kernels.integrate_forces(
             cells, corners, e.D[part], e.pressure_shape, a.V, a.C, self._carried, w, pressure, soft,
             Jm1.reshape(shape), W.reshape(shape), P.reshape(9, *shape), forces, volumes,
@@ -210,23 +211,6 @@ class Loops:
             )
             self._add_tangent(part, self._stiffness(part, A.reshape(9, 9, *shape)), Y, T, data)
         return float(energy)
-
-    def _add_overstress(
-        self, viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array,
-        *, tangent: bool,
-    ) -> None:  # fmt: skip
-        """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
-
-        mu : (m,) moduli of the elements; w : (n,) weights of the points.
-        """
-        from fem.discretisation import viscous_compiled
-
-        if viscous.H is not None:
-            viscous_compiled.add_dead_stress(G, viscous.H, w, W, P, A, tangent)
-        t, q = len(self._elements.angles.theta), self._elements.weights.shape[1]
-        for one in viscous.branches:
-            own = one.share * np.tile(np.repeat(mu, q), t)
-            viscous_compiled.add_branch(G, Jm1, one.A, one.b, own, w, W, P, A, tangent)
 
     def _stiffness(self, part: slice, A: Array) -> Array:
         """Return the stiffness (m, entries) of the elements of a batch, for weighted tangents A (9, 9, t, points)."""
@@ -317,7 +301,24 @@ class FieldPairs:
     size: int
 
 
-def _cuts(e: Elements, begin: int, end: int) -> list[tuple[int, int]]:
+def add_overstress(
+    viscous: Overstress, G: Array, Jm1: Array, mu: Array, w: Array, W: Array, P: Array, A: Array, *, tangent: bool
+) -> None:
+    """Add what a time step adds to the law, at the points of a batch, to energies, stresses and tangents.
+
+    Parameters
+    ----------
+    mu, w : (n,) moduli and weights at the points.
+    """
+    from fem.discretisation import viscous_compiled
+
+    if viscous.H is not None:
+        viscous_compiled.add_dead_stress(G, viscous.H, w, W, P, A, tangent)
+    for one in viscous.branches:
+        viscous_compiled.add_branch(G, Jm1, one.A, one.b, one.share * mu, w, W, P, A, tangent)
+
+
+def cut_batches(e: Elements, begin: int, end: int) -> list[tuple[int, int]]:
     """Return where the batches of the elements from `begin` to `end` begin and end; they are of nearly one size."""
     points = (end - begin) * e.weights.shape[1] * len(e.angles.theta)
     cuts = np.linspace(begin, end, -(-points // BATCH) + 1).astype(int).tolist()

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from fem import material
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
-from fem.discretisation import element_integrals, element_loops
+from fem.discretisation import axisymmetric_loops, element_integrals, element_loops
+from fem.discretisation.axisymmetric_loops import AxisymmetricLoops
 from fem.discretisation.element_loops import FACETS, MOTION, Loops
 from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.overstress import Overstress
@@ -251,8 +252,11 @@ class System:
             return None
         state = self.state(q)
         if element_loops.usable(self.law, self.elements):
-            least = self._loops.least_volume_change(state.u)
-            return replace(state, least_J=1 + least) if least > -1 else None
+            if axisymmetric_loops.knows(self.elements, self.surface):
+                least = self._axisymmetric_loops.least_volume_change(state.u, state.p)
+            else:
+                least = self._loops.least_volume_change(state.u)
+            return State(state.q, state.u, state.p, least_J=1 + least) if least > -1 else None
         strains = self._strains(state)
         least = min((float(strain.Jm1.min()) for strain in strains), default=0.0)
         return replace(state, strains=strains, least_J=1 + least) if least > -1 else None
@@ -264,6 +268,8 @@ class System:
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
         compiled = element_loops.usable(self.law, self.elements)
+        if compiled and axisymmetric_loops.knows(self.elements, self.surface):
+            return self._assemble_axisymmetric(state, plate, tangent=tangent)
         T = self._motion_derivative(state)
         if compiled:
             energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
@@ -284,6 +290,28 @@ class System:
             matrix = self.pattern.with_data(data)
         else:
             matrix = self.pattern.assemble([*groups, own, *blocks])
+        if not symmetric and blocks[0] is not None:
+            matrix = self.pattern.unfold(matrix, blocks[0])
+        return Assembly(residual, energy, forces, matrix, symmetric)
+
+    def _assemble_axisymmetric(self, state: State, plate: Plate | None, *, tangent: bool) -> Assembly:
+        """Return `assemble` of a section without harmonics by compiled loops."""
+        loops, symmetric, blocks = self._axisymmetric_loops, True, list[Array | None]()
+        simple = plate is None or axisymmetric_loops.presses(plate)
+        energy, forces, volumes, data = loops.assemble(
+            state.u, state.p, plate if simple else None, self.viscous, tangent=tangent
+        )
+        if not simple:
+            springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
+            forces, energy = forces + springs, energy + spring_energy
+            if tangent:
+                self._add_small_groups(None, blocks, data)
+        forces -= self.dead
+        energy -= float(np.vdot(self.dead, state.u))
+        residual = loops.residual(forces, volumes, self.size)
+        if not tangent:
+            return Assembly(residual, energy, forces, None)
+        matrix = self.pattern.with_data(data)
         if not symmetric and blocks[0] is not None:
             matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
@@ -311,6 +339,19 @@ class System:
         return Loops(
             self.elements, self.law, mu, inverse_K, self._corners, *numbers, self.pattern, self._free_cells,
             self.n_free, self._compliance,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def _axisymmetric_loops(self) -> AxisymmetricLoops:
+        """The compiled loops over elements and skin of a section without harmonics."""
+        number, on_magnet = self._reduced.copy(), np.zeros(len(self.fixed), dtype=bool)
+        on_magnet[self.glued] = True
+        if self.rigid:
+            number[self.glued, 1] = self.n_free
+        mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
+        return AxisymmetricLoops(
+            self.elements, self.surface, self.law, mu, inverse_K, self._corners, number, self._pressures[:, 0],
+            on_magnet, self.pattern, self._free_cells, self._compliance,
         )  # fmt: skip
 
     def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:

@@ -1,0 +1,244 @@
+"""Forces, stiffness and springs of a section without harmonics, by compiled loops over the elements.
+
+They compute what `nonlinear_system` computes with NumPy, to rounding, and replace `element_loops` where each call
+counts: an assembly is three calls for each thousand points, beside that of the law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.contact.plate_contact import Plate
+from fem.discretisation.element_loops import FACETS, INNER, NEAR, PRESSURES, add_overstress, cut_batches
+from fem.discretisation.elements import Elements, Surface
+from fem.discretisation.overstress import Overstress
+from fem.material import Law, numbered
+from fem.solvers.sparse_pattern import Pattern
+from geometry.arrays import Array, Ints
+
+NO_POINTS: NDArray[np.bool_] = np.empty((0, 0), dtype=bool)
+COMPONENTS = (0, 2, 4, 6, 8)
+"""Components of the gradient that the loops know, see `fem.discretisation.angular_fields.Angles`."""
+
+
+Stress = tuple[Array, Array, Array]
+"""Energies (n,), stresses (9, n) and tangents (9, 9, n)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch:
+    """Some elements, and arrays for what is computed at their n points.
+
+    Attributes
+    ----------
+    part : which elements.
+    elements : cells, corners, D, M and w, see `axisymmetric_compiled`.
+    mu, soft, modulus : shear moduli (m,), 1/K (m,), and shear moduli times weights (n,).
+    strains : G (9, n), J - 1 (n,) and F^-T - 1 (9, n).
+    pressures : pressures, and pressures times weights, (n,) each.
+    stress : results of the law times weights.
+    places : positions (m, 12, 12) and (m, 12, 3) of the entries of stiffness and coupling.
+    """
+
+    part: slice
+    elements: tuple[Ints, Ints, Array, Array, Array]
+    mu: Array
+    soft: Array
+    modulus: Array
+    strains: tuple[Array, Array, Array]
+    pressures: tuple[Array, Array]
+    stress: Stress
+    places: tuple[Ints, Ints]
+
+
+def knows(elements: Elements, surface: Surface | None) -> bool:
+    """Return whether the loops know these elements and skin."""
+    a = elements.angles
+    return a.components == COMPONENTS and a.fields == 2 and (surface is None or surface.angles == 1)
+
+
+def presses(plate: Plate) -> bool:
+    """Return whether the loops know a plate's springs: upright, without glue or friction."""
+    return plate.height is not None and not plate.tilt and plate.tied is None and plate.friction is None
+
+
+class AxisymmetricLoops:
+    """Compiled loops over the elements and the skin of one section.
+
+    Parameters
+    ----------
+    mu, inverse_K : (m,) moduli of the elements.
+    corners : (m, 3) rows of the pressures.
+    number : (nodes, 2) numbers of the unknowns; u_z of the nodes on the magnet is its motion; -1 where eliminated.
+    pressure_number : (corners,) the same of the pressures.
+    on_magnet : (nodes,) mask of the nodes on the magnet.
+    pattern : sparse pattern; its groups are those of `System`.
+    inner : number of elements that do not touch the magnet; they come first.
+    compliance : (m, 3, 3) constant matrices of the pressures.
+    """
+
+    def __init__(
+        self,
+        elements: Elements,
+        surface: Surface | None,
+        law: Law,
+        mu: Array,
+        inverse_K: Array,
+        corners: Ints,
+        number: Ints,
+        pressure_number: Ints,
+        on_magnet: NDArray[np.bool_],
+        pattern: Pattern,
+        inner: int,
+        compliance: Array,
+    ) -> None:
+        from fem import laws_compiled
+        from fem.discretisation import axisymmetric_compiled
+
+        self._laws, self._kernels = laws_compiled, axisymmetric_compiled
+        form = numbered(law)
+        assert form is not None
+        self._law, self._constants = form
+        self._number, self._pressure_number, self._pattern = number, pressure_number, pattern
+        # the last entry is a dump for those that are not in the upper triangle
+        self._constant = _compliance_entries(compliance, pressure_number[corners], pattern)
+        places = _places(elements.cells, corners, number, pressure_number, on_magnet, pattern, inner)
+        cuts = cut_batches(elements, 0, len(elements.cells))
+        most = max(end - begin for begin, end in cuts) * elements.weights.shape[1]
+        # results of the law, which each batch overwrites
+        self._stress = np.zeros(most), np.zeros(9 * most), np.zeros(81 * most)
+        self._batches = [_batch(elements, slice(*cut), mu, inverse_K, corners, places, self._stress) for cut in cuts]
+        self._skin = None if surface is None else _skin(surface, number, on_magnet, pattern)
+        self._evaluated: Array | None = None
+
+    def least_volume_change(self, u: Array, p: Array) -> float:
+        """Return the least J - 1 at the integration points; nan where any is nan."""
+        least = [
+            self._kernels.strain_points(*one.elements, u, p[:, 0], *one.strains, *one.pressures)
+            for one in self._batches
+        ]
+        # no array of displacements or pressures is written to later
+        self._evaluated = u
+        return float(np.min(least))
+
+    def assemble(
+        self, u: Array, p: Array, plate: Plate | None, viscous: Overstress | None, *, tangent: bool
+    ) -> tuple[float, Array, Array, Array]:
+        """Return energy, nodal forces (nodes, 2), volumes (corners, 1), and entries (nnz,) of the tangent, or none.
+
+        plate : a plate that `presses`, or None.
+        viscous : what a time step adds to the law, or None.
+        """
+        if self._evaluated is not u:
+            self.least_volume_change(u, p)
+        forces, volumes, energy = np.zeros(u.shape), np.zeros(len(p)), 0.0
+        data = self._constant.copy() if tangent else self._constant
+        for one in self._batches:
+            self._evaluate_law(one, viscous, tangent=tangent)
+            energy += self._kernels.add_elements(
+                *one.elements, one.soft, one.pressures[0], *one.strains[1:], *one.stress, forces, volumes,
+                *one.places, data, tangent,
+            )  # fmt: skip
+        if plate is not None:
+            assert self._skin is not None
+            chosen = plate.pressed is not None
+            energy += self._kernels.add_springs(
+                *self._skin[:-1], u, plate.height, plate.stiffness, chosen, plate.pressed if chosen else NO_POINTS,
+                forces, self._skin[-1], data, tangent,
+            )  # fmt: skip
+        return energy, forces, volumes[:, None], data[:-1]
+
+    def residual(self, forces: Array, volumes: Array, size: int) -> Array:
+        """Return the residual (n,) of nodal forces and volumes."""
+        residual = np.zeros(size)
+        self._kernels.collect(forces, volumes[:, 0], self._number, self._pressure_number, residual)
+        return residual
+
+    def _evaluate_law(self, one: _Batch, viscous: Overstress | None, *, tangent: bool) -> None:
+        """Write energies, stresses and tangents, times the weights, at the points of a batch."""
+        G, Jm1, Hm1 = one.strains
+        modulus = one.modulus if viscous is None else one.modulus * viscous.factor
+        self._laws.stress(
+            self._law, self._constants, G, Jm1, Hm1, modulus, one.pressures[1], *one.stress, tangent=tangent
+        )
+        if viscous is not None:
+            own = viscous.part(one.part, angles_first=True)
+            w = one.elements[-1]
+            add_overstress(own, G, Jm1, np.repeat(one.mu, w.shape[1]), w.ravel(), *one.stress, tangent=tangent)
+
+
+def _batch(
+    e: Elements, part: slice, mu: Array, inverse_K: Array, corners: Ints, places: tuple[Ints, Ints], stress: Stress
+) -> _Batch:
+    """Return the batch of some elements; `stress` are arrays for at least as many points."""
+    w = e.weights[part] * e.angles.weights[0]
+    n = w.size
+    own = e.cells[part], corners[part], e.D[part], np.ascontiguousarray(e.pressure_shape), w
+    return _Batch(
+        part,
+        own,
+        mu[part],
+        np.ascontiguousarray(inverse_K[part]),
+        (w * mu[part, None]).ravel(),
+        # the loops write five components of nine; the others stay zero
+        (np.zeros((9, n)), np.zeros(n), np.zeros((9, n))),
+        (np.zeros(n), np.zeros(n)),
+        (stress[0][:n], stress[1][: 9 * n].reshape(9, n), stress[2][: 81 * n].reshape(9, 9, n)),
+        (places[0][part], places[1][part]),
+    )
+
+
+def _places(
+    cells: Ints, corners: Ints, number: Ints, pressure_number: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern,
+    inner: int,
+) -> tuple[Ints, Ints]:  # fmt: skip
+    """Return the positions of the elements' stiffness (m, 12, 12) and coupling (m, 12, 3), see `_entries`."""
+    (m, a), c = cells.shape, corners.shape[1]
+    unknowns = np.swapaxes(number[cells], 1, 2).reshape(m, 2 * a)
+    # u_z of a node on the magnet is the unknown of the magnet, the last block of the elements at it
+    blocks = np.tile(np.arange(a), (m, 2))
+    blocks[:, a:][on_magnet[cells]] = a
+    offset, coupled = np.zeros((m, a + 1, a + 1), dtype=np.int64), np.zeros((m, a + 1, c), dtype=np.int64)
+    offset[:inner, :a, :a], offset[inner:] = pattern.offsets[INNER], pattern.offsets[NEAR]
+    coupled[:inner, :a], coupled[inner:] = pattern.offsets[INNER + 1], pattern.offsets[NEAR + 1]
+    each = np.arange(m)[:, None, None]
+    rows = unknowns[:, :, None]
+    stiff = _entries(pattern, rows, unknowns[:, None], offset[each, blocks[:, :, None], blocks[:, None]])
+    # the block of u_r by u_z stands for that of u_z by u_r too
+    stiff[:, :a, a:] = np.minimum(stiff[:, :a, a:], np.swapaxes(stiff[:, a:, :a], 1, 2))
+    return (
+        stiff,
+        _entries(pattern, rows, pressure_number[corners][:, None], coupled[each[:, :, 0], blocks]),
+    )
+
+
+def _compliance_entries(compliance: Array, unknowns: Ints, pattern: Pattern) -> Array:
+    """Return the entries (nnz + 1,) of the matrices (m, 3, 3) of the pressures, whose numbers are (m, 3)."""
+    places = _entries(pattern, unknowns[:, :, None], unknowns[:, None], pattern.offsets[PRESSURES])
+    entries = np.bincount(places.ravel(), weights=compliance.ravel(), minlength=pattern.entries + 1)
+    return np.asarray(entries, dtype=np.float64)
+
+
+def _skin(
+    surface: Surface, number: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern
+) -> tuple[Ints, Array, Array, Array, Ints]:
+    """Return the skin's nodes, shape functions, weights, heights, and positions (k, 3, 3) of its entries."""
+    unknowns = np.where(on_magnet, -1, number[:, 1])[surface.nodes]
+    places = _entries(pattern, unknowns[:, :, None], unknowns[:, None], pattern.offsets[FACETS])
+    z = np.ascontiguousarray(surface.points[..., 2])
+    return np.ascontiguousarray(surface.nodes), np.ascontiguousarray(surface.shape), surface.weights, z, places
+
+
+def _entries(pattern: Pattern, rows: Ints, columns: Ints, offset: Ints) -> Ints:
+    """Return the positions of entries in the upper triangle, and `pattern.entries` for those that are not in it.
+
+    Parameters
+    ----------
+    rows, columns : numbers of the unknowns, -1 where eliminated.
+    offset : starts of their pairs of blocks, see `sparse_pattern`.
+    """
+    upper = (rows >= 0) & (columns >= rows)
+    return np.where(upper, pattern.diagonal[rows] + offset + pattern.inside[columns], pattern.entries)

@@ -1,0 +1,41 @@
+"""Compiled assembly of a section without harmonics: which plates and elements it knows, and its batches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_element_loops import assert_equal_assemblies, both
+from test_nonlinear_system import SCENES, plate, smooth
+
+from fem.contact import coulomb_friction
+from fem.discretisation import axisymmetric_loops, element_loops
+
+pytest.importorskip("numba", reason="the loops need the extra `fast`")
+
+
+def test_sections_without_harmonics_are_known_and_others_are_not():
+    known = {name for name, build in SCENES.items() if axisymmetric_loops.knows(build().elements, build().surface)}
+    assert known == {"cylinder", "sensor"}
+
+
+def test_springs_at_chosen_points():
+    system, flat = plate("sensor", 0.02)
+    q = smooth(system)
+    chosen = replace(flat, pressed=np.random.default_rng(3).random(system.surface.weights.shape) < 0.3)
+    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), chosen)))
+
+
+def test_a_plate_with_friction_is_added_by_numpy():
+    system, flat = plate("sensor", 0.02)
+    rough = replace(flat, friction=coulomb_friction.at_rest(0.5, system.surface.weights.shape))
+    assert not axisymmetric_loops.presses(rough)
+    q = smooth(system)
+    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), rough)))
+
+
+def test_results_do_not_depend_on_the_size_of_batches(monkeypatch):
+    monkeypatch.setattr(element_loops, "BATCH", 100)
+    system, flat = plate("sensor", 0.02)
+    q = smooth(system)
+    assert_equal_assemblies(*both(lambda: system.assemble(system.admissible(q), flat)))
+    assert len(system._axisymmetric_loops._batches) > 5
