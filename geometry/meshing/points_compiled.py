@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
 from geometry.meshing.delaunay_compiled import repair, triangulate
-from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, edge_length, room
+from geometry.meshing.quadtree_compiled import Tree, edge_length
+from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, room
 
 SPACING, STEPS = 0.85, 10
 """As in `geometry.section`."""
 
 
 @njit(cache=True)
-def leaves(tree: tuple[Array, Ints, Ints, Array], node: Array) -> Array:
+def leaves(tree: Tree, node: Array) -> Array:
     """Return the leaves (r, z, edge length, distance from the border over edge length), shape (n, 4).
 
     Leaves too close to a node of the border are left out.
@@ -145,7 +146,7 @@ def _select(values: Array, rank: int) -> float:
 
 
 @njit(cache=True)
-def _push(x: Array, fixed: int, bars: Ints, tree: tuple[Array, Ints, Ints, Array], size: float) -> tuple[Array, int]:
+def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float) -> tuple[Array, int]:
     """Return the sum of the forces of the springs on each point, shape (n, 2), and the number of springs.
 
     Springs between two points of the border have none.
@@ -189,9 +190,7 @@ def triangulation(image: Array, fixed: int, corner: Ints, twin: Ints) -> tuple[I
 
 
 @njit(cache=True)
-def sprung(
-    beam: Array, fixed: int, x: Array, tree: tuple[Array, Ints, Ints, Array], size: float, pole: Array
-) -> tuple[Ints, Ints, Ints]:
+def sprung(beam: Array, fixed: int, x: Array, tree: Tree, size: float, pole: Array) -> tuple[Ints, Ints, Ints]:
     """Move the points inside as if edges were springs; return the last edges and triangulation before the last step.
 
     fixed : number of points of the border, which come first in x.
@@ -215,9 +214,7 @@ def sprung(
 
 
 @njit(cache=True)
-def bridges(
-    bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: tuple[Array, Ints, Ints, Array], size: float
-) -> Array:
+def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: Tree, size: float) -> Array:
     """Return the middles (r, z, edge length) of edges from the magnet to the skin or the base, shape (n, 3)."""
     outer, core = np.zeros(fixed, np.bool_), np.zeros(fixed, np.bool_)
     for k in range(len(segment)):

@@ -5,6 +5,7 @@ Sines and cosines come from NumPy, because those of compiled functions may diffe
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -13,7 +14,13 @@ import skfem
 
 from geometry.arrays import Array, Ints
 from geometry.design import Shape
-from geometry.meshing import points_compiled, sizing_compiled, triangles_compiled
+from geometry.meshing import (
+    outline_compiled,
+    points_compiled,
+    quadtree_compiled,
+    sizing_compiled,
+    triangles_compiled,
+)
 from geometry.meshing.section_grading import fixed_sources, pairs
 from geometry.meshing.section_outline import Curve, outline
 from geometry.section import FRACTIONS, SLOPES, Settings
@@ -29,33 +36,23 @@ def mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
 
     unit : the shape in units of D, rounded.
     """
-    beam, curves = _beam(unit, s.magnet != "meshed"), _table(outline(unit, s.magnet, s.ring and s.ring[0]))
-    turns = np.zeros((2, len(curves), len(BOTH)))
-    arcs = curves[:, 6] > 0
-    turns[:, arcs] = _turns(curves[arcs, None], BOTH)
+    beam, outlined = _beam(unit, s.magnet != "meshed"), outline(unit, s.magnet, s.ring and s.ring[0])
+    curves, turns = _table(outlined), _turns(tuple(curve.bearing for curve in outlined if curve.centre is not None))
     at, least, growth = fixed_sources(unit, s.size, s.tip_size, s.ring)
-    source = sizing_compiled.sources(
-        curves,
-        SAMPLED,
-        turns[:, :, : len(SAMPLED)],
-        beam,
-        s.size,
-        s.fillet,
-        s.magnet == "meshed",
-        np.column_stack([pairs(at), least, growth]),
-    )
-    tree = sizing_compiled.quadtree(beam, source, s.size)
-    t, first = sizing_compiled.cuts(curves, FRACTIONS, turns[:, :, len(SAMPLED) :], tree, s.size)
-    place, segment, curve, middle = sizing_compiled.numbered(curves, t, first)
-    owner, t = np.repeat(np.arange(len(curves)), np.diff(first))[place], t[place]
-    border = sizing_compiled.points(curves, owner, t, _turns(curves[owner], t))
-    name = curves[curve, 10].astype(np.int64)
+    fixed = np.column_stack([pairs(at), least, growth])
+    source = sizing_compiled.sources(curves, SAMPLED, turns, beam, s.size, s.fillet, s.magnet == "meshed", fixed)
+    tree = quadtree_compiled.quadtree(beam, source, s.size)
+    t, first = outline_compiled.cuts(curves, FRACTIONS, turns, tree, s.size)
+    place, segment, middle = outline_compiled.numbered(curves, t, first)
+    name = curves[:, 10].astype(np.int64)[middle[:, 0].astype(np.int64)]
+    border = np.empty((len(place), 2))
+    outline_compiled.place_points(border, curves, place)
     x, cells = _delaunay(beam, border, segment, name, tree, source[0], s.size)
     silicone, core = triangles_compiled.parts(x, cells, segment, name, s.magnet == "meshed")
-    real = _table(outline(shape, s.magnet, s.ring and s.ring[0] * shape.D))
+    real, middles = _table(outline(shape, s.magnet, s.ring and s.ring[0] * shape.D)), np.empty((len(middle), 2))
     x *= shape.D
-    x[: len(border)] = sizing_compiled.points(real, owner, t, _turns(real[owner], t))
-    middles = sizing_compiled.points(real, curve, middle, _turns(real[curve], middle))
+    outline_compiled.place_points(x, real, place)
+    outline_compiled.place_points(middles, real, middle)
     return _second_order(x, silicone, core, segment, name, middles)
 
 
@@ -75,10 +72,15 @@ def _table(curves: list[Curve]) -> Array:
     return np.array(rows)
 
 
-def _turns(curves: Array, t: Array) -> Array:
-    """Return sine and cosine of the angles at fractions t of curves, which broadcast, shape (2, ...)."""
-    angle = curves[..., 8] + (curves[..., 9] - curves[..., 8]) * t
-    return np.stack([np.sin(angle), np.cos(angle)])
+@functools.lru_cache(maxsize=8)
+def _turns(bearings: tuple[tuple[float, float], ...]) -> Array:
+    """Return sine and cosine of the angles of arcs at the fractions `BOTH`, shape (arcs, n, 2).
+
+    Without a ring on the dome, the arcs of all designs have the same angles.
+    """
+    first, last = np.array(bearings).T[:, :, None]
+    angle = first + (last - first) * BOTH
+    return np.stack([np.sin(angle), np.cos(angle)], axis=2)
 
 
 def _delaunay(
@@ -86,7 +88,7 @@ def _delaunay(
     border: Array,
     segment: Ints,
     name: Ints,
-    tree: tuple[Array, Ints, Ints, Array],
+    tree: quadtree_compiled.Tree,
     tip: Array,
     size: float,
 ) -> tuple[Array, Ints]:

@@ -1,0 +1,178 @@
+"""The section's target edge length by a quadtree that lists the sources that matter in each cell, compiled by numba.
+
+All lengths are in units of D; points are (r, z). The sources are those of `sizing_compiled.sources`.
+
+A tree is (cells, child, lists, entries). Its roots are squares of side 1/2 above each other.
+cells : centre (r, z), edge length there, 1 if it is a leaf inside the silicone, shape (n, 4), in order of their size.
+child : first one of the four children of each cell, -1 if it has none, shape (n,).
+lists : first entry and end of each cell's list, shape (n, 2). A cell without children has the list of its parent.
+entries : the sources in the lists, shape (k, 5); the first list holds all sources.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from geometry.arrays import Array, Ints
+from geometry.meshing.section_outline import SMALLEST
+from geometry.meshing.sizing_compiled import room
+
+ROUNDING = 1 + 1e-9
+"""Factor by which a bound is raised, so that rounding cannot exclude a source."""
+Tree = tuple[Array, Ints, Ints, Array]
+
+
+@njit(cache=True)
+def grown(array: Array, count: int) -> Array:
+    """Return an array with at least `count` rows that begins with the given rows."""
+    if count <= len(array):
+        return array
+    longer = np.empty((2 * count, array.shape[1]), array.dtype)
+    for i in range(len(array)):
+        for j in range(array.shape[1]):
+            longer[i, j] = array[i, j]
+    return longer
+
+
+@njit(cache=True)
+def quadtree(beam: Array, source: Array, size: float) -> Tree:
+    """Divide the plane into cells that are small against the edge length.
+
+    Cells outside the silicone are not divided.
+    """
+    # one root above the tip, so that each point of the section lies in one
+    used, count = len(source), int(source[0, 1] / 0.5) + 1
+    cells, child, lists = np.empty((8192, 4)), np.empty((8192, 1), np.int64), np.empty((8192, 2), np.int64)
+    entries = np.empty((16384, 5))
+    entries[:used] = source
+    for i in range(count):
+        cells[i, 0], cells[i, 1] = 0.25, 0.5 * (0.5 + i)
+        lists[i, 0], lists[i, 1] = 0, used
+    side, first, last = 0.5, 0, count
+    while first < last:
+        for c in range(first, last):
+            r, z, begin, end = cells[c, 0], cells[c, 1], lists[c, 0], lists[c, 1]
+            cells[c, 3], child[c, 0] = 0.0, -1
+            space = room(beam, r, z)
+            if space <= -0.71 * side:
+                continue  # the cell lies outside: half a diagonal is 0.71 sides
+            wanted, best = _finest(entries, begin, end, r, z)
+            cells[c, 2] = min(wanted, size)
+            if cells[c, 2] >= side / 0.3:
+                cells[c, 3] = 1.0 if space > 0 else 0.0
+                continue
+            entries = grown(entries, used + end - begin)
+            lists[c, 0] = used
+            used = _select(entries, begin, end, best, wanted, size, (r, z, side / 2), entries, used)
+            lists[c, 1] = used
+            cells, child, lists = grown(cells, count + 4), grown(child, count + 4), grown(lists, count + 4)
+            child[c, 0] = count
+            for k in range(4):
+                cells[count, 0] = r + (side / 4 if k % 2 else -side / 4)
+                cells[count, 1] = z + (side / 4 if k > 1 else -side / 4)
+                lists[count, 0], lists[count, 1] = lists[c, 0], used
+                count += 1
+        first, last, side = last, count, side / 2
+    return cells[:last], child[:last, 0].copy(), lists[:last], entries[:used]
+
+
+@njit(cache=True)
+def _finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[float, int]:
+    """Return the least edge length that sources from `begin` to `end` require at a point, and that source."""
+    wanted, best = np.inf, begin
+    for e in range(begin, end):
+        dr, dz = r - entries[e, 0], z - entries[e, 1]
+        length = math.sqrt(dr * dr + dz * dz) * entries[e, 3] + entries[e, 2]
+        if length < wanted:
+            wanted, best = length, e
+    return wanted, best
+
+
+@njit(cache=True)
+def _select(
+    entries: Array,
+    begin: int,
+    end: int,
+    best: int,
+    wanted: float,
+    size: float,
+    square: tuple[float, float, float],
+    into: Array,
+    used: int,
+) -> int:
+    """Write the sources from `begin` to `end` that can require the least edge length in a square; return the end.
+
+    best, wanted : the source that requires the least at the square's centre, and the edge length.
+    square : centre (r, z) and half the side. into, used : where to write.
+    """
+    r, z, half = square
+    reach, growth = math.sqrt(2.0) * half, entries[best, 3]
+    best_r, best_z = entries[best, 0], entries[best, 1]
+    far = (r - best_r) * (r - best_r) + (z - best_z) * (z - best_z)
+    # nowhere in the square is the edge length larger than this
+    most, across = min(wanted + reach * growth + SMALLEST, size), math.sqrt(far) + 2 * reach
+    for e in range(begin, end):
+        dr, dz = r - entries[e, 0], z - entries[e, 1]
+        distance = dr * dr + dz * dz
+        # only up to this distance can the source require less than `most` somewhere in the square
+        near = (most - entries[e, 2]) * entries[e, 4] + reach
+        if near <= 0 or distance > near * near * ROUNDING:
+            continue
+        if e != best and entries[e, 3] >= growth:
+            # the excess of the squared distance over that from the best source is linear: least in a corner
+            excess = distance - far - 2 * half * (abs(entries[e, 0] - best_r) + abs(entries[e, 1] - best_z))
+            if excess >= 0 and excess * growth >= (entries[best, 2] - entries[e, 2]) * (near + across) * ROUNDING:
+                continue
+        for i in range(5):
+            into[used, i] = entries[e, i]
+        used += 1
+    return used
+
+
+@njit(cache=True)
+def edge_length(tree: Tree, size: float, r: float, z: float) -> float:
+    """Return the target edge length at a point inside the roots of a tree."""
+    child, lists, entries = tree[1], tree[2], tree[3]
+    c, quarter, middle_r = int(z / 0.5), 0.125, 0.25
+    middle_z = 0.5 * (0.5 + c)
+    while child[c] >= 0:
+        right, up = r > middle_r, z > middle_z
+        c = child[c] + (1 if right else 0) + (2 if up else 0)
+        middle_r += quarter if right else -quarter
+        middle_z += quarter if up else -quarter
+        quarter /= 2
+    wanted = size
+    for e in range(lists[c, 0], lists[c, 1]):
+        dr, dz = r - entries[e, 0], z - entries[e, 1]
+        wanted = min(wanted, math.sqrt(dr * dr + dz * dz) * entries[e, 3] + entries[e, 2])
+    return wanted
+
+
+@njit(cache=True)
+def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near: Array, wanted: Array) -> None:
+    """Write the target edge length at points from `first` to `last`, which lie in the rectangle between these two.
+
+    near : space for the sources that matter there, shape (n, 5).
+    """
+    child, lists, entries = tree[1], tree[2], tree[3]
+    r, z, other_r, other_z = x[first, 0], x[first, 1], x[last, 0], x[last, 1]
+    c, quarter, middle_r = int(z / 0.5), 0.125, 0.25
+    middle_z = 0.5 * (0.5 + c)
+    # the smallest cell that holds both points
+    while int(other_z / 0.5) == int(z / 0.5) and child[c] >= 0:
+        right, up = r > middle_r, z > middle_z
+        if (other_r > middle_r) != right or (other_z > middle_z) != up:
+            break
+        c = child[c] + (1 if right else 0) + (2 if up else 0)
+        middle_r += quarter if right else -quarter
+        middle_z += quarter if up else -quarter
+        quarter /= 2
+    begin, end = (lists[c, 0], lists[c, 1]) if int(other_z / 0.5) == int(z / 0.5) else (0, len(near))
+    square = (r + other_r) / 2, (z + other_z) / 2, max(abs(r - other_r), abs(z - other_z)) / 2
+    least, best = _finest(entries, begin, end, square[0], square[1])
+    count = _select(entries, begin, end, best, least, size, square, near, 0) if begin < end else 0
+    for i in range(first, last + 1):
+        wanted[i] = min(size, _finest(near, 0, count, x[i, 0], x[i, 1])[0])
