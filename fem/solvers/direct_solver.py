@@ -1,7 +1,8 @@
 """Factorisation of sparse indefinite matrices that share one pattern (`sparse_pattern`), symmetric or not.
 
 PARDISO (of MKL, the extra `fast`) reuses its symbolic phase. Without it SuperLU gives the same answers,
-with the unknowns ordered by METIS nested dissection.
+with the unknowns ordered by METIS nested dissection. Small symmetric matrices are factorised by compiled loops where
+these are faster (`band_factors`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from fem.solvers.band_factors import BandFactors, band_factors
 from geometry.arrays import Array, Ints
 
 FEW = 10_000
@@ -78,6 +80,9 @@ class Solver:
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
+        # a library that is asked for by name takes all matrices
+        self._try_band = pardiso is None
+        self._band: BandFactors | None = None
         self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
@@ -91,11 +96,13 @@ class Solver:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
         order : returns the order (n,) in which PARDISO eliminates the unknowns of a large symmetric matrix; called
-            once. Default: PARDISO's own.
+            at most once. Default: PARDISO's own.
         """
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
         self._symmetric = symmetric
+        if symmetric and self._factorise_band(matrix):
+            return
         if self._use_pardiso:
             handle = self._handles.get(symmetric)
             if handle is None:
@@ -113,6 +120,15 @@ class Solver:
         if self._order is None:
             self._order = nested_dissection(full)
         self._lu = _superlu(full[self._order][:, self._order])
+
+    def _factorise_band(self, matrix: sp.csr_matrix) -> bool:
+        """Factorise by compiled loops; return False where these are slower, or the pivots do not allow it."""
+        if self._try_band and self._band is None:
+            self._band = band_factors(matrix)
+        self._try_band = self._band is not None and self._band.factorise(matrix)
+        if not self._try_band:
+            self._band = None
+        return self._try_band
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
         """Return the Schur complement (c, c) of some unknowns of a symmetric matrix, given as its upper triangle.
@@ -186,12 +202,16 @@ class Solver:
         """
         if not self._symmetric:
             return None
+        if self._band is not None:
+            return self._band.negative
         if self._use_pardiso:
             return int(self._handles[True].iparm[22])
         return _negative_pivots(self._lu)
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
+        if self._symmetric and self._band is not None:
+            return self._band.solve(b)
         if not self._use_pardiso:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])

@@ -1,0 +1,99 @@
+"""Factors of small matrices in a band, against dense algebra and PARDISO or SuperLU."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_nonlinear_system import plate, smooth
+
+from fem.solvers import band_factors
+from fem.solvers.direct_solver import SingularMatrixError, Solver
+from geometry import compiled
+
+pytest.importorskip("numba", reason="the loops need the extra `fast`")
+
+
+@pytest.fixture(autouse=True)
+def _compiled():
+    assert compiled.prepare()
+
+
+def tangent(name="sensor"):
+    system, flat = plate(name, 0.02)
+    q = smooth(system)
+    return system.assemble(system.admissible(q), flat).tangent
+
+
+def whole(upper):
+    return upper.toarray() + np.triu(upper.toarray(), 1).T
+
+
+@pytest.mark.parametrize("name", ["cylinder", "sensor"])
+def test_solutions_and_signs_are_those_of_dense_algebra(name):
+    K = tangent(name)
+    factors, b = band_factors.band_factors(K), np.random.default_rng(1).normal(size=(K.shape[0], 3))
+    assert factors.factorise(K)
+    np.testing.assert_allclose(whole(K) @ factors.solve(b), b, atol=1e-9)
+    np.testing.assert_array_equal(factors.solve(b[:, 0]), factors.solve(b)[:, 0])
+    assert factors.negative == np.count_nonzero(np.linalg.eigvalsh(whole(K)) < 0)
+
+
+def test_an_unknown_that_is_coupled_with_all_others_lies_outside_the_band():
+    n = 40
+    K = sp.diags([np.full(n, 4.0), np.full(n - 1, -1.0)], [0, 1]).tolil()
+    K[7, 8:] = 0.3
+    K[:7, 7] = 0.3
+    K[7, 7] = -0.5
+    K = K.tocsr()
+    factors = band_factors.BandFactors(K)
+    assert factors._order[-1] == 7
+    assert factors.factorise(K)
+    assert factors.negative == 1
+    np.testing.assert_allclose(whole(K) @ factors.solve(np.arange(1.0, n + 1)), np.arange(1.0, n + 1), rtol=1e-12)
+
+
+def test_separate_parts_are_ordered_one_after_the_other():
+    K = sp.block_diag([sp.diags([[2.0] * 5, [1.0] * 4], [0, 1]), sp.eye(3), [[3.0, 1.0], [0.0, -2.0]]]).tocsr()
+    factors = band_factors.BandFactors(K)
+    assert sorted(factors._order) == list(range(10))
+    assert factors.factorise(K)
+    assert factors.negative == 1
+    np.testing.assert_allclose(whole(K) @ factors.solve(np.ones(10)), np.ones(10), rtol=1e-12)
+
+
+def test_a_matrix_that_needs_other_pivots_is_left_to_the_library():
+    K = sp.csr_matrix((np.array([0.0, 1.0, 0.0]), np.array([0, 1, 1]), np.array([0, 2, 3])), shape=(2, 2))
+    assert not band_factors.BandFactors(K).factorise(K)
+    solver = Solver()
+    solver.factorise(K)
+    np.testing.assert_allclose(solver.solve(np.array([2.0, 3.0])), [3.0, 2.0])
+    assert solver.negative() in (1, None)
+    solver.close()
+
+
+def test_a_singular_matrix_is_refused():
+    K = sp.csr_matrix((np.array([1.0, 1.0, 1.0]), np.array([0, 1, 1]), np.array([0, 2, 3])), shape=(2, 2))
+    assert not band_factors.BandFactors(K).factorise(K)
+    with pytest.raises(SingularMatrixError):
+        Solver().factorise(sp.csr_matrix(([np.nan], [0], [0, 1]), shape=(1, 1)))
+
+
+def test_large_matrices_are_left_to_the_library():
+    n = band_factors.MOST_UNKNOWNS
+    assert band_factors.band_factors(sp.eye(n + 1, format="csr")) is None
+    assert band_factors.band_factors(sp.csr_matrix(np.triu(np.ones((400, 400))))) is None
+
+
+def test_the_solver_takes_the_band_unless_a_library_is_named():
+    K = tangent()
+    solver, named = Solver(), Solver(pardiso=False)
+    with compiled.uncompiled():
+        other = Solver()
+        other.factorise(K)
+    solver.factorise(K)
+    named.factorise(K)
+    assert solver._band is not None
+    assert other._band is named._band is None
+    b = np.ones(K.shape[0])
+    np.testing.assert_allclose(solver.solve(b), other.solve(b), rtol=1e-7, atol=1e-9 * abs(other.solve(b)).max())
+    assert solver.negative() == other.negative()
+    other.close()
