@@ -15,8 +15,8 @@ from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from fem.contact import plate_contact
 from fem.contact.contact_extent import find_press
 from fem.discretisation import angular_fields, single_order
+from fem.discretisation.assembled_state import Assembly
 from fem.discretisation.gradient_recovery import build_recovery
-from fem.discretisation.nonlinear_system import Assembly
 from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.results.lateral_stiffness import integrate_normal_force

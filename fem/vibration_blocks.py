@@ -26,8 +26,9 @@ import scipy.sparse as sp
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import angular_fields, element_integrals, single_order
+from fem.discretisation.assembled_state import State
 from fem.discretisation.gradient_recovery import build_recovery
-from fem.discretisation.nonlinear_system import CHUNK, State, System
+from fem.discretisation.nonlinear_system import CHUNK, System
 from fem.equilibrium import start_path
 from fem.modes import Press, magnet_inertia, solve_press
 from fem.results.postprocess import recover_pose

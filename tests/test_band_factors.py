@@ -91,8 +91,8 @@ def test_the_solver_takes_the_band_unless_a_library_is_named():
         other.factorise(K)
     solver.factorise(K)
     named.factorise(K)
-    assert solver._band is not None
-    assert other._band is named._band is None
+    assert solver.band is not None
+    assert other.band is named.band is None
     b = np.ones(K.shape[0])
     np.testing.assert_allclose(solver.solve(b), other.solve(b), rtol=1e-7, atol=1e-9 * abs(other.solve(b)).max())
     assert solver.negative() == other.negative()

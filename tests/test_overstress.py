@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fem.discretisation import symmetry_models, viscous_history
-from fem.discretisation.nonlinear_system import State, System
+from fem.discretisation.assembled_state import State
+from fem.discretisation.nonlinear_system import System
 from fem.discretisation.viscous_history import Branches
 from geometry import compiled
 from geometry.arrays import Array

@@ -54,6 +54,26 @@ class _Batch:
     places: tuple[Ints, Ints]
 
 
+@dataclass(frozen=True, slots=True)
+class Skin:
+    """Skin of a section.
+
+    Attributes
+    ----------
+    nodes, shape, weights : see `fem.discretisation.elements.Surface`.
+    heights : (k, q) heights of the points.
+    number : (nodes, 2) numbers of the unknowns.
+    entries : (k, 3, 3) positions of the facets' entries for u_z.
+    """
+
+    nodes: Ints
+    shape: Array
+    weights: Array
+    heights: Array
+    number: Ints
+    entries: Ints
+
+
 def knows(elements: Elements, surface: Surface | None) -> bool:
     """Return whether the loops know these elements and skin."""
     a = elements.angles
@@ -114,6 +134,12 @@ class AxisymmetricLoops:
         self._skin = None if surface is None else _skin(surface, number, on_magnet, pattern)
         self._evaluated: Array | None = None
 
+    @property
+    def skin(self) -> Skin:
+        """The skin; the section must have one."""
+        assert self._skin is not None
+        return self._skin
+
     def least_volume_change(self, u: Array, p: Array) -> float:
         """Return the least J - 1 at the integration points; nan where any is nan."""
         least = [
@@ -143,11 +169,10 @@ class AxisymmetricLoops:
                 *one.places, data, tangent,
             )  # fmt: skip
         if plate is not None:
-            assert self._skin is not None
-            chosen = plate.pressed is not None
+            s, chosen = self.skin, plate.pressed is not None
             energy += self._kernels.add_springs(
-                *self._skin[:-1], u, plate.height, plate.stiffness, chosen, plate.pressed if chosen else NO_POINTS,
-                forces, self._skin[-1], data, tangent,
+                s.nodes, s.shape, s.weights, s.heights, u, plate.height, plate.stiffness, chosen,
+                plate.pressed if chosen else NO_POINTS, forces, s.entries, data, tangent,
             )  # fmt: skip
         return energy, forces, volumes[:, None], data[:-1]
 
@@ -222,14 +247,11 @@ def _compliance_entries(compliance: Array, unknowns: Ints, pattern: Pattern) -> 
     return np.asarray(entries, dtype=np.float64)
 
 
-def _skin(
-    surface: Surface, number: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern
-) -> tuple[Ints, Array, Array, Array, Ints]:
-    """Return the skin's nodes, shape functions, weights, heights, and positions (k, 3, 3) of its entries."""
+def _skin(surface: Surface, number: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern) -> Skin:
     unknowns = np.where(on_magnet, -1, number[:, 1])[surface.nodes]
-    places = _entries(pattern, unknowns[:, :, None], unknowns[:, None], pattern.offsets[FACETS])
-    z = np.ascontiguousarray(surface.points[..., 2])
-    return np.ascontiguousarray(surface.nodes), np.ascontiguousarray(surface.shape), surface.weights, z, places
+    entries = _entries(pattern, unknowns[:, :, None], unknowns[:, None], pattern.offsets[FACETS])
+    heights, shape = np.ascontiguousarray(surface.points[..., 2]), np.ascontiguousarray(surface.shape)
+    return Skin(np.ascontiguousarray(surface.nodes), shape, surface.weights, heights, number, entries)
 
 
 def _entries(pattern: Pattern, rows: Ints, columns: Ints, offset: Ints) -> Ints:

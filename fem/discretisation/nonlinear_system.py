@@ -18,7 +18,7 @@ from __future__ import annotations
 import copy
 import functools
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +28,7 @@ from fem import material
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import axisymmetric_loops, element_integrals, element_loops
+from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.axisymmetric_loops import AxisymmetricLoops
 from fem.discretisation.element_loops import FACETS, MOTION, Loops
 from fem.discretisation.elements import Elements, Surface
@@ -41,46 +42,6 @@ CHUNK = 4096
 NONE: Ints = np.empty(0, dtype=np.int64)
 ON_AXIS = 1e-9
 """Radius over D below which a node lies on the axis."""
-
-
-@dataclass(frozen=True, slots=True)
-class State:
-    """Displacements, pressures and strains of given unknowns.
-
-    Attributes
-    ----------
-    q : (n,) unknowns.
-    u : (nodes, fields) displacements.
-    p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
-    strains : strains at the integration points, one entry per batch of elements; empty where not yet computed.
-    least_J : least volume ratio J at the integration points; 1 where not computed.
-    """
-
-    q: Array
-    u: Array
-    p: Array
-    strains: tuple[material.Strain, ...] = ()
-    least_J: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Assembly:
-    """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
-
-    The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
-    """
-
-    residual: Array
-    energy: float
-    forces: Array
-    matrix: sp.csr_matrix | None
-    symmetric: bool = True
-
-    @property
-    def tangent(self) -> sp.csr_matrix:
-        """The tangent; `assemble` must have been called with `tangent`."""
-        assert self.matrix is not None
-        return self.matrix
 
 
 class System:
@@ -250,10 +211,10 @@ class System:
         """Return the state of unknowns q with its strains, or None where any silicone is inverted (J <= 0)."""
         if not np.isfinite(q).all():
             return None
-        state = self.state(q)
-        if element_loops.usable(self.law, self.elements):
-            if axisymmetric_loops.knows(self.elements, self.surface):
-                least = self._axisymmetric_loops.least_volume_change(state.u, state.p)
+        state, axisymmetric = self.state(q), self.axisymmetric
+        if axisymmetric is not None or element_loops.usable(self.law, self.elements):
+            if axisymmetric is not None:
+                least = axisymmetric.least_volume_change(state.u, state.p)
             else:
                 least = self._loops.least_volume_change(state.u)
             return State(state.q, state.u, state.p, least_J=1 + least) if least > -1 else None
@@ -267,9 +228,10 @@ class System:
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
+        axisymmetric = self.axisymmetric
+        if axisymmetric is not None:
+            return self._assemble_axisymmetric(axisymmetric, state, plate, tangent=tangent)
         compiled = element_loops.usable(self.law, self.elements)
-        if compiled and axisymmetric_loops.knows(self.elements, self.surface):
-            return self._assemble_axisymmetric(state, plate, tangent=tangent)
         T = self._motion_derivative(state)
         if compiled:
             energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
@@ -294,9 +256,11 @@ class System:
             matrix = self.pattern.unfold(matrix, blocks[0])
         return Assembly(residual, energy, forces, matrix, symmetric)
 
-    def _assemble_axisymmetric(self, state: State, plate: Plate | None, *, tangent: bool) -> Assembly:
+    def _assemble_axisymmetric(
+        self, loops: AxisymmetricLoops, state: State, plate: Plate | None, *, tangent: bool
+    ) -> Assembly:
         """Return `assemble` of a section without harmonics by compiled loops."""
-        loops, symmetric, blocks = self._axisymmetric_loops, True, list[Array | None]()
+        symmetric, blocks = True, list[Array | None]()
         simple = plate is None or axisymmetric_loops.presses(plate)
         energy, forces, volumes, data = loops.assemble(
             state.u, state.p, plate if simple else None, self.viscous, tangent=tangent
@@ -341,6 +305,12 @@ class System:
             self.n_free, self._compliance,
         )  # fmt: skip
 
+    @property
+    def axisymmetric(self) -> AxisymmetricLoops | None:
+        """The compiled loops of a section without harmonics; None for other models, and where NumPy is used."""
+        known = axisymmetric_loops.knows(self.elements, self.surface)
+        return self._axisymmetric_loops if known and element_loops.usable(self.law, self.elements) else None
+
     @functools.cached_property
     def _axisymmetric_loops(self) -> AxisymmetricLoops:
         """The compiled loops over elements and skin of a section without harmonics."""
@@ -384,25 +354,6 @@ class System:
         outer, _ = self._with_motion(T, pieces[self._free_cells :], None)
         blocks = [pieces[: self._free_cells], None, outer, None, None, np.diag(magnet)]
         return self.pattern.assemble([*blocks, *([None] * (self.surface is not None))])
-
-    def normal_displacements(self, points: Ints, plate: Plate) -> tuple[Ints, Array]:
-        """Return the unknowns (s,) on which skin points' displacements along the plate's normal depend, in rising
-        order, and the derivatives (m, s) by them.
-
-        points : (m,) numbers of the points.
-        """
-        s = self.surface
-        assert s is not None
-        facet, point = np.divmod(points, s.weights.shape[1])
-        along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
-        where, along = self._reduced[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)
-        row, column = np.nonzero((where >= 0) & (along != 0))
-        used = np.zeros(self.n_free, dtype=bool)
-        used[where[row, column]] = True
-        unknowns = np.flatnonzero(used)
-        derivatives = np.zeros((len(points), len(unknowns)))
-        derivatives[row, np.searchsorted(unknowns, where[row, column])] = along[row, column]
-        return unknowns, derivatives
 
     def _spring_terms(
         self, state: State, plate: Plate | None, tangent: bool

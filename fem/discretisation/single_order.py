@@ -16,8 +16,9 @@ import numpy as np
 
 from fem.discretisation import angular_fields, rigid_inclusion
 from fem.discretisation.angular_fields import Angles
+from fem.discretisation.assembled_state import State
 from fem.discretisation.elements import Surface
-from fem.discretisation.nonlinear_system import NONE, ON_AXIS, State, System
+from fem.discretisation.nonlinear_system import NONE, ON_AXIS, System
 from fem.discretisation.symmetry_models import Discretisation
 from geometry.arrays import Array
 

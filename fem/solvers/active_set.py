@@ -30,7 +30,10 @@ from numpy.typing import NDArray
 
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
-from fem.discretisation.nonlinear_system import State, System
+from fem.discretisation.assembled_state import State
+from fem.discretisation.axisymmetric_loops import NO_POINTS, Skin, presses
+from fem.discretisation.nonlinear_system import System
+from fem.solvers.band_factors import BandFactors
 from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array, Ints
 
@@ -61,8 +64,10 @@ def settle_contact(
     """
     if plate is None or plate.height is None or plate.friction is not None:
         return step
-    surface = system.surface
+    surface, loops = system.surface, system.axisymmetric
     assert surface is not None
+    if loops is not None and solver.band is not None and presses(plate):
+        return _settle_in_band(loops.skin, solver.band, state.u, step, plate, pressed)
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
@@ -90,6 +95,21 @@ def settle_contact(
     return settled
 
 
+def _settle_in_band(
+    skin: Skin, band: BandFactors, u: Array, step: Array, plate: Plate, pressed: NDArray[np.bool_] | None
+) -> Array:
+    """Return `settle_contact` of a press on a section, by one compiled loop."""
+    from fem.solvers import active_set_compiled
+
+    assert plate.height is not None
+    limits, chosen = (MOST_POINTS, MOST_ROUNDS, MOST_EXCHANGES, PATIENCE), pressed is not None
+    settled = active_set_compiled.settle(
+        skin.nodes, skin.shape, skin.heights - plate.height, skin.weights, skin.number, u, step, plate.stiffness,
+        chosen, pressed if chosen else NO_POINTS, *band.factors, *band.workspace(MOST_POINTS), limits,
+    )  # fmt: skip
+    return np.asarray(settled)
+
+
 @dataclass(frozen=True, slots=True)
 class _Compliance:
     """Displacements by unit forces that span the pressures on all points that may switch.
@@ -112,7 +132,7 @@ class _Compliance:
 
 def _extend(before: _Compliance | None, system: System, solver: Solver, points: Ints, plate: Plate) -> _Compliance:
     """Return the compliance of points (m,), which begin with those of `before`."""
-    unknowns, rows = system.normal_displacements(points, plate)
+    unknowns, rows = normal_displacements(system, points, plate)
     if before is None:
         before = _Compliance(len(unknowns) < len(points), points[:0], np.empty((system.size, 0)), rows[:0], rows[:0])
     forces, done = unknowns if before.by_unknown else points, len(before.forces)
@@ -173,3 +193,23 @@ def _exchange(
             pressed = pressed.copy()
             pressed[wrong[-1]] ^= True
     return None
+
+
+def normal_displacements(system: System, points: Ints, plate: Plate) -> tuple[Ints, Array]:
+    """Return the unknowns of displacements (s,) on which skin points' displacements along the plate's normal depend,
+    in rising order, and the derivatives (m, s) by them.
+
+    points : (m,) numbers of the points.
+    """
+    s = system.surface
+    assert s is not None
+    facet, point = np.divmod(points, s.weights.shape[1])
+    along = s.shape[point][:, :, None] * (plate.frame[2] @ s.E[point])[:, None, :]
+    where, along = system.unknown_numbers[s.nodes[facet]].reshape(len(points), -1), along.reshape(len(points), -1)
+    row, column = np.nonzero((where >= 0) & (along != 0))
+    used = np.zeros(system.n_free, dtype=bool)
+    used[where[row, column]] = True
+    unknowns = np.flatnonzero(used)
+    derivatives = np.zeros((len(points), len(unknowns)))
+    derivatives[row, np.searchsorted(unknowns, where[row, column])] = along[row, column]
+    return unknowns, derivatives

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry import compiled
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 
 MOST_UNKNOWNS, MOST_WORK = 2000, 5e6
 """Limits of matrices: unknowns, and multiplications of a factorisation, beyond which PARDISO is faster."""
@@ -39,6 +39,10 @@ class BandFactors:
         n = len(pointers) - 1
         dense = DENSE * 2 * len(columns) // n
         order = band_compiled.order_unknowns(pointers, columns, dense)
+        stiffest = int(np.argmax(np.abs(matrix.data[pointers[:-1]])))
+        # springs of the contact come last, so that forces on them change few rows (`active_set`)
+        if 2 * int(np.argmax(order == stiffest)) < len(order):
+            order = np.ascontiguousarray(order[::-1])
         rest = np.setdiff1d(np.arange(n), order, assume_unique=True)
         rows = -(-len(order) // band_compiled.PANEL) * band_compiled.PANEL
         end, start, self._places = (np.empty(size, dtype=np.int64) for size in (rows, rows, len(columns)))
@@ -46,6 +50,9 @@ class BandFactors:
         # half the square of each row's length
         self.work = float(np.sum((end - np.arange(rows) + 1.0) ** 2)) / 2 if len(rest) <= 1 else np.inf
         self._count, self._order = len(order), np.append(order, rest)
+        self._position = np.full(n, rows)
+        self._position[order] = np.arange(len(order))
+        self._workspace: tuple[Array, Array] | None = None
         self._rows = start, end
         self._values = np.empty(size), np.empty(rows), np.empty(rows + 1 if len(rest) else 0), np.empty(rows)
 
@@ -56,6 +63,17 @@ class BandFactors:
             matrix.data, self._places, *self._rows, self._count, SMALLEST, U, inverse, edge, solved
         )
         return self.negative >= 0
+
+    @property
+    def factors(self) -> tuple[Ints, Ints, Ints, Array, Array, Array, Array]:
+        """Rows (n,) of the unknowns, and start, end, U, inverse, edge and solved of `band_compiled.factorise`."""
+        return self._position, *self._rows, *self._values
+
+    def workspace(self, most: int) -> tuple[Array, Array]:
+        """Return arrays (most, rows) and (most, most) to work in."""
+        if self._workspace is None:
+            self._workspace = np.empty((most, len(self._rows[0]))), np.empty((most, most))
+        return self._workspace
 
     def solve(self, b: Array) -> Array:
         """Solve for b (n,) or (n, m)."""

@@ -75,6 +75,7 @@ class Solver:
 
     Attributes
     ----------
+    band : factors of the last matrix by compiled loops; None where a library has them.
     kept : numbers of the unknowns that `condense` kept the last time; empty before the first.
     """
 
@@ -82,7 +83,7 @@ class Solver:
         self._use_pardiso = have_pardiso() if pardiso is None else pardiso
         # a library that is asked for by name takes all matrices
         self._try_band = pardiso is None
-        self._band: BandFactors | None = None
+        self.band: BandFactors | None = None
         self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
@@ -123,11 +124,11 @@ class Solver:
 
     def _factorise_band(self, matrix: sp.csr_matrix) -> bool:
         """Factorise by compiled loops; return False where these are slower, or the pivots do not allow it."""
-        if self._try_band and self._band is None:
-            self._band = band_factors(matrix)
-        self._try_band = self._band is not None and self._band.factorise(matrix)
+        if self._try_band and self.band is None:
+            self.band = band_factors(matrix)
+        self._try_band = self.band is not None and self.band.factorise(matrix)
         if not self._try_band:
-            self._band = None
+            self.band = None
         return self._try_band
 
     def condense(self, matrix: sp.csr_matrix, kept: Ints) -> Array | None:
@@ -202,16 +203,16 @@ class Solver:
         """
         if not self._symmetric:
             return None
-        if self._band is not None:
-            return self._band.negative
+        if self.band is not None:
+            return self.band.negative
         if self._use_pardiso:
             return int(self._handles[True].iparm[22])
         return _negative_pivots(self._lu)
 
     def solve(self, b: Array) -> Array:
         """Solve with the last factorisation; b and the result have shape (n,) or (n, m)."""
-        if self._symmetric and self._band is not None:
-            return self._band.solve(b)
+        if self._symmetric and self.band is not None:
+            return self.band.solve(b)
         if not self._use_pardiso:
             x = np.empty_like(b)
             x[self._order] = self._lu.solve(b[self._order])

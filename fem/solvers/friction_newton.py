@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate, Springs
+from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.elements import Surface
-from fem.discretisation.nonlinear_system import Assembly, State, System
+from fem.discretisation.nonlinear_system import System
 from fem.solvers.direct_solver import SingularMatrixError, Solver, count_negative
 from fem.solvers.newton import (
     MOST_ITERATIONS,

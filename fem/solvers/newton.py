@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact.plate_contact import Plate, hold_reversing_points
-from fem.discretisation.nonlinear_system import Assembly, State, System
+from fem.discretisation.assembled_state import Assembly, State
+from fem.discretisation.nonlinear_system import System
 from fem.solvers.active_set import settle_contact
 from fem.solvers.direct_solver import SingularMatrixError, Solver
 from fem.solvers.nonlinear_elimination import find_patch

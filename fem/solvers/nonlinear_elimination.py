@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.contact.plate_contact import Plate
-from fem.discretisation.nonlinear_system import Assembly, State, System
+from fem.discretisation.assembled_state import Assembly, State
+from fem.discretisation.nonlinear_system import System
 from geometry.arrays import Array
 
 MOST_NODES, SHARE = 12, 0.9

@@ -15,8 +15,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fem.discretisation import angular_fields, elements
+from fem.discretisation.assembled_state import State
 from fem.discretisation.elements import Elements
-from fem.discretisation.nonlinear_system import State, System
+from fem.discretisation.nonlinear_system import System
 from fem.discretisation.symmetry_models import on_axis
 from fem.material import lame
 from fem.modes import eigen
