@@ -6,6 +6,8 @@ import pytest
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
+from fem.results.silicone_strain import largest_strain
+from geometry import compiled
 from geometry.design import paper
 
 pytest.importorskip("numba", reason="the loops need the extra `fast`")
@@ -58,3 +60,12 @@ def test_forces_stiffness_and_energy_of_the_springs(chosen, tangent):
     upward = matrices[:, 3:, 3:] if tangent else np.zeros((k, 3, 3))
     np.testing.assert_allclose(data[entries], upward, rtol=1e-11, atol=1e-13 * np.abs(upward).max())
     assert own == pytest.approx(energy, rel=1e-12)
+
+
+def test_largest_strains_are_those_of_numpy():
+    system = symmetry_models.section(paper().shape.scaled(1 / 8), 0.4998, "rigid", 0.2, 0.08).system
+    u = np.random.default_rng(4).normal(size=system.fixed.shape) * 0.02
+    assert compiled.prepare()
+    strain = largest_strain(system.elements, u)
+    with compiled.uncompiled():
+        assert strain == pytest.approx(largest_strain(system.elements, u), rel=1e-12)

@@ -75,6 +75,11 @@ class Plate:
     friction: Friction | None = None
 
     @property
+    def only_presses(self) -> bool:
+        """Whether the plate is upright, without glue or friction."""
+        return self.height is not None and not self.tilt and self.tied is None and self.friction is None
+
+    @property
     def frame(self) -> Array:
         """(3, 3) directions as rows: the two along the plate, and its normal."""
         return _frame(self.tilt)
@@ -170,6 +175,14 @@ def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
     return Springs(residual @ plate.frame if plate.tilt else residual, stiffness, energy, friction)
 
 
+def resultant(surface: Surface, u: Array, plate: Plate) -> Array:
+    """Return the integral (3,) of the traction of the plate's springs."""
+    if plate.only_presses:
+        load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
+        return np.array([0.0, 0.0, plate.stiffness * float(load.sum())])
+    return np.asarray(np.einsum("kq,kqi->i", surface.weights, springs(surface, u, plate).traction))
+
+
 def base_traction(surface: Surface, u: Array, stiffness: float) -> tuple[Array, Array] | None:
     """Return the traction along z of the base z = 0 on skin that bulges below it, and its derivative by u_z.
 
@@ -256,7 +269,7 @@ def glue(surface: Surface, u: Array, plate: Plate, radius: float | None, above: 
     radius : undeformed radius over D; None: the contact radius, measured from the centre of pressure.
     above : only points above this undeformed height, over D, are glued.
     """
-    out = np.hypot(surface.points[..., 0], surface.points[..., 1])
+    out = surface.radii
     if plate.tilt and surface.angles > 1:
         depth = float(overlap(surface, np.zeros_like(u), plate).max())
         out, radius = -overlap(surface, u, plate), GLUE_REACH * depth
@@ -276,8 +289,7 @@ def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> A
 
     On half a skin the centre lies in the mirror plane, on a section it lies on the axis.
     """
-    x = positions_along_plate(surface, u, plate)
-    whole = (surface.points[..., 0].min() < 0, surface.points[..., 1].min() < -1e-9)
+    x, whole = positions_along_plate(surface, u, plate), surface.whole
     if not any(whole):
         return np.hypot(x[..., 0], x[..., 1])
     load = surface.weights * np.maximum(overlap(surface, u, plate), 0.0)
@@ -287,7 +299,7 @@ def distance_from_pressure_centre(surface: Surface, u: Array, plate: Plate) -> A
 
 def undeformed_radius(surface: Surface, u: Array, plate: Plate, radius: float) -> float:
     """Return the undeformed radius of the skin's points that are now at a distance `radius` from a press's axis."""
-    out = np.hypot(surface.points[..., 0], surface.points[..., 1]).ravel()
+    out = surface.radii.ravel()
     now = np.linalg.norm(positions_along_plate(surface, u, plate), axis=-1).ravel()
     dome = np.flatnonzero(surface.points[..., 2].ravel() > surface.points[..., 2].max() - out.max())
     order = dome[np.argsort(out[dome])]
@@ -312,7 +324,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     if not pressed.any():
         return 0.0
     r = distance_from_pressure_centre(surface, u, plate)
-    radius, out = float(r[pressed].max()), np.hypot(surface.points[..., 0], surface.points[..., 1])
+    radius, out = float(r[pressed].max()), surface.radii
     reach = float(out.max())
     ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
     for _ in range(4):
@@ -321,8 +333,9 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         near = r[around]
         if len(set(near.round(9).tolist())) < 4:
             return hertz_radius(surface, u, plate)
-        opening = (-g[around]) ** (2 / 3)
-        a2, a1, a0 = np.linalg.lstsq(np.vander(near / radius - 1, 3), opening / opening.max(), rcond=None)[0]
+        opening, powers = np.cbrt(g[around] ** 2), np.vander(near / radius - 1, 3)
+        # the normal equations of so few terms lose five digits at most
+        a2, a1, a0 = np.linalg.solve(powers.T @ powers, powers.T @ (opening / opening.max()))
         # this form of the smaller root does not cancel when the quadratic is nearly a line
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:

@@ -11,12 +11,41 @@ elements' nodes and rows of the pressures; D, M and w (m, q) their functions and
 (corners,) are displacements and pressures. Nodal fields of an element are u_r of all nodes, then u_z.
 """
 
+import math
+
 import numpy as np
 
 from fem.laws_compiled import compiled
 
 NODES, CORNERS, FIELDS = 6, 3, 12
 """Nodes, corners and nodal fields of an element."""
+
+
+@compiled
+def _gradient(nodes, d, u):
+    """Return the components rr, rz, around, zr and zz of the gradient at a point."""
+    rr, rz, around, zr, zz = 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(NODES):
+        r, z = u[nodes[a], 0], u[nodes[a], 1]
+        rr += d[0, a] * r
+        around += d[1, a] * r
+        rz += d[2, a] * r
+        zr += d[0, a] * z
+        zz += d[2, a] * z
+    return rr, rz, around, zr, zz
+
+
+@compiled
+def largest_strains(cells, D, u, strains):
+    """Write the largest principal nominal strain at each point, (n,), see `fem.results.silicone_strain`."""
+    q = D.shape[1]
+    for cell in range(len(cells)):
+        for point in range(q):
+            rr, rz, around, zr, zz = _gradient(cells[cell], D[cell, point], u)
+            first, last = (1 + rr) ** 2 + zr * zr, rz * rz + (1 + zz) ** 2
+            half, mixed = (first - last) / 2, (1 + rr) * rz + zr * (1 + zz)
+            plane = (first + last) / 2 + math.sqrt(half * half + mixed * mixed)
+            strains[cell * q + point] = math.sqrt(max(plane, (1 + around) ** 2)) - 1
 
 
 @compiled
@@ -29,14 +58,8 @@ def strain_points(cells, corners, D, M, w, u, p, G, Jm1, Hm1, pressure, weighted
     for cell in range(len(cells)):
         for point in range(q):
             x, d = cell * q + point, D[cell, point]
-            rr, rz, around, zr, zz, own = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for a in range(NODES):
-                r, z = u[cells[cell, a], 0], u[cells[cell, a], 1]
-                rr += d[0, a] * r
-                around += d[1, a] * r
-                rz += d[2, a] * r
-                zr += d[0, a] * z
-                zz += d[2, a] * z
+            rr, rz, around, zr, zz = _gradient(cells[cell], d, u)
+            own = 0.0
             for c in range(CORNERS):
                 own += M[point, c] * p[corners[cell, c]]
             pressure[x], weighted[x] = own, w[cell, point] * own

@@ -74,15 +74,10 @@ class Skin:
     entries: Ints
 
 
-def knows(elements: Elements, surface: Surface | None) -> bool:
+def knows(elements: Elements, surface: Surface | None = None) -> bool:
     """Return whether the loops know these elements and skin."""
     a = elements.angles
     return a.components == COMPONENTS and a.fields == 2 and (surface is None or surface.angles == 1)
-
-
-def presses(plate: Plate) -> bool:
-    """Return whether the loops know a plate's springs: upright, without glue or friction."""
-    return plate.height is not None and not plate.tilt and plate.tied is None and plate.friction is None
 
 
 class AxisymmetricLoops:
@@ -142,20 +137,20 @@ class AxisymmetricLoops:
 
     def least_volume_change(self, u: Array, p: Array) -> float:
         """Return the least J - 1 at the integration points; nan where any is nan."""
+        flat = p[:, 0]
         least = [
-            self._kernels.strain_points(*one.elements, u, p[:, 0], *one.strains, *one.pressures)
-            for one in self._batches
+            self._kernels.strain_points(*one.elements, u, flat, *one.strains, *one.pressures) for one in self._batches
         ]
         # no array of displacements or pressures is written to later
         self._evaluated = u
-        return float(np.min(least))
+        return least[0] if len(least) == 1 else float(np.min(least))
 
     def assemble(
         self, u: Array, p: Array, plate: Plate | None, viscous: Overstress | None, *, tangent: bool
     ) -> tuple[float, Array, Array, Array]:
         """Return energy, nodal forces (nodes, 2), volumes (corners, 1), and entries (nnz,) of the tangent, or none.
 
-        plate : a plate that `presses`, or None.
+        plate : a plate that `only_presses`, or None.
         viscous : what a time step adds to the law, or None.
         """
         if self._evaluated is not u:

@@ -121,6 +121,16 @@ class Surface:
         )
 
     @functools.cached_property
+    def radii(self) -> Array:
+        """(k, q) distances of the points from the axis, undeformed."""
+        return np.hypot(self.points[..., 0], self.points[..., 1])
+
+    @functools.cached_property
+    def whole(self) -> tuple[bool, bool]:
+        """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
+        return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -1e-9)
+
+    @functools.cached_property
     def upward_spread(self) -> Array:
         """(f fields, q) displacements of a facet's points along z by its nodal fields."""
         return np.ascontiguousarray(self.spread[:, 2::3])

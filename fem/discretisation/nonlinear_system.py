@@ -90,6 +90,7 @@ class System:
         self.dead = np.zeros(fixed.shape) if dead is None else dead
         self.prescribed = np.zeros(fixed.shape) if prescribed is None else prescribed
         self.glued, self.rigid = glued, rigid
+        self._last: State | None = None
         touches = np.zeros(len(elements.nodes), dtype=bool)
         touches[glued] = True
         at_magnet = touches[elements.cells].any(axis=1)
@@ -116,6 +117,7 @@ class System:
         free[self.glued] = False
         self._reduced = np.full(fixed.shape, -1, dtype=np.int64)
         self._reduced[free] = np.arange(int(free.sum()))
+        self._places = np.flatnonzero(free)
         self.n_free = int(free.sum())
         self.n_rigid = self.rigid.size if self.rigid else 0
         self.corner_nodes, corners = np.unique(e.corners, return_inverse=True)
@@ -185,18 +187,23 @@ class System:
 
     def state(self, q: Array) -> State:
         """Return displacements and pressures of unknowns q."""
+        # a state is read several times, and no array of unknowns is written to later
+        last = self._last
+        if last is not None and last.q is q:
+            return last
         u = np.where(self.fixed, self.prescribed, 0.0)
-        u[self.free] = q[: self.n_free]
+        u.ravel()[self._places] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.prescribed[self.glued] + self.rigid.displacement(self.motion(q))
         p = self._held.copy()
         p[self._carried] = q[self.n_free + self.n_rigid :]
-        return State(q, u, p)
+        self._last = state = State(q, u, p)
+        return state
 
     def with_prescribed(self, u: Array, p: Array) -> System:
         """Return the system with other prescribed displacements (nodes, fields) and pressures (corners, n)."""
         system = copy.copy(self)
-        system.prescribed, system._held = u, np.where(self._carried, 0.0, p)
+        system.prescribed, system._held, system._last = u, np.where(self._carried, 0.0, p), None
         return system
 
     def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
@@ -261,7 +268,7 @@ class System:
     ) -> Assembly:
         """Return `assemble` of a section without harmonics by compiled loops."""
         symmetric, blocks = True, list[Array | None]()
-        simple = plate is None or axisymmetric_loops.presses(plate)
+        simple = plate is None or plate.only_presses
         energy, forces, volumes, data = loops.assemble(
             state.u, state.p, plate if simple else None, self.viscous, tangent=tangent
         )

@@ -131,8 +131,7 @@ def estimate_margin(model: SidewaysModel, state: PathState) -> StabilityMargin:
 
 def integrate_normal_force(state: PathState) -> float:
     """Return the normal force of the plate, over E D^2."""
-    residual = plate_contact.springs(state.skin, state.u, state.plate).traction
-    return float(np.sum(state.skin.weights * residual[..., 2]))
+    return float(plate_contact.resultant(state.skin, state.u, state.plate)[2])
 
 
 def _solve_lateral(d: Discretisation, plate: Plate | None) -> tuple[float, int | None]:

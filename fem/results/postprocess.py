@@ -108,8 +108,7 @@ def read_response(state: PathState, scene: Scene) -> Response:
 def tip_force(state: PathState) -> Array:
     """Return the force (3,) on the tip in the model's frame, over E D^2; z is positive in compression."""
     d = state.d
-    residual = plate_contact.springs(state.skin, state.u, state.plate).traction
-    x, y, z = d.symmetry * np.einsum("kq,kqi->i", state.skin.weights, residual)
+    x, y, z = d.symmetry * plate_contact.resultant(state.skin, state.u, state.plate)
     # components that symmetry forbids contain only sums of radial tractions and rounding errors
     return np.array([0.0 if d.model == "axisymmetric" else -x, 0.0 if d.mirrored else -y, z])
 

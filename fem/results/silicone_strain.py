@@ -11,13 +11,17 @@ from __future__ import annotations
 import numpy as np
 
 from fem.discretisation import element_integrals
+from fem.discretisation.axisymmetric_loops import knows
 from fem.discretisation.elements import Elements
+from geometry import compiled
 from geometry.arrays import Array
 
 SHARE = 0.999
 """Share of the silicone's volume that stays below the strain of a state."""
 BATCH = 512
 """Elements per batch."""
+SAVING_S = 1e-4
+"""CPU time that the compiled strains of a section save, s."""
 
 
 def largest_strain(e: Elements, u: Array) -> float:
@@ -29,17 +33,27 @@ def largest_strain(e: Elements, u: Array) -> float:
     ----------
     u : (nodes, fields) displacements, in the unit of length of the mesh.
     """
-    strains, volumes = [], []
+    strain, volume = _strains(e, u), element_integrals.volumes(e, slice(None)).ravel()
+    order = np.argsort(strain)
+    below = np.cumsum(volume[order])
+    return float(np.interp(SHARE * below[-1], below, strain[order]))
+
+
+def _strains(e: Elements, u: Array) -> Array:
+    """Return the largest principal nominal strain at each integration point, shape (n,)."""
+    if knows(e) and compiled.worthwhile(SAVING_S):
+        kernels = compiled.load("fem.discretisation.axisymmetric_compiled")
+        if kernels is not None:
+            strain = np.empty(e.weights.size)
+            kernels.largest_strains(e.cells, e.D, u, strain)
+            return strain
+    strains = []
     for at in range(0, len(e.cells), BATCH):
         part = slice(at, at + BATCH)
         G = element_integrals.gradient(e, part, u).reshape(3, 3, -1)
         largest = largest_eigenvalue if e.angles.components is None else largest_axisymmetric_eigenvalue
         strains.append(np.sqrt(largest(G + np.eye(3)[:, :, None])) - 1)
-        volumes.append(element_integrals.volumes(e, part).ravel())
-    strain, volume = np.concatenate(strains), np.concatenate(volumes)
-    order = np.argsort(strain)
-    below = np.cumsum(volume[order])
-    return float(np.interp(SHARE * below[-1], below, strain[order]))
+    return np.concatenate(strains)
 
 
 def largest_eigenvalue(F: Array) -> Array:

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from fem.contact import plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation.assembled_state import State
-from fem.discretisation.axisymmetric_loops import NO_POINTS, Skin, presses
+from fem.discretisation.axisymmetric_loops import NO_POINTS, Skin
 from fem.discretisation.nonlinear_system import System
 from fem.solvers.band_factors import BandFactors
 from fem.solvers.direct_solver import Solver
@@ -66,7 +66,7 @@ def settle_contact(
         return step
     surface, loops = system.surface, system.axisymmetric
     assert surface is not None
-    if loops is not None and solver.band is not None and presses(plate):
+    if loops is not None and solver.band is not None and plate.only_presses:
         return _settle_in_band(loops.skin, solver.band, state.u, step, plate, pressed)
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
