@@ -28,4 +28,5 @@ def draw(path: str | Path, motion: Motion, states: Sequence[CycleState]) -> None
         axes[1].plot(times, [one.decoded for one in states], "--", color=ANALYTIC, label="decoded")
         label(axes[1], "b", "force (N)")
         axes[1].set_xlabel("time (s)")
-        axes[1].legend(frameon=False)
+        # above the axes: the curves fill them
+        axes[1].legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0)
