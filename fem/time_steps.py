@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import viscoelasticity
+from fem import time_quadrature, viscoelasticity
 from fem.contact import coulomb_friction, plate_contact
 from fem.discretisation import viscous_history
 from fem.discretisation.nonlinear_system import System
@@ -29,6 +29,7 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_increments import find_equilibrium, least_J
 from fem.solvers.newton import Stop
 from fem.solvers.path_state import FIRST_TOUCH, PathState
+from fem.time_quadrature import TimeIntegral
 from geometry.arrays import Array
 
 CERTAINTY = 2.0
@@ -74,8 +75,8 @@ class ViscousState:
     time: float
     force: Array
     errors: Array
-    work: float = 0.0
-    absorbed: float = 0.0
+    work: TimeIntegral
+    absorbed: TimeIntegral
     other: float = 0.0
     axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     strain: Array | None = None
@@ -97,7 +98,8 @@ def measure(system: System, u: Array) -> PointState:
 def at_rest(path: PathState, history: History) -> ViscousState:
     """Return the state at time 0 of a path at rest."""
     points = measure(path.d.system, path.u)
-    return ViscousState(path, history, points, 0.0, np.zeros(3), np.zeros(len(history.branches.times)))
+    errors, none = np.zeros(len(history.branches.times)), time_quadrature.begin(0.0, np.zeros(3), np.zeros(3))
+    return ViscousState(path, history, points, 0.0, np.zeros(3), errors, work=none, absorbed=none)
 
 
 def raised(state: ViscousState, path: PathState) -> ViscousState:
@@ -192,10 +194,12 @@ def _accept(
     state: ViscousState, path: PathState, points: PointState, dt: float, other: float, iterations: int
 ) -> ViscousState:
     """Return the state after a converged step."""
+    if not state.past:
+        state = _sampled(state)
     history, moved = state.history.advance(points, dt), path.position - state.path.position
     x, y, z = tip_force(path)
     force, change = np.array([z, x, y]), points.C - state.points.C
-    stress = state.history.stress(state.points) + history.stress(points)
+    time = state.time + dt
     along = float(moved @ state.axis)
     strain = change / (2 * along) if along else state.strain
     after = replace(
@@ -203,10 +207,8 @@ def _accept(
         path=path,
         history=history,
         points=points,
-        time=state.time + dt,
+        time=time,
         force=force,
-        work=state.work + float((state.force + force) @ moved) / 2,
-        absorbed=state.absorbed + points.integral(viscoelasticity.contract(stress, change)) / 4,
         other=other,
         strain=strain,
         largest=max(state.largest, abs(float(force @ state.axis))),
@@ -215,7 +217,27 @@ def _accept(
     if dt == 0:
         return _jumped(state, after)
     past = PastStep(state.time, state.path.q, state.path.overlap, state.points.S)
-    return replace(after, errors=_carry_errors(state, after, dt), past=(*state.past, past)[-PAST:])
+    return replace(
+        after,
+        work=state.work.add(time, force, path.position),
+        absorbed=state.absorbed.add(time, _total_stress(after), points.C),
+        errors=_carry_errors(state, after, dt),
+        past=(*state.past, past)[-PAST:],
+    )
+
+
+def _sampled(state: ViscousState) -> ViscousState:
+    """Return the state at the beginning of a smooth motion, from which work and stress are integrated."""
+    return replace(
+        state,
+        work=time_quadrature.begin(state.time, state.force, state.path.position, state.work.total),
+        absorbed=time_quadrature.begin(state.time, _total_stress(state), state.points.C, state.absorbed.total),
+    )
+
+
+def _total_stress(state: ViscousState) -> Array:
+    """Return half the isochoric stress times the volumes of the points, whose product with dC is energy."""
+    return viscoelasticity.TWICE[:, None, None, None] / 2 * state.points.weights * state.history.stress(state.points)
 
 
 def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
@@ -223,7 +245,9 @@ def _jumped(before: ViscousState, after: ViscousState) -> ViscousState:
     slip = after.path.dissipated - before.path.dissipated
     gained = after.history.stored(after.points) - before.history.stored(before.points)
     return replace(
-        after, absorbed=before.absorbed + gained, work=before.work + gained + after.other - before.other + slip
+        after,
+        absorbed=replace(after.absorbed, total=before.absorbed.total + gained),
+        work=replace(after.work, total=before.work.total + gained + after.other - before.other + slip),
     )
 
 

@@ -7,9 +7,10 @@ Beside the steps, the errors of the mesh remain, and with Coulomb friction those
 bounded as in a static path.
 
 Energies are in mJ, since the beginning: the work of the plate is the stored energy, plus what the silicone
-dissipated, plus what friction dissipated. Each side is integrated by the trapezoidal rule of its own quantities, the
-plate's force and motion or stress and strain at all points, so their difference is an error of second order in the
-steps. In a jump nothing is dissipated but by slip.
+dissipated, plus what friction dissipated. Work and dissipation are integrated from quantities of their own, the
+plate's force and motion or stress and strain at all points (`fem.time_quadrature`), so their difference is an error
+of the time steps: some 1e-4 of the largest work at the default steps, 1e-6 with 400 steps of a stroke. In a jump
+nothing is dissipated but by slip.
 """
 
 from __future__ import annotations
@@ -231,9 +232,9 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         status=status,
         message=message,
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
-        work=state.work * unit,
+        work=state.work.total * unit,
         stored=(kept + state.other) * unit,
-        dissipated=(state.absorbed - kept) * unit,
+        dissipated=(state.absorbed.total - kept) * unit,
         friction_dissipated=state.path.dissipated * unit,
         step=path.steps,
         iterations=path.iterations,

@@ -46,7 +46,8 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Rows and columns of the six components of a symmetric tensor."""
 PLACES: NDArray[np.int64] = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 """(3, 3) number of each entry among the six components."""
-_TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+"""Shares of the six components in a product of two tensors."""
 _SMALL = 1e-2
 
 
@@ -74,7 +75,7 @@ def curvature_weight(x: Array) -> Array:
 
 def contract(X: Array, Y: Array) -> Array:
     """Return X : Y of symmetric tensors (6, ...)."""
-    return np.asarray(np.tensordot(_TWICE, X * Y, axes=1))
+    return np.asarray(np.tensordot(TWICE, X * Y, axes=1))
 
 
 def full(X: Array) -> Array:
@@ -153,7 +154,7 @@ def branch_stress(A: Array, b: Array, C: Array, J: Array, mu: Array, *, tangent:
         return W, S, np.empty(0)
     # dY = root b (Xi (Xi : dCbar) / 3 - Xi dCbar Xi), and Cbar = J^(-2/3) C: dCbar = J^(-2/3) (dC - C (Ci : dC) / 3)
     inner = 2 * scale * less * root * b * (dyad(Xi, Xi) / 3 - sandwich(Xi))
-    along = np.einsum("ab...,b,b...->a...", inner, _TWICE, C)
+    along = np.einsum("ab...,b,b...->a...", inner, TWICE, C)
     twice = contract(along, C)
     CC = inner - (dyad(along, Ci) + dyad(Ci, along)) / 3 + twice / 9 * dyad(Ci, Ci)
     CC += 2 / 3 * scale * trace * (sandwich(Ci) - dyad(Ci, Ci) / 3)

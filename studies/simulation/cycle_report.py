@@ -61,6 +61,12 @@ class Cycles:
         return max((one.state.time_error for one in self.states), default=math.nan)
 
     @property
+    def balance_error(self) -> float:
+        """Largest work that is neither stored nor dissipated, an error of the time steps, over the largest work."""
+        largest = max((one.state.work for one in self.states), default=0.0)
+        return max(abs(one.state.balance) for one in self.states) / largest if largest > 0 else math.nan
+
+    @property
     def drift_percent(self) -> float | None:
         """Change of the largest force from the first to the last cycle, percent; None for a single one."""
         if len(self.loops) < 2:
@@ -77,6 +83,7 @@ class Cycles:
             "loops": [one.row() for one in self.loops],
             "drift_percent": self.drift_percent,
             "time_error": self.time_error if self.states else None,
+            "balance_error": self.balance_error if self.states else None,
             "time_steps": steps.step if steps else 0,
             "dofs": steps.dofs if steps else 0,
             "seconds": self.seconds,
@@ -233,7 +240,11 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
             f"the motion has {motion.frequency:.4g} Hz and a stroke of {motion.stroke:g} mm in {motion.half:.4g} s; "
             "inertia is neglected, so the frequency must be far below the lowest natural frequency (magtip modes)"
         ),
-        f"error of the force: {mesh} from the mesh, {cycles.time_error:.1g} from the time steps",
+        (
+            f"error of the force: {mesh} from the mesh, {cycles.time_error:.2%} from the time steps; work that is "
+            "neither stored nor dissipated, an error of the time steps: at most "
+            f"{cycles.balance_error:.2g} of the largest work"
+        ),
         f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles",
         "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
     ]

@@ -20,7 +20,7 @@ from fem.discretisation import elements, viscous_history
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.viscous_history import Branches
 from fem.equilibrium import solve as solve_load
-from fem.timed_path import TimedLoad, TimedState, follow
+from fem.timed_path import TimedLoad, TimedState, ViscousLaw, follow
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -196,6 +196,35 @@ def balance(n: int) -> tuple[float, float]:
     """Return the shares of the work that are stored or dissipated in `sheared_beam`, for both laws."""
     first, _, second, _ = sheared_beam(n)
     return first, second
+
+
+@functools.lru_cache
+def touched_beam(n: int, law: ViscousLaw, *, slides: bool) -> tuple[float, float]:
+    """Return the largest error of the energy balance over the largest work, and the share of negative dissipation.
+
+    A plate presses the beam by 1 mm and goes back, in n time steps each way; or it slides after the press by 0.5 mm
+    to one side, to the other and back, with friction 0.3.
+    """
+    accuracy = replace(QUICK, section_size=0.3, section_patch=0.1, harmonics=1)
+    way = (0.0, 0.5, -0.5, 0.5)
+    loads = [TimedLoad(1.0 + i, Load(1.0, x, friction=0.3)) for i, x in enumerate(way)]
+    if not slides:
+        loads = [TimedLoad(1.0, Load(1.0)), TimedLoad(2.0, Load(0.0))]
+    path = follow(silicone(0.4998), loads, accuracy, law=law, largest_step=1 / n, tolerance=0.9, every_step=True)
+    states = _solved(path)
+    error = max(abs(one.balance) for one in states) / max(one.work for one in states)
+    gained = np.diff([0.0, *(one.dissipated for one in states)])
+    return error, float(np.maximum(-gained, 0.0).sum() / gained.sum())
+
+
+def touching(n: int) -> tuple[float, ...]:
+    """Return the values of `touched_beam` under a press, for both laws."""
+    return (*touched_beam(n, "prony", slides=False), *touched_beam(n, "finite", slides=False))
+
+
+def sliding(n: int) -> tuple[float, ...]:
+    """Return the values of `touched_beam` with a sliding plate, for both laws."""
+    return (*touched_beam(n, "prony", slides=True), *touched_beam(n, "finite", slides=True))
 
 
 def change(n: int) -> tuple[float, float]:

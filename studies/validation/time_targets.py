@@ -72,6 +72,35 @@ def targets() -> list[Target]:
             quick=(),
             judged="extrapolated",
         ),
+        *(
+            Target(
+                f"energy of {name}",
+                "work = stored + dissipated + slip, and no step dissipates less than nothing; mesh numbers are time "
+                "steps of a stroke",
+                compute,
+                tuple(
+                    quantity
+                    for law in laws
+                    for quantity in (
+                        Quantity(f"largest error / largest work, {law}", 0.0, bound),
+                        Quantity(f"negative / all dissipation, {law}", 0.0, 1e-9),
+                    )
+                ),
+                meshes=(steps,),
+                quick=(),
+                note=note,
+            )
+            for name, compute, steps, bound, note in (
+                ("a press in contact", time_problems.touching, 384, 1e-6, ""),
+                (
+                    "a sliding plate",
+                    time_problems.sliding,
+                    96,
+                    1e-5,
+                    "points of the skin that begin to slip within a step leave more than those that touch",
+                ),
+            )
+        ),
         Target(
             "order of the time steps",
             "theory: second order; mesh numbers are time steps of a stroke",
