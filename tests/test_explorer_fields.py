@@ -8,6 +8,7 @@ import pytest
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.explorer.explorer_fields import explorer_fields
+from studies.explorer.explorer_state import RATES
 
 FIELDS = explorer_fields(paper())
 NUMBERS = [field for field in FIELDS if field["kind"] in ("number", "logarithmic")]
@@ -33,7 +34,7 @@ def test_values_are_those_of_the_design():
 
 def test_fields_without_effect_name_the_choice_that_they_need():
     needs = {field["name"]: field["needs"] for field in FIELDS}
-    assert set(needs) - {"depth", "shear", "direction", "friction", "plate_tilt", "frequency", "magnet"} >= set(
+    assert set(needs) - {"depth", "shear", "direction", "friction", "plate_tilt", *RATES, "magnet"} >= set(
         paper().unused_fields()
     )
     assert needs["yeoh_2"] == {"law": ["yeoh"]}

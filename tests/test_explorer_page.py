@@ -250,6 +250,19 @@ def test_boxes_stay_while_numbers_change(start):
     assert page.run(BOXES) == before
 
 
+def test_speed_and_frequency_fill_their_panels(start):
+    page = start("&frequency=300&speed=2")
+    page.wait("Explorer.complete()")
+    assert "force along z, over static" in text(page, "[data-table=vibration]")
+    assert "contact is frozen" in text(page, "#vibration-note")
+    assert "gap of a linear spring" in text(page, "[data-table=loop]")
+    lines = text(page, "[data-command=shell]").splitlines()
+    assert [line.split()[1] for line in lines] == ["solve", "response", "cycle"]
+    move(page, "speed", 0)
+    page.wait("Explorer.complete()")
+    assert "A speed above 0 mm/s" in text(page, "#loop-note")
+
+
 @pytest.mark.parametrize("width", [1400, 900, 390])
 @pytest.mark.parametrize("state", ["", "&b.preset=paper&b.D=10&view.edit=b"])
 def test_panels_fit_and_do_not_overlap(start, width, state):

@@ -1,8 +1,8 @@
 """The answers to a request of the page, part by part, in the order in which they are ready.
 
 The picture comes first, and everything else when no newer request has come for a moment: the sensor in 3D, error
-estimates, the decoded load, the curve and stability. What depends on the design alone is kept while only the load
-changes.
+estimates, the decoded load, the curve, stability, vibration and loop. What depends on the
+design alone is kept while only the load changes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from geometry.design import OF_TIME, Design
+from geometry.design import OF_TIME, BadInput, Design
 from studies.explorer import (
     curve_answers,
     explorer_exports,
@@ -19,6 +19,7 @@ from studies.explorer import (
     stability_answers,
     state_answers,
     surface_data,
+    time_answers,
 )
 from studies.explorer.explorer_state import ExplorerState, Request
 from studies.explorer.kept_paths import KeptPaths
@@ -37,6 +38,7 @@ class Answers:
         self.paths = KeptPaths()
         self._kept: dict[Any, Any] = {}
         self._design: dict[str, Any] = {}
+        self._vibrating: tuple[Any, time_answers.Vibrating] | None = None
 
     def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts of a request at a level; None stands before what can wait for a hand that rests."""
@@ -52,6 +54,10 @@ class Answers:
             if "stability" in parts:
                 yield from self._stability(state, level)
             self._design[request.side] = shown
+        if "vibration" in parts and level == state.level:
+            yield "vibration", level, self._vibration(state, level)
+        if "loop" in parts:
+            yield from self._loop(state, level)
 
     def export(self, name: str, state: ExplorerState) -> bytes:
         """Return a file of a state at its own level."""
@@ -65,6 +71,7 @@ class Answers:
         self.paths.close()
         self._kept.clear()
         self._design.clear()
+        self._vibrating = None
 
     def _solved(self, state: ExplorerState, level: str, parts: tuple[str, ...]) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
@@ -102,6 +109,35 @@ class Answers:
         if level == state.level:
             compute = stability_answers.by_finite_elements
             yield "stability", level, self._keep(key, lambda: compute(design, magnet, level))
+
+    def _vibration(self, state: ExplorerState, level: str) -> Data:
+        """Return the vibration about a state; its systems stay for other frequencies, those of one state only."""
+        if not state.frequency:
+            return time_answers.refusal("a frequency above 0 Hz gives the vibration about this state")
+        key = state.design, state.load, state.magnet, level
+        try:
+            if self._vibrating is None or self._vibrating[0] != key:
+                self._vibrating = None
+                self._vibrating = key, time_answers.prepare(*key)
+            return time_answers.vibration(self._vibrating[1], state.frequency)
+        except (BadInput, ArithmeticError) as error:
+            return time_answers.refusal(str(error))
+
+    def _loop(self, state: ExplorerState, level: str) -> Iterator[Answer]:
+        """Yield the loop of a linear spring first, and by finite elements at the level of the state."""
+        if not state.speed:
+            yield "loop", level, time_answers.refusal("a speed above 0 mm/s gives the loop of a loading cycle")
+            return
+        try:
+            motion = time_answers.motion_of(state)
+        except BadInput as error:
+            yield "loop", level, time_answers.refusal(str(error))
+            return
+        key = ("loop", state.design, state.magnet, motion)
+        if key not in self._kept:
+            yield "loop", "linear", time_answers.linear_loop(state, motion)
+        if level == state.level:
+            yield "loop", level, self._keep(key, lambda: time_answers.loop(state, motion))
 
     def _decoder(self, design: Design) -> Any:
         """Return the decoder of a design."""

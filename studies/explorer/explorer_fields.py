@@ -205,11 +205,17 @@ def _load_fields(design: Design) -> list[Field]:
         ),
         number(
             *("frequency", "Frequency", "Hz", 0.0, 1e6),
-            kind="logarithmic",
-            slider=[0.01, 2000],
-            step=0.01,
-            value=1.0,
-            help="of small vibrations, for loss factor and stiffness of the silicone",
+            slider=[0, 1000],
+            step=1,
+            value=0.0,
+            help="of small vibrations about this state; 0: none",
+        ),
+        number(
+            *("speed", "Speed", "mm/s", 0.0, 1e6),
+            slider=[0, 20],
+            step=0.1,
+            value=0.0,
+            help="of the plate in loading cycles; 0: static",
         ),
     ]
 

@@ -26,12 +26,14 @@ from studies.simulation import load_cases
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
-Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "commands"]
+Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"]
 
 SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
-LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", "frequency")
-"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the frequency of
-small vibrations, Hz, for which the page says how the silicone behaves; the solved state is at rest."""
+RATES = {"frequency": "Hz", "speed": "mm/s"}
+"""Fields of a load that say how fast the plate moves, and their units: frequency of small vibrations about the load,
+speed of loading cycles up to it; 0: none. The solved state is at rest."""
+LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", *RATES)
+"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the rates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +45,7 @@ class ExplorerState:
     motion : the load as the options of `magtip solve`.
     level : accuracy to which a state is refined.
     formula_level : level of the formulas beside the finite elements.
-    frequency : of small vibrations, Hz; 0: none.
+    frequency, speed : of small vibrations, Hz, and of loading cycles, mm/s; 0: none.
     """
 
     preset: str
@@ -54,6 +56,7 @@ class ExplorerState:
     level: Level = "standard"
     formula_level: str = "paper"
     frequency: float = 0.0
+    speed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +110,13 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
     numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
     design = user_input.design_from(preset, {**numbers, **user_input.overrides(texts)}, magnet)
     values = _table("load", content.get("load") or {})
-    motion, frequency = motion_of(values), _number("frequency", values.get("frequency"))
-    if not 0 <= frequency < math.inf:
-        raise BadInput(f"frequency must be 0 Hz or more; got {frequency:g} Hz")
+    motion, rates = motion_of(values), [_number(name, values.get(name)) for name in RATES]
+    for (name, unit), rate in zip(RATES.items(), rates, strict=True):
+        if not 0 <= rate < math.inf:
+            raise BadInput(f"{name} must be 0 {unit} or more; got {rate:g} {unit}")
     (load,) = load_cases.loads_of(motion)
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas), frequency)
+    return ExplorerState(preset, design, load, motion, magnet, level, str(formulas), *rates)
 
 
 def motion_of(values: Mapping[str, Any]) -> Motion:

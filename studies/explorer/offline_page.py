@@ -23,6 +23,7 @@ from geometry.messages import Progress
 from studies import surrogate
 from studies.explorer import offline_data, offline_sections, state_commands
 from studies.explorer.explorer_fields import explorer_fields
+from studies.explorer.explorer_state import RATES
 from studies.output import atomic_files
 from studies.surrogate import surrogate_range, surrogate_response
 
@@ -40,8 +41,11 @@ MODULES = (
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Nothing is loaded from, or sent to, any address."""
 STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
-HIDDEN = 'label:has(#level), [data-export="mold.zip"], [data-export="fields.vtu"] { display: none }'
-"""Controls that need a server."""
+HIDDEN = (
+    'label:has(#level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel '
+    "{ display: none }"
+)
+"""Controls and panels that need a server."""
 ERROR_FIGURES = (
     ("press force", "press", "force"),
     ("shift", "press", "shift"),
@@ -79,8 +83,8 @@ def check(design: Design) -> None:
 
 def page(design: Design, sections: Mapping[str, Any]) -> str:
     """Return the page with the sections of its design."""
-    # the page itself has no branches of a loss factor, so it says nothing about frequencies
-    fields = [field for field in explorer_fields(paper()) if field["name"] != "frequency"]
+    # the surrogate is static: vibrations and loops need finite elements
+    fields = [field for field in explorer_fields(paper()) if field["name"] not in RATES]
     data = {"fields": fields, "model": offline_data.constants(), "sections": sections}
     state = urlencode(state_commands.address_fields(design))
     # the first state is that of the design, unless the address has one
@@ -113,7 +117,8 @@ def about() -> str:
 def _details() -> str:
     return (
         '<details id="about-model" class="soft"><summary>Without a server: numbers by the surrogate of the finite '
-        "elements, with half widths of 90 % intervals; pictures from stored sections. Its errors</summary>"
+        "elements, with half widths of 90 % intervals; pictures from stored sections, all at rest: "
+        "vibrations and loading cycles need magtip explore. Its errors</summary>"
         f"<p>{html.escape(about())}</p></details>"
     )
 

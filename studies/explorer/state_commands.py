@@ -17,19 +17,52 @@ def commands(state: ExplorerState) -> dict[str, str]:
 
 
 def shell(state: ExplorerState) -> str:
-    """Return the command line that solves for the state.
+    """Return the command lines that solve for the state, and for its vibration and loop where it has rates.
 
     >>> from studies.explorer.explorer_state import state_of
     >>> shell(state_of({"design": {"D": 10}, "load": {"depth": 1, "shear": -2}}))
     'magtip solve paper --depth 1 --shear=-2 --friction stick --set D=10'
+    >>> shell(state_of({"load": {"depth": 1, "frequency": 600, "speed": 2}})).splitlines()[1:]
+    ['magtip response paper --depth 1 --frequencies 1:600 --friction none', 'magtip cycle paper --depth 1 --speed 2']
     """
+    return "\n".join([_solve_line(state), *_rate_lines(state)])
+
+
+def _rate_lines(state: ExplorerState) -> list[str]:
+    """Return the command lines of vibration and loop, where the verbs can make them."""
+    load, lines = state.load, []
+    own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
+    upright = not load.plate_tilt and not load.shear_y
+    friction = friction_text(load)
+    if state.frequency and upright and load.coulomb is None:
+        band = ":".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
+        glued = None if friction == "stick" or not load.depth else friction
+        lines.append(_line("response", state, own | {"--frequencies": band, "--friction": glued}))
+    if state.speed and upright and load.depth:
+        contact = friction if load.coulomb is not None else None
+        lines.append(_line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
+    return lines
+
+
+def band_end(frequency: float) -> float:
+    """Return the other end of a band that begins or ends at a frequency, Hz."""
+    return 1.0 if frequency > 1 else 1000.0
+
+
+def _solve_line(state: ExplorerState) -> str:
+    """Return the command line that solves for the state."""
     motion = state.motion
     options: dict[str, Any] = {"--depth": motion.depth, "--shear": motion.shear, "--shear-y": motion.shear_y}
     options["--plate-tilt"] = motion.plate_tilt or None
     options["--friction"] = friction_text(state.load) if state.load.shear or state.load.coulomb else None
+    return _line("solve", state, options)
+
+
+def _line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
+    """Return a command line with options, those that are None left out, and with what all verbs take of a state."""
     options["--magnet"] = None if state.magnet == "rigid" else state.magnet
     options["--accuracy"] = None if state.level == "standard" else state.level
-    words = ["magtip", "solve", state.preset]
+    words = ["magtip", verb, state.preset]
     for name, value in options.items():
         if value is not None:
             text = plain(value)
@@ -53,7 +86,7 @@ def changed_fields(state: ExplorerState) -> dict[str, float | str]:
 
 
 def python(state: ExplorerState) -> str:
-    """Return the lines of Python that solve for the state and read the Hall elements."""
+    """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
     fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state).items())
     load = ", ".join(
@@ -62,11 +95,14 @@ def python(state: ExplorerState) -> str:
         if getattr(state.load, spec.name) != spec.default
     )
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
+    vibrates = bool(state.frequency) and state.load.coulomb is None and not state.load.plate_tilt
+    band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
     lines = [
         "from dataclasses import replace\n" if fields else "",
         "from analytic import hall" if has_magnet else "",
         f"from fem.accuracy import {accuracy}",
         "from fem.equilibrium import solve",
+        "from fem.vibration import vibrating_sensor" if vibrates else "",
         f"from geometry.design import {state.preset}",
         "from geometry.loads import Load\n",
         f"design = replace({state.preset}(){fields})" if fields else f"design = {state.preset}()",
@@ -74,6 +110,8 @@ def python(state: ExplorerState) -> str:
         "print(state.status, state.message)",
         "print(state.response)",
         "print(hall.readings(design, state.response).output)" if has_magnet else "",
+        f"sensor = vibrating_sensor(design, Load({load}), ({band}), {accuracy}{magnet})" if vibrates else "",
+        f"print(sensor.at([{plain(state.frequency)}]).force)" if vibrates else "",
     ]
     return "".join(f"{line}\n" for line in lines if line)
 

@@ -26,7 +26,7 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
-  const parts = () => ["state", "curve", "sensor3d", ...(view.lines === "yes" ? ["field_lines"] : []), "stability", "commands"];
+  const parts = () => ["state", "curve", "sensor3d", ...(view.lines === "yes" ? ["field_lines"] : []), "stability", ...(engine.parts || []), "commands"];
   const changes = (side) => fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
 
   function message(side) {
@@ -75,7 +75,7 @@ const Explorer = (() => {
     if (!sides.b) { view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
     for (const side of shownSides()) requests.change(side);
     say(unknown.length ? `The address has parts that this page does not know, and leaves out: ${unknown.join(", ")}.` : "");
-    touch("layout", "controls", "state", "curve", "sensor3d", "stability", "commands");
+    touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands");
   }
 
   const commitSoon = () => { clearTimeout(pending); pending = setTimeout(commit, REST); };
@@ -127,6 +127,7 @@ const Explorer = (() => {
     if (all.has("sensor3d")) drawSensor(true); else if (all.has("turn")) drawSensor(false);
     if (all.has("curve") || all.has("state")) drawCurves();
     if (all.has("stability") || all.has("state")) drawStability();
+    for (const part of engine.parts || []) if (all.has(part) || all.has("state") || all.has("stability")) drawInTime(part);
     if (all.has("commands")) for (const node of document.querySelectorAll("[data-command]")) {
       Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
     }
@@ -224,12 +225,22 @@ const Explorer = (() => {
     return `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`;
   }
 
+  // Vibration about the state, or the loop up to it; what the silicone alone does stands in the note of the vibration.
+  function drawInTime(part) {
+    const list = shownSides(), data = list.map((side) => answers[side][part]?.data);
+    const linear = list.some((side) => answers[side][part]?.level === "linear");
+    views[part].show(list, data.map(Numbers.listed), { none: "None.", first: linear ? "linear spring" : engine.model });
+    const name = (side) => (sides.b ? `${side.toUpperCase()}: ` : ""), mode = (side) => answers[side].stability?.data.first_mode_hz;
+    const rates = part === "vibration" ? list.map((side) => rateText(name(side), answers[side].state?.data.rate, mode(side))) : [];
+    const notes = list.map((side, k) => (data[k]?.message ? name(side) + data[k].message : ""));
+    Format.put($(`#${part}-note`), [...notes, ...rates].filter(Boolean).join(" "));
+  }
+
   function drawStability() {
     const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
     views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
     const notes = stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : ""));
-    const rates = list.map((side, k) => rateText(sides.b ? `${side.toUpperCase()}: ` : "", answers[side].state?.data.rate, stability[k].first_mode_hz));
-    Format.put($("#stability-note"), [...rates, ...notes].filter(Boolean).join(" "));
+    Format.put($("#stability-note"), notes.filter(Boolean).join(" "));
     const texts = list.filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth).map((side) => {
       const beyond = sides[side].depth > answers[side].stability.data.critical_depth, name = sides.b ? `${side.toUpperCase()}: the` : "The";
       return `${name} depth of ${Format.plain(sides[side].depth)} mm is ${beyond ? "beyond" : "near"} the critical depth: the press may buckle sideways.`;
@@ -238,7 +249,7 @@ const Explorer = (() => {
   }
 
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
-  const settled = (side) => parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick");
+  const settled = (side) => parts().every((part) => !requests.behind(side, part)) && (answers[side].state?.level !== "quick" || level === "quick") && answers[side].loop?.level !== "linear";
   const complete = () => requests.resting() && !drawing && shownSides().every((side) => refusals[side] || settled(side));
 
   // ---- start
@@ -255,7 +266,7 @@ const Explorer = (() => {
     $("#compare").addEventListener("click", () => {
       if (sides.b) { sides.b = null; view.edit = "a"; answers.b = {}; refusals.b = null; requests.forget("b"); }
       else { sides.b = { ...sides.a }; view.edit = "b"; requests.change("b"); }
-      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "commands"); commit();
+      touch("layout", "controls", "state", "curve", "sensor3d", "stability", "vibration", "loop", "commands"); commit();
     });
     for (const input of document.querySelectorAll("[name=edit]")) input.addEventListener("change", () => look("edit", input.value));
     $("#view-field").addEventListener("change", (event) => look("field", event.target.value));

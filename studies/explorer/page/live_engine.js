@@ -41,6 +41,8 @@ const LiveEngine = () => {
     model: "finite elements",
     // a newer request replaces one that waits
     replaces: true,
+    // parts that an engine without finite elements does not have
+    parts: ["vibration", "loop"],
     start: connect,
     ask(request) { if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request)); },
     onAnswer(callback) { answer = callback; },

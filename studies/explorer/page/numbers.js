@@ -45,9 +45,12 @@ const Numbers = (() => {
     return [
       ["critical depth", "mm", s.critical_depth, s.estimate],
       ["first mode", "Hz", s.first_mode_hz, s.first_mode_estimate_hz],
-      ...(s.rows || []).map((row) => [row.name, row.unit, row.value, row.half_width]),
+      ...listed(s),
     ];
   }
+
+  // Rows that the server has named.
+  const listed = (data) => (data?.rows || []).map((row) => [row.name, row.unit, row.value, row.half_width]);
 
   // One table; `first` and `last` name the columns of the values and beside them, null for none. Only texts change.
   function table(box, first, last) {
@@ -91,5 +94,5 @@ const Numbers = (() => {
     };
   }
 
-  return { EMPTY, table, response, readings, decoded, decoding, stability };
+  return { EMPTY, table, response, readings, decoded, decoding, stability, listed };
 })();

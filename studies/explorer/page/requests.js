@@ -4,7 +4,7 @@
 
 const Requests = (engine, { message, show, refuse, progress }) => {
   const PATIENCE = 1000, MOST_TIMES = 2000;
-  const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "commands"];
+  const PARTS = ["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "commands"];
   const NEW = () => ({ number: 0, flying: 0, since: 0, dirty: false, inputs: [], drawn: {} });
   const sides = { a: NEW(), b: NEW() };
   const times = [], sent = new Map();

@@ -36,6 +36,7 @@
   views.bars = Charts.readings($("[data-chart=readings]"));
   const columns = {
     response: [engine.model, "formula"], readings: ["under this load", "change"], decoded: ["from the readings", "noise (rms)"], stability: [engine.model, null],
+    vibration: ["finite elements", null], loop: ["finite elements", null],
   };
   for (const [name, titles] of Object.entries(columns)) {
     views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);

@@ -1,0 +1,235 @@
+"""The parts `vibration` and `loop`: what a sensor does in time about, or up to, the load of the page.
+
+`vibration` is the steady vibration about the pressed or sheared state at the frequency of the page, in the manner of
+`magtip response`: the plate moves along the shear where there is one, else along z; the base of the free sensor is
+shaken along x. `loop` is a loading cycle with the
+speed of the page, in the manner of `magtip cycle`: first that of a linear spring, then by finite elements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analytic import relaxation_loops
+from fem.accuracy import LEVELS, coarser
+from fem.solvers import increment_watch
+from fem.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.loads import Load, Magnet
+from geometry.relaxation import range_sentence, relaxation_of
+from studies.explorer.explorer_state import ExplorerState
+from studies.simulation import resonance_peaks, response_curves
+from studies.simulation.cycle_motion import Motion, frequency_of
+from studies.simulation.response_curves import At
+
+Data = dict[str, Any]
+Rows = list[Data]
+LOWEST_ELASTIC = 0.01
+"""Lowest frequency of a silicone without branches, Hz: any below the resonances."""
+STATIC = 1e-6
+"""Frequency over the lowest one at which the vibration is static."""
+CYCLES, TOLERANCE = 2, 1e-3
+"""Cycles of a loop, the last of which counts: the third differs from it by less than a thousandth. Permitted error of
+the force from the time steps."""
+LOOP_LEVEL = "quick"
+"""Accuracy of the loop: its gap is a ratio of two forces of one mesh."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Vibrating:
+    """A vibrating sensor with the curves of its readings, here and on a coarser mesh (None if that is not solved)."""
+
+    sensor: VibratingSensor
+    at: At
+    coarse: At | None
+    band: tuple[float, float]
+
+
+def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating:
+    """Solve for the state at rest and its vibrations at all frequencies that branches and mesh carry.
+
+    Raises
+    ------
+    BadInput
+        The load is none about which the sensor vibrates, or the state is not reached or not stable.
+    """
+    accuracy = LEVELS[level]
+    relaxation = relaxation_of(design)
+    low, high = relaxation.speaks_for_frequencies if relaxation.times else (LOWEST_ELASTIC, math.inf)
+    band = low, min(high, highest_frequency(relaxed(design, relaxation), accuracy))
+    if not band[0] < band[1]:
+        raise BadInput(f"the silicone's branches speak for {low:.3g} to {high:.3g} Hz only, which is no band")
+    check_vibration(design, load, band, accuracy)
+    sensor = vibrating_sensor(design, load, band, accuracy, magnet=magnet)
+    coarse: At | None = None
+    try:
+        other = vibrating_sensor(design, load, band, coarser(accuracy), magnet=magnet, check=False)
+        coarse = response_curves.evaluator(design, other)
+    except BadInput:  # the path may stop earlier on the coarser mesh
+        pass
+    return Vibrating(sensor, response_curves.evaluator(design, sensor), coarse, band)
+
+
+def vibration(vibrating: Vibrating, frequency: float) -> Data:
+    """Return the part `vibration` at a frequency, Hz: rows of name, unit, value and half width, and a message.
+
+    Half widths are the differences to a mesh that is coarser by 1.5.
+    """
+    low, high = vibrating.band
+    if not low <= frequency <= high:
+        return refusal(
+            f"the vibration is known from {low:.3g} to {high:.4g} Hz, for which the silicone's branches speak and "
+            f"the mesh is fine enough; the frequency is {frequency:.6g} Hz"
+        )
+    (load,) = vibrating.sensor.scene.loads
+    motion = "x" if load.shear or not load.depth else "z"
+    fine = _values(vibrating.at, motion, frequency, vibrating.band)
+    if not vibrating.sensor.relaxation.times:
+        fine["its Q", ""] = None
+    coarse = {} if vibrating.coarse is None else _values(vibrating.coarse, motion, frequency, vibrating.band)
+    rows = [
+        {"name": name, "unit": unit, "value": value, "half_width": _distance(value, coarse.get((name, unit)))}
+        for (name, unit), value in fine.items()
+    ]
+    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion)}
+
+
+def _values(at: At, motion: str, frequency: float, band: tuple[float, float]) -> dict[tuple[str, str], float | None]:
+    """Return the values of the rows by name and unit."""
+    low, high = band
+    one = at(np.array([low * STATIC, frequency]))[motion]
+    values: dict[tuple[str, str], float | None] = {}
+    if one.force is None:
+        values |= _gain("shift of the magnet", "mm/mm", one.along[1], 1.0)
+        values.popitem()  # the static shift is 0
+    else:
+        values |= _gain(f"force along {motion}", "N/mm", one.force[1], one.force[0])
+        assert one.per_N is not None
+        for k in one.readers[:1]:
+            name, unit = one.names[k], one.units[k]
+            values |= _gain(f"{name} per N", f"{unit}/N", one.per_N[1, k], one.per_N[0, k])
+    peak = next(iter(resonance_peaks.peaks(_gain_of(at, motion), low, high)), None)
+    values["first resonance", "Hz"] = None if peak is None else peak.frequency
+    values["its Q", ""] = None if peak is None else peak.Q
+    return values
+
+
+def _gain_of(at: At, motion: str) -> Callable[[Array], Array]:
+    """Return the gain of the magnet's shift over the force, or over the motion of the free sensor's base."""
+
+    def gain(f: Array) -> Array:
+        one = at(f)[motion]
+        return np.asarray(np.abs(one.along if one.force is None else one.along / one.force))
+
+    return gain
+
+
+def _gain(name: str, unit: str, value: complex, still: complex) -> dict[tuple[str, str], float | None]:
+    """Return gain, phase in degrees, and gain over the static one."""
+    ratio = value / still
+    return {
+        (name, unit): abs(value),
+        (f"phase of {name}", "deg"): math.degrees(math.atan2(ratio.imag, ratio.real)),
+        (f"{name}, over static", ""): abs(ratio),
+    }
+
+
+def _distance(value: float | None, other: float | None) -> float | None:
+    return None if value is None or other is None else abs(value - other)
+
+
+def _message(vibrating: Vibrating, motion: str) -> str:
+    """Say what moves, and what the numbers assume."""
+    if not vibrating.sensor.state.load.depth:
+        return "The base of the free sensor is shaken along x; shift is relative to the base."
+    return (
+        f"The plate moves along {motion} about this state, which is at rest; contact is frozen, amplitudes are "
+        "small. The resonance is that under a force. Half widths are differences to a coarser mesh."
+    )
+
+
+def refusal(sentence: str) -> Data:
+    """Return a part without numbers, and why there are none."""
+    return {"rows": [], "message": f"{sentence[:1].upper()}{sentence[1:]}."}
+
+
+def motion_of(state: ExplorerState) -> Motion:
+    """Return the loading cycles at the speed of the page, up to its depth or between both sides of its shear.
+
+    The sensor is a body of revolution, so the direction of the shear does not matter.
+
+    Raises
+    ------
+    BadInput
+        The load makes no cycle, or the branches do not speak for its frequency.
+    """
+    load = state.load
+    if load.plate_tilt:
+        raise BadInput("a loading cycle needs an upright plate")
+    if not load.depth > 0:
+        raise BadInput("a loading cycle needs a depth above 0 mm")
+    shear = math.hypot(*load.imposed_shear)
+    friction = "none" if load.friction == "stick" and not shear else load.friction
+    frequency = frequency_of(state.speed, None, 2 * shear or load.depth)
+    motion = Motion(load.depth, shear, friction, frequency, cycles=CYCLES)
+    if sentence := range_sentence(relaxation_of(state.design), frequencies=[frequency]):
+        raise BadInput(f"at this speed a cycle has {frequency:.3g} Hz; {sentence}")
+    return motion
+
+
+def linear_loop(state: ExplorerState, motion: Motion) -> Data:
+    """Return the part `loop` of a linear spring of this silicone, in steady cycles."""
+    gap = 100 * relaxation_loops.loop(relaxation_of(state.design), motion.frequency, motion.waveform).hysteresis
+    return _loop_data(state, motion, gap, None, [], "That of a linear spring; finite elements follow.")
+
+
+def loop(state: ExplorerState, motion: Motion) -> Data:
+    """Return the part `loop` by finite elements; every time step calls the watch of `fem.solvers.increment_watch`."""
+    from studies.simulation import cycle_report
+
+    cycles = cycle_report.run(
+        state.design,
+        motion,
+        "prony",
+        cycle_report.Static(None, None),
+        LOOP_LEVEL,
+        state.magnet,
+        TOLERANCE,
+        lambda share, _: increment_watch.report(share),
+    )
+    if cycles.status != "ok" or len(cycles.loops) < CYCLES:
+        return refusal(f"the loop is not known: {cycles.message or cycles.status}")
+    last = cycles.loops[-1]
+    linear = linear_loop(state, motion)["rows"][0]["value"]
+    largest = last.largest_N
+    rows = [
+        {"name": "gap of a linear spring", "unit": "%", "value": linear, "half_width": None},
+        {"name": "dissipated", "unit": "mJ", "value": last.material_mJ + last.friction_mJ, "half_width": None},
+        {
+            "name": "largest force",
+            "unit": "N",
+            "value": largest,
+            "half_width": cycles.time_error * largest,
+        },
+    ]
+    # the gap is the difference of two forces, each with the error of the time steps
+    spread = 100 * 2 * cycles.time_error
+    text = (
+        f"Cycle {CYCLES} of a triangle without inertia, {LOOP_LEVEL} mesh; half widths are those of the time steps."
+    )
+    return _loop_data(state, motion, last.gap_percent, spread, rows, text)
+
+
+def _loop_data(
+    state: ExplorerState, motion: Motion, gap: float, half_width: float | None, more: Rows, message: str
+) -> Data:
+    """Return the part `loop` with its gap at mid-stroke in percent of full scale."""
+    first = {"name": "gap at mid-stroke", "unit": "%", "value": gap, "half_width": half_width}
+    duration = {"name": "cycle lasts", "unit": "s", "value": 1 / motion.frequency, "half_width": None}
+    return {"speed": state.speed, "rows": [first, *more, duration], "message": message}
