@@ -18,60 +18,8 @@ from geometry.meshing.delaunay_compiled import repair, triangulate
 from geometry.meshing.quadtree_compiled import Tree, edge_length
 from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, room
 
-SPACING, STEPS = 0.85, 10
+STEPS = 10
 """As in `geometry.section`."""
-
-
-@njit(cache=True)
-def leaves(tree: Tree, node: Array) -> Array:
-    """Return the leaves (r, z, edge length, distance from the border over edge length), shape (n, 4).
-
-    Leaves too close to a node of the border are left out.
-    """
-    cells = tree[0]
-    found, count = np.empty((len(cells), 4)), 0
-    for c in range(len(cells)):
-        if cells[c, 3] > 0:
-            r, z, wanted = cells[c, 0], cells[c, 1], cells[c, 2]
-            far = math.sqrt(nearest(node, len(node), r, z)) / wanted
-            if far > SPACING:
-                found[count, 0], found[count, 1], found[count, 2], found[count, 3] = r, z, wanted, far
-                count += 1
-    return found[:count]
-
-
-@njit(cache=True)
-def nearest(node: Array, count: int, r: float, z: float) -> float:
-    """Return the square of the distance from the nearest of the first nodes."""
-    least = np.inf
-    for i in range(count):
-        dr, dz = r - node[i, 0], z - node[i, 1]
-        square = dr * dr + dz * dz
-        if square < least:
-            least = square
-    return least
-
-
-@njit(cache=True)
-def thinned(x: Array, order: Ints) -> Array:
-    """Return those points (r, z), in order, that keep the least distance from all points returned before them.
-
-    x : points and the edge length there, shape (n, 3) or more.
-    """
-    kept, count = np.empty((len(order), 2)), 0
-    for j in order:
-        square, clear = SPACING * x[j, 2], True
-        square *= square
-        # the latest points are the most likely to be near
-        for i in range(count - 1, -1, -1):
-            dr, dz = x[j, 0] - kept[i, 0], x[j, 1] - kept[i, 1]
-            if dr * dr + dz * dz <= square:
-                clear = False
-                break
-        if clear:
-            kept[count, 0], kept[count, 1] = x[j, 0], x[j, 1]
-            count += 1
-    return kept[:count]
 
 
 @njit(cache=True)

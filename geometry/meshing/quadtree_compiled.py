@@ -59,14 +59,14 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
             space = room(beam, r, z)
             if space <= -0.71 * side:
                 continue  # the cell lies outside: half a diagonal is 0.71 sides
-            wanted, best = _finest(entries, begin, end, r, z)
+            wanted, best = finest(entries, begin, end, r, z)
             cells[c, 2] = min(wanted, size)
             if cells[c, 2] >= side / 0.3:
                 cells[c, 3] = 1.0 if space > 0 else 0.0
                 continue
             entries = grown(entries, used + end - begin)
             lists[c, 0] = used
-            used = _select(entries, begin, end, best, wanted, size, (r, z, side / 2), entries, used)
+            used = relevant(entries, begin, end, best, wanted, size, (r, z, side / 2), entries, used)
             lists[c, 1] = used
             cells, child, lists = grown(cells, count + 4), grown(child, count + 4), grown(lists, count + 4)
             child[c, 0] = count
@@ -80,7 +80,7 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
 
 
 @njit(cache=True)
-def _finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[float, int]:
+def finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[float, int]:
     """Return the least edge length that sources from `begin` to `end` require at a point, and that source."""
     wanted, best = np.inf, begin
     for e in range(begin, end):
@@ -92,7 +92,7 @@ def _finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[f
 
 
 @njit(cache=True)
-def _select(
+def relevant(
     entries: Array,
     begin: int,
     end: int,
@@ -172,7 +172,7 @@ def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near:
         quarter /= 2
     begin, end = (lists[c, 0], lists[c, 1]) if int(other_z / 0.5) == int(z / 0.5) else (0, len(near))
     square = (r + other_r) / 2, (z + other_z) / 2, max(abs(r - other_r), abs(z - other_z)) / 2
-    least, best = _finest(entries, begin, end, square[0], square[1])
-    count = _select(entries, begin, end, best, least, size, square, near, 0) if begin < end else 0
+    least, best = finest(entries, begin, end, square[0], square[1])
+    count = relevant(entries, begin, end, best, least, size, square, near, 0) if begin < end else 0
     for i in range(first, last + 1):
-        wanted[i] = min(size, _finest(near, 0, count, x[i, 0], x[i, 1])[0])
+        wanted[i] = min(size, finest(near, 0, count, x[i, 0], x[i, 1])[0])

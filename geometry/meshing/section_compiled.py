@@ -15,6 +15,7 @@ import skfem
 from geometry.arrays import Array, Ints
 from geometry.design import Shape
 from geometry.meshing import (
+    filling_compiled,
     outline_compiled,
     points_compiled,
     quadtree_compiled,
@@ -48,7 +49,7 @@ def mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
     border = np.empty((len(place), 2))
     outline_compiled.place_points(border, curves, place)
     x, cells = _delaunay(beam, border, segment, name, tree, source[0], s.size)
-    silicone, core = triangles_compiled.parts(x, cells, segment, name, s.magnet == "meshed")
+    silicone, core = triangles_compiled.parts(x, cells, len(border), segment, name, s.magnet == "meshed")
     real, middles = _table(outline(shape, s.magnet, s.ring and s.ring[0] * shape.D)), np.empty((len(middle), 2))
     x *= shape.D
     outline_compiled.place_points(x, real, place)
@@ -95,15 +96,13 @@ def _delaunay(
     """Return all points, those of the border first, and the Delaunay triangles of their image."""
     offset = tip[2] / tip[3] / math.sqrt(2)
     pole = np.array([tip[0] - offset, tip[1] + offset])
-    leaves = points_compiled.leaves(tree, border)
-    inner = points_compiled.thinned(leaves, np.argsort(leaves[:, 3], kind="stable"))
-    x = np.concatenate([border, inner])
+    x = np.concatenate([border, filling_compiled.fill(tree, border, tip[1])])
     for _ in range(3):
         bars, corner, twin = points_compiled.sprung(beam, len(border), x, tree, size, pole)
         across = points_compiled.bridges(bars, x, len(border), segment, name, tree, size)
         if not len(across):
             break
-        x, corner = np.concatenate([x, points_compiled.thinned(across, np.arange(len(across)))]), corner[:0]
+        x, corner = np.concatenate([x, filling_compiled.thinned(across)]), corner[:0]
     clear = points_compiled.clear_of(segment, len(border), x)
     if not clear.all():
         x, corner = x[clear], corner[:0]

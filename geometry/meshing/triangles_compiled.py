@@ -28,20 +28,22 @@ def _within(node: Array, segment: Ints, name: Ints, magnet: bool, r: float, z: f
 
 
 @njit(cache=True)
-def parts(x: Array, t: Ints, segment: Ints, name: Ints, meshed: bool) -> tuple[Ints, Ints]:
+def parts(x: Array, t: Ints, fixed: int, segment: Ints, name: Ints, meshed: bool) -> tuple[Ints, Ints]:
     """Return the triangles of the silicone and, if the magnet is meshed, of the magnet, both of shape (n, 3).
 
     Each begins with its lowest node, and they are in ascending order.
 
-    name : of each segment, as in `sizing_compiled`.
+    fixed : number of points of the border, which come first in x. name : of each segment, as in `sizing_compiled`.
     """
     silicone, core, counts = np.empty((len(t), 3), np.int64), np.empty((len(t), 3), np.int64), np.zeros(2, np.int64)
     for k in range(len(t)):
         a, b, c = t[k, 0], t[k, 1], t[k, 2]
         r, z = (x[a, 0] + x[b, 0] + x[c, 0]) / 3, (x[a, 1] + x[b, 1] + x[c, 1]) / 3
-        if not _within(x, segment, name, False, r, z):
+        # all points inside lie in the beam, and in the silicone if the magnet is not meshed
+        filling = max(a, b, c) >= fixed
+        if not filling and not _within(x, segment, name, False, r, z):
             continue
-        inside = _within(x, segment, name, True, r, z)
+        inside = (meshed or not filling) and _within(x, segment, name, True, r, z)
         if inside and not meshed:
             continue
         part, which = (core, 1) if inside else (silicone, 0)
