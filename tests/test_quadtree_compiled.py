@@ -28,7 +28,7 @@ def test_edge_lengths_are_those_of_all_sources(seed):
     x = np.random.default_rng(seed + 10).random((2000, 2)) * [0.5, 1.4]
     distance = np.linalg.norm(x[:, None] - source[:, :2], axis=2)
     expected = np.minimum(SIZE, (distance * source[:, 3] + source[:, 2]).min(axis=1))
-    each = [kernels.edge_length(tree, SIZE, r, z) for r, z in x]
+    each = [kernels.length_in(tree, kernels.cell_of(tree, r, z), SIZE, r, z) for r, z in x]
     np.testing.assert_allclose(each, expected, rtol=1e-13)
     assert np.count_nonzero(expected < SIZE) > 500
     # points between two corners of a rectangle

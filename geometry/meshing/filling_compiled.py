@@ -24,8 +24,7 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
 
     node : nodes of the border. tip : height of the tip.
     """
-    cells, child = tree[0], tree[1]
-    half = _half_sides(child, tip)
+    cells, child, half = tree[0], tree[1], tree[4]
     far = _distances(cells, child, half, node)
     reach = np.zeros(len(cells))
     for c in range(len(cells) - 1, -1, -1):
@@ -58,17 +57,6 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
 
 
 @njit(cache=True)
-def _half_sides(child: Ints, tip: float) -> Array:
-    """Return half the side of all cells, shape (n,)."""
-    half = np.full(len(child), 0.25)
-    for c in range(len(child)):
-        if child[c] >= 0:
-            for k in range(4):
-                half[child[c] + k] = half[c] / 2
-    return half
-
-
-@njit(cache=True)
 def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
     """Return the distance of all leaves from the next node of the border over the edge length; 0 for other cells."""
     used, n = len(node), len(cells)
@@ -76,7 +64,13 @@ def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
     entries = grown(entries, used)
     lists[:, 1] = used
     for i in range(used):
-        entries[i, 0], entries[i, 1], entries[i, 2], entries[i, 3], entries[i, 4] = node[i, 0], node[i, 1], 0.0, 1.0, 1.0
+        entries[i, 0], entries[i, 1], entries[i, 2], entries[i, 3], entries[i, 4] = (
+            node[i, 0],
+            node[i, 1],
+            0.0,
+            1.0,
+            1.0,
+        )
     for c in range(n):
         r, z, begin, end = cells[c, 0], cells[c, 1], lists[c, 0], lists[c, 1]
         if child[c] < 0 and cells[c, 3] == 0:

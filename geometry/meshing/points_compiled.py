@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
 from geometry.meshing.delaunay_compiled import repair, triangulate
-from geometry.meshing.quadtree_compiled import Tree, edge_length
+from geometry.meshing.quadtree_compiled import Tree, cell_of, length_in
 from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, room
 
 STEPS = 10
@@ -41,17 +41,31 @@ def upright(x: Array, a: int, b: int, c: int) -> bool:
 
 @njit(cache=True)
 def _bars(x: Array, corner: Ints, twin: Ints) -> Ints:
-    """Return the sides of upright triangles, shape (m, 2), each once, in ascending order of both ends."""
-    good = np.empty(len(corner) // 3, np.bool_)
+    """Return the sides of upright triangles, each once, in ascending order of both ends.
+
+    The columns are the ends, the lower one first, and the number of the side, shape (m, 3).
+    """
+    good, first = np.empty(len(corner) // 3, np.bool_), np.zeros(len(x) + 1, np.int64)
     for k in range(len(good)):
         good[k] = upright(x, corner[3 * k], corner[3 * k + 1], corner[3 * k + 2])
-    bars, count = np.empty((len(corner), 2), np.int64), 0
+    for e in range(len(corner)):
+        if twin[e] < e and (good[e // 3] or (twin[e] >= 0 and good[twin[e] // 3])):
+            first[min(corner[e], corner[e - e % 3 + (e + 1) % 3]) + 1] += 1
+    for i in range(len(x)):
+        first[i + 1] += first[i]
+    bars = np.empty((first[len(x)], 3), np.int64)
+    last = first.copy()
     for e in range(len(corner)):
         if twin[e] < e and (good[e // 3] or (twin[e] >= 0 and good[twin[e] // 3])):
             i, j = corner[e], corner[e - e % 3 + (e + 1) % 3]
-            bars[count, 0], bars[count, 1] = min(i, j), max(i, j)
-            count += 1
-    return ordered(bars, count, len(x))
+            i, j = min(i, j), max(i, j)
+            k = last[i]
+            last[i] += 1
+            while k > first[i] and bars[k - 1, 1] > j:
+                bars[k, 0], bars[k, 1], bars[k, 2] = i, bars[k - 1, 1], bars[k - 1, 2]
+                k -= 1
+            bars[k, 0], bars[k, 1], bars[k, 2] = i, j, e
+    return bars
 
 
 @njit(cache=True)
@@ -94,11 +108,14 @@ def _select(values: Array, rank: int) -> float:
 
 
 @njit(cache=True)
-def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float) -> tuple[Array, int]:
+def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float, cell: Ints) -> tuple[Array, int]:
     """Return the sum of the forces of the springs on each point, shape (n, 2), and the number of springs.
 
     Springs between two points of the border have none.
+
+    cell : a cell where the middle of each side may lie; the cell where it lies is written to it.
     """
+    cells, half = tree[0], tree[4]
     n, push = 0, np.zeros((len(x), 2))
     length, want, ratio = np.empty(len(bars)), np.empty(len(bars)), np.empty(len(bars))
     for k in range(len(bars)):
@@ -106,7 +123,10 @@ def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float) -> tuple[Ar
         if j >= fixed:
             dr, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
             length[k] = math.sqrt(dr * dr + dz * dz)
-            want[k] = edge_length(tree, size, (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2)
+            r, z, c = (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2, cell[bars[k, 2]]
+            if not (abs(r - cells[c, 0]) <= half[c] and abs(z - cells[c, 1]) <= half[c]):
+                c = cell[bars[k, 2]] = cell_of(tree, r, z)
+            want[k] = length_in(tree, c, size, r, z)
             ratio[n] = length[k] / want[k]
             n += 1
     if n == 0:
@@ -144,19 +164,22 @@ def sprung(beam: Array, fixed: int, x: Array, tree: Tree, size: float, pole: Arr
     fixed : number of points of the border, which come first in x.
     """
     corner = twin = np.empty(0, np.int64)
-    bars, image = np.empty((0, 2), np.int64), np.empty((len(x), 2))
+    bars, image = np.empty((0, 3), np.int64), np.empty((len(x), 2))
+    cell = np.full(6 * len(x), len(tree[0]) - 1)
     for step in range(STEPS):
         _project(image, fixed if step else 0, x, pole)
         corner, twin = triangulation(image, fixed, corner, twin)
         bars = _bars(x, corner, twin)
-        push, count = _push(x, fixed, bars, tree, size)
+        push, count = _push(x, fixed, bars, tree, size, cell)
         if count == 0:
             break
         for i in range(fixed, len(x)):
             r, z = x[i, 0] + 0.2 * push[i, 0], x[i, 1] + 0.2 * push[i, 1]
             # a point that would come too close to the border or the axis keeps its place
             clear = min(room(beam, r, z), r)
-            if clear > 0.3 * size or clear > 0.3 * edge_length(tree, size, x[i, 0], x[i, 1]):
+            if clear > 0.3 * size or clear > 0.3 * length_in(
+                tree, cell_of(tree, x[i, 0], x[i, 1]), size, x[i, 0], x[i, 1]
+            ):
                 x[i, 0], x[i, 1] = r, z
     return bars, corner, twin
 
@@ -174,7 +197,7 @@ def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: T
         i, j = bars[k, 0], bars[k, 1]
         if j < fixed and (outer[i] or outer[j]) and (core[i] or core[j]):
             r, z = (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2
-            found[count, 0], found[count, 1], found[count, 2] = r, z, edge_length(tree, size, r, z)
+            found[count, 0], found[count, 1], found[count, 2] = r, z, length_in(tree, cell_of(tree, r, z), size, r, z)
             count += 1
     return found[:count]
 

@@ -2,11 +2,12 @@
 
 All lengths are in units of D; points are (r, z). The sources are those of `sizing_compiled.sources`.
 
-A tree is (cells, child, lists, entries). Its roots are squares of side 1/2 above each other.
+A tree is (cells, child, lists, entries, half). Its roots are squares of side 1/2 above each other.
 cells : centre (r, z), edge length there, 1 if it is a leaf inside the silicone, shape (n, 4), in order of their size.
 child : first one of the four children of each cell, -1 if it has none, shape (n,).
 lists : first entry and end of each cell's list, shape (n, 2). A cell without children has the list of its parent.
 entries : the sources in the lists, shape (k, 5); the first list holds all sources.
+half : half the side of each cell, shape (n,).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from geometry.meshing.sizing_compiled import room
 
 ROUNDING = 1 + 1e-9
 """Factor by which a bound is raised, so that rounding cannot exclude a source."""
-Tree = tuple[Array, Ints, Ints, Array]
+Tree = tuple[Array, Ints, Ints, Array, Array]
 
 
 @njit(cache=True)
@@ -76,7 +77,12 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
                 lists[count, 0], lists[count, 1] = lists[c, 0], used
                 count += 1
         first, last, side = last, count, side / 2
-    return cells[:last], child[:last, 0].copy(), lists[:last], entries[:used]
+    half = np.full(last, 0.25)
+    for c in range(last):
+        if child[c, 0] >= 0:
+            for k in range(child[c, 0], child[c, 0] + 4):
+                half[k] = half[c] / 2
+    return cells[:last], child[:last, 0].copy(), lists[:last], entries[:used], half
 
 
 @njit(cache=True)
@@ -133,9 +139,9 @@ def relevant(
 
 
 @njit(cache=True)
-def edge_length(tree: Tree, size: float, r: float, z: float) -> float:
-    """Return the target edge length at a point inside the roots of a tree."""
-    child, lists, entries = tree[1], tree[2], tree[3]
+def cell_of(tree: Tree, r: float, z: float) -> int:
+    """Return the cell without children that holds a point, which lies inside the roots of a tree."""
+    child = tree[1]
     c, quarter, middle_r = int(z / 0.5), 0.125, 0.25
     middle_z = 0.5 * (0.5 + c)
     while child[c] >= 0:
@@ -144,6 +150,13 @@ def edge_length(tree: Tree, size: float, r: float, z: float) -> float:
         middle_r += quarter if right else -quarter
         middle_z += quarter if up else -quarter
         quarter /= 2
+    return c
+
+
+@njit(cache=True)
+def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
+    """Return the target edge length at a point of a cell."""
+    lists, entries = tree[2], tree[3]
     wanted = size
     for e in range(lists[c, 0], lists[c, 1]):
         dr, dz = r - entries[e, 0], z - entries[e, 1]
