@@ -1,7 +1,7 @@
 """The points that fill the section, spaced by the target edge length, compiled by numba.
 
-The same points as in `geometry.section`: leaves of the quadtree, thinned out in order of distance from the border. All
-lengths are in units of D; points are (r, z), shape (n, 2).
+The same points as in `geometry.section`: leaves of the quadtree, thinned out in order of distance from the border.
+All lengths are in units of D; points are (r, z), shape (n, 2).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from geometry.arrays import Array, Ints
-from geometry.meshing.quadtree_compiled import Tree, finest, grown, relevant
+from geometry.meshing.quadtree_compiled import Tree, grown
 
 SPACING = 0.85
 """As in `geometry.section`."""
@@ -58,31 +58,35 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
 
 @njit(cache=True)
 def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
-    """Return the distance of all leaves from the next node of the border over the edge length; 0 for other cells."""
+    """Return the distance of all leaves from the next node of the border over the edge length; 0 for other cells.
+
+    Each cell has a list of the nodes that can be nearest somewhere in it.
+    """
     used, n = len(node), len(cells)
-    lists, entries, far = np.zeros((n, 2), np.int64), np.empty((4 * n, 5)), np.zeros(n)
-    entries = grown(entries, used)
-    lists[:, 1] = used
+    begin, end, far, listed = np.zeros(n, np.int64), np.full(n, used), np.zeros(n), np.empty((4 * n, 2))
+    listed = grown(listed, used)
     for i in range(used):
-        entries[i, 0], entries[i, 1], entries[i, 2], entries[i, 3], entries[i, 4] = (
-            node[i, 0],
-            node[i, 1],
-            0.0,
-            1.0,
-            1.0,
-        )
+        listed[i, 0], listed[i, 1] = node[i, 0], node[i, 1]
     for c in range(n):
-        r, z, begin, end = cells[c, 0], cells[c, 1], lists[c, 0], lists[c, 1]
         if child[c] < 0 and cells[c, 3] == 0:
             continue
-        distance, nearest = finest(entries, begin, end, r, z)
+        r, z, least, near_r, near_z = cells[c, 0], cells[c, 1], np.inf, 0.0, 0.0
+        for i in range(begin[c], end[c]):
+            dr, dz = r - listed[i, 0], z - listed[i, 1]
+            if dr * dr + dz * dz < least:
+                least, near_r, near_z = dr * dr + dz * dz, listed[i, 0], listed[i, 1]
         if child[c] < 0:
-            far[c] = distance / cells[c, 2]
+            far[c] = math.sqrt(least) / cells[c, 2]
             continue
-        entries, begin_of_list = grown(entries, used + end - begin), used
-        used = relevant(entries, begin, end, nearest, distance, np.inf, (r, z, half[c]), entries, used)
+        listed, first, side = grown(listed, used + end[c] - begin[c]), used, 2 * half[c]
+        for i in range(begin[c], end[c]):
+            dr, dz = r - listed[i, 0], z - listed[i, 1]
+            # the excess of the squared distance over that from the nearest node is linear: least in a corner
+            if dr * dr + dz * dz - side * (abs(listed[i, 0] - near_r) + abs(listed[i, 1] - near_z)) <= least:
+                listed[used, 0], listed[used, 1] = listed[i, 0], listed[i, 1]
+                used += 1
         for k in range(child[c], child[c] + 4):
-            lists[k, 0], lists[k, 1] = begin_of_list, used
+            begin[k], end[k] = first, used
     return far
 
 
@@ -124,15 +128,21 @@ def _exclude(
         count -= 1
         c = stack[count]
         if child[c] < 0:
-            dr, dz = cells[c, 0] - r, cells[c, 1] - z
-            if dr * dr + dz * dz <= reach[c] * reach[c]:
+            if (cells[c, 0] - r) ** 2 + (cells[c, 1] - z) ** 2 <= reach[c] * reach[c]:
                 reach[c] = 0.0
             continue
         for k in range(child[c], child[c] + 4):
-            dr, dz = max(abs(cells[k, 0] - r) - half[k], 0.0), max(abs(cells[k, 1] - z) - half[k], 0.0)
-            if reach[k] > 0 and dr * dr + dz * dz <= reach[k] * reach[k]:
-                stack[count] = k
-                count += 1
+            if reach[k] > 0:
+                # a leaf counts with its centre, another cell with its point that is nearest
+                leaf, dr, dz = child[k] < 0, abs(cells[k, 0] - r), abs(cells[k, 1] - z)
+                if not leaf:
+                    dr, dz = max(dr - half[k], 0.0), max(dz - half[k], 0.0)
+                if dr * dr + dz * dz <= reach[k] * reach[k]:
+                    if leaf:
+                        reach[k] = 0.0
+                    else:
+                        stack[count] = k
+                        count += 1
 
 
 @njit(cache=True)

@@ -112,15 +112,15 @@ def _delaunay(
 def _second_order(x: Array, silicone: Ints, core: Ints, segment: Ints, name: Ints, middle: Array) -> Any:
     """Return the second-order mesh with middle nodes on the curves and named parts; check that it is valid."""
     t = np.concatenate([silicone, core])
-    doflocs, facets, t2f, f2t, facet, upright = triangles_compiled.second_order(x, t, segment, middle, SLOPES)
-    if facet.min() < 0:
-        raise RuntimeError("the section's outline could not be meshed: take a smaller size")
-    outer = facet[name != sizing_compiled.MAGNET] if len(core) else facet
-    if not np.array_equal(np.sort(outer), np.flatnonzero(f2t[1] < 0)):
+    doflocs, facets, t2f, f2t, facet = triangles_compiled.second_order(x, t, segment, middle)
+    order, first = triangles_compiled.boundaries(f2t, facet, name, len(core) > 0)
+    if not len(order):
+        if facet.min() < 0:
+            raise RuntimeError("the section's outline could not be meshed: take a smaller size")
         raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
-    if not upright:
+    if not triangles_compiled.unfolded(doflocs, len(x), t, t2f, SLOPES):
         raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
-    boundaries = {NAMES[k]: np.sort(facet[name == k]) for k in range(4) if np.any(name == k)}
+    boundaries = {NAMES[k]: order[first[k] : first[k + 1]] for k in range(4) if first[k] < first[k + 1]}
     parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
     parts = {part: cells for part, cells in parts.items() if len(cells)}
     mesh = skfem.MeshTri2(doflocs, np.ascontiguousarray(t.T), boundaries, parts, validate=False)

@@ -56,21 +56,20 @@ def parts(x: Array, t: Ints, fixed: int, segment: Ints, name: Ints, meshed: bool
 
 @njit(cache=True)
 def second_order(
-    x: Array, t: Ints, segment: Ints, middle: Array, slopes: Array
-) -> tuple[Array, Ints, Ints, NDArray[np.int32], Ints, bool]:
+    x: Array, t: Ints, segment: Ints, middle: Array
+) -> tuple[Array, Ints, Ints, NDArray[np.int32], Ints]:
     """Return the second-order mesh of triangles, with middle nodes on the curves of the border.
 
     Parameters
     ----------
     segment, middle : numbers of the nodes at both ends of each segment of the border, and its middle node, both of
         shape (k, 2).
-    slopes : derivatives of a triangle's shape functions, shape (6, 2, q).
 
     Returns
     -------
     nodes, shape (2, n); facets, shape (2, f), in ascending order; facets of each triangle, shape (3, m); triangles of
     each facet, shape (2, f), the second one -1 at the boundary; facet of each segment, shape (k,), -1 if there is
-    none; whether no triangle is folded.
+    none.
     """
     n, m = len(x), len(t)
     sides = np.empty((3 * m, 3), np.int64)
@@ -105,7 +104,7 @@ def second_order(
         facet[k] = _search(facets, min(segment[k, 0], segment[k, 1]), max(segment[k, 0], segment[k, 1]))
         if facet[k] >= 0:
             doflocs[0, n + facet[k]], doflocs[1, n + facet[k]] = middle[k, 0], middle[k, 1]
-    return doflocs, facets, t2f, f2t, facet, _unfolded(doflocs, n, t, t2f, slopes)
+    return doflocs, facets, t2f, f2t, facet
 
 
 @njit(cache=True)
@@ -124,8 +123,39 @@ def _search(facets: Ints, i: int, j: int) -> int:
 
 
 @njit(cache=True)
-def _unfolded(doflocs: Array, n: int, t: Ints, t2f: Ints, slopes: Array) -> bool:
-    """Return whether all triangles are counter-clockwise at all quadrature points."""
+def boundaries(f2t: NDArray[np.int32], facet: Ints, name: Ints, meshed: bool) -> tuple[Ints, Ints]:
+    """Return the facets of the segments of each name, in ascending order, and the first one of each name.
+
+    Both are empty if a facet is missing, or if other facets than those of the outline have only one triangle.
+
+    facet, name : of each segment, shape (k,). meshed : whether the outline of the magnet has triangles on both sides.
+    """
+    label, first, none = np.full(f2t.shape[1], -1), np.zeros(5, np.int64), np.empty(0, np.int64)
+    for k in range(len(facet)):
+        if facet[k] < 0 or label[facet[k]] >= 0:
+            return none, none
+        label[facet[k]] = name[k]
+        first[name[k] + 1] += 1
+    order = np.empty(len(facet), np.int64)
+    for k in range(4):
+        first[k + 1] += first[k]
+    last = first.copy()
+    for f in range(len(label)):
+        if (f2t[1, f] < 0) != (label[f] >= 0 and not (meshed and label[f] == MAGNET)):
+            return none, none
+        if label[f] >= 0:
+            order[last[label[f]]] = f
+            last[label[f]] += 1
+    return order, first
+
+
+@njit(cache=True)
+def unfolded(doflocs: Array, n: int, t: Ints, t2f: Ints, slopes: Array) -> bool:
+    """Return whether all triangles are counter-clockwise at all quadrature points.
+
+    n : number of corners, which come first in doflocs. slopes : derivatives of a triangle's shape functions, shape
+        (6, 2, q).
+    """
     for k in range(len(t)):
         for q in range(slopes.shape[2]):
             r0, r1, z0, z1 = 0.0, 0.0, 0.0, 0.0
