@@ -1,9 +1,13 @@
 """Fixtures that several test files share: running a command line, reading the JSON that it prints, a browser."""
 
+import contextlib
 import gc
+import importlib
 import itertools
 import json
 import os
+import sys
+from pathlib import Path
 
 import pytest
 from browser import Browser, executable
@@ -40,6 +44,20 @@ LONGEST = (
     "test_preparation",
 )
 """Files with the longest tests, the longest first."""
+
+
+def pytest_collection(session):
+    """Let the second of two processes import the test files backwards, before both collect all of them in order.
+
+    Python's files with rewritten assertions, which a clean clone does not have yet, are then written once, half of
+    them by each process.
+    """
+    whole = session.config.args == session.config.getini("testpaths")
+    if whole and os.environ.get("PYTEST_XDIST_WORKER") == "gw1" and not sys.dont_write_bytecode:
+        for path in sorted(Path(__file__).parent.glob("test_*.py"), reverse=True):
+            # what fails here fails again, and is said, when the file is collected
+            with contextlib.suppress(Exception):
+                importlib.import_module(path.stem)
 
 
 def pytest_collection_modifyitems(items):

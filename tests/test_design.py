@@ -32,17 +32,17 @@ def test_out_of_range(spec):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("name", NAMES)
-def test_not_finite(name, value):
-    with pytest.raises(BadInput, match=f"^{name} must lie between"):
-        changed(**{name: value})
+def test_not_finite(value):
+    for name in NAMES:
+        with pytest.raises(BadInput, match=f"^{name} must lie between"):
+            changed(**{name: value})
 
 
 @pytest.mark.parametrize("value", [True, "8", None, [8.0], 8j])
-@pytest.mark.parametrize("name", NAMES)
-def test_not_a_number(name, value):
-    with pytest.raises(BadInput, match=f"^{name} must be a number"):
-        changed(**{name: value})
+def test_not_a_number(value):
+    for name in NAMES:
+        with pytest.raises(BadInput, match=f"^{name} must be a number"):
+            changed(**{name: value})
 
 
 @pytest.mark.parametrize("name", NAMES)

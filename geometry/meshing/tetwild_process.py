@@ -16,11 +16,10 @@ from __future__ import annotations
 import ctypes
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pytetwild
-from pytetwild import PyfTetWildWrapper
 
 SEED = 1
 """Value of every draw from std::random_device. Any fixed number serves; another number gives another mesh."""
@@ -83,6 +82,11 @@ def slot(path: str, function: bytes) -> int | None:
 
 def main(input_file: Path, output_file: Path) -> None:
     """Mesh the surface in the input file and write points, cells and `seeded` to the output file."""
+    # this module of pytetwild adds a method to PyVista's surfaces; to import PyVista takes longer than a small mesh
+    sys.modules.setdefault("pytetwild._accessor", ModuleType("pytetwild._accessor"))
+    import pytetwild
+    from pytetwild import PyfTetWildWrapper
+
     drawn: list[int] = []
 
     def draw(_: Any) -> int:
