@@ -55,8 +55,8 @@ def kinematics(G, Jm1, Hm1):
 
 
 @compiled
-def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent):
-    """Write `fem.material.neo_hookean` from G, J - 1 and F^-T - 1."""
+def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step):
+    """Write `fem.material.neo_hookean` from G, J - 1 and F^-T - 1; `step` as in `stress`."""
     n = len(mu)
     s, excess, rest, by_F, by_H = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     a, b, c = G[0], G[4], G[8]
@@ -86,8 +86,8 @@ def _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent):
                 row[x] = by_F[x] * row[x] + by_H[x] * c[x]
         for x in range(n):
             rest[x] = s[x] - rest[x]
-        _write_tangent(F, H, rest, A)
-        for e in range(9):
+        _write_tangent(F, H, rest, A, step)
+        for e in range(0, 9, step):
             row = A[e, e]
             for x in range(n):
                 row[x] += s[x]
@@ -105,16 +105,16 @@ def _add_unit(T):
 
 
 @compiled
-def _write_tangent(X, H, cross, A):
-    """Write A = X H + H X + cross H_iL H_kJ."""
+def _write_tangent(X, H, cross, A, step):
+    """Write A = X H + H X + cross H_iL H_kJ, for each `step`-th component."""
     n, crossed = len(cross), np.empty_like(H)
     for e in range(9):
         row, a = crossed[e], H[e]
         for x in range(n):
             row[x] = cross[x] * a[x]
-    for e in range(9):
+    for e in range(0, 9, step):
         a, b = X[e], H[e]
-        for d in range(e, 9):
+        for d in range(e, 9, step):
             row, c, f, g, h = A[e, d], X[d], H[d], crossed[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
             for x in range(n):
                 row[x] = a[x] * f[x] + b[x] * c[x] + g[x] * h[x]
@@ -125,8 +125,8 @@ def _write_tangent(X, H, cross, A):
 
 
 @compiled
-def _add_pressure(Jm1, Hm1, p, W, P, A, tangent):
-    """Add energy, stress and tangent of p (J - 1)."""
+def _add_pressure(Jm1, Hm1, p, W, P, A, tangent, step):
+    """Add energy, stress and tangent of p (J - 1); `step` as in `stress`."""
     n, H, pJ = len(p), _add_unit(Hm1), np.empty(len(p))
     for x in range(n):
         pJ[x] = p[x] * (1 + Jm1[x])
@@ -136,8 +136,8 @@ def _add_pressure(Jm1, Hm1, p, W, P, A, tangent):
         for x in range(n):
             row[x] += pJ[x] * a[x]
     if tangent:
-        for e in range(9):
-            for d in range(9):
+        for e in range(0, 9, step):
+            for d in range(0, 9, step):
                 row, a, b, c, f = A[e, d], H[e], H[d], H[e // 3 * 3 + d % 3], H[d // 3 * 3 + e % 3]
                 for x in range(n):
                     row[x] += pJ[x] * (a[x] * b[x] - c[x] * f[x])
@@ -198,8 +198,11 @@ def _add_inverse_law(Hm1, Q, B, P, A, tangent):
 
 
 @compiled
-def _yeoh(mu, c2, c3, W, P, A, tangent):
-    """Turn the neo-Hookean law with modulus 1 into `fem.material.yeoh`, a polynomial of its energy."""
+def _yeoh(mu, c2, c3, W, P, A, tangent, step):
+    """Turn the neo-Hookean law with modulus 1 into `fem.material.yeoh`, a polynomial of its energy.
+
+    `step` as in `stress`.
+    """
     n = len(mu)
     first, second = np.empty(n), np.empty(n)
     for x in range(n):
@@ -208,8 +211,8 @@ def _yeoh(mu, c2, c3, W, P, A, tangent):
         second[x] = 2 * mu[x] * (2 * c2 + 6 * c3 * y)
         W[x] = mu[x] / 2 * y * (1 + c2 * y + c3 * y * y)
     if tangent:
-        for e in range(9):
-            for d in range(9):
+        for e in range(0, 9, step):
+            for d in range(0, 9, step):
                 row, a, b = A[e, d], P[e], P[d]
                 for x in range(n):
                     row[x] = first[x] * row[x] + second[x] * a[x] * b[x]
@@ -327,7 +330,7 @@ def _write_principal_tangent(x, mu, stress, s, theta, constant, h, A):
 
 def stress(
     law: int, constants: Array, G: Array, Jm1: Array, Hm1: Array, mu: Array, p: Array, W: Array, P: Array, A: Array,
-    *, tangent: bool,
+    *, tangent: bool, step: int = 1,
 ) -> None:  # fmt: skip
     """Write energies (n,), stresses (9, n) and, with `tangent`, tangents (9, 9, n) of a law.
 
@@ -336,23 +339,25 @@ def stress(
     law, constants : number of the law and its (3,) constants, from `fem.material.numbered`.
     G, Jm1, Hm1 : displacement gradients (9, n), J - 1 (n,), and F^-T - 1 (9, n).
     mu, p : (n,) shear moduli and pressures, both times the weights of the points.
+    step : 2 if only the components 0, 2, 4, 6, 8 differ from zero, those of an axisymmetric deformation: other
+        entries of tangents may then not be written; 1 for all nine.
     """
     if law == NEO_HOOKEAN:
-        _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent)
+        _neo_hookean(G, Jm1, Hm1, mu, p, W, P, A, tangent, step)
         return
     if law == MOONEY_RIVLIN:
         share, W2, Q, B = constants[0], np.empty_like(W), np.empty_like(P), np.empty_like(A)
-        _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent)
-        _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent)
+        _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent, 1)
+        _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent, 1)
         W += W2
         _add_inverse_law(Hm1, Q, B, P, A, tangent)
         return
     if law == YEOH:
-        _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent)
-        _yeoh(mu, constants[0], constants[1], W, P, A, tangent)
+        _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent, step)
+        _yeoh(mu, constants[0], constants[1], W, P, A, tangent, step)
     else:
         spatial, material = np.empty_like(P), np.empty_like(P)
         _ogden(G, mu, constants, W, P, A, spatial, material, tangent)
         if tangent:
             _transform(spatial, material, A, A)
-    _add_pressure(Jm1, Hm1, p, W, P, A, tangent)
+    _add_pressure(Jm1, Hm1, p, W, P, A, tangent, step)

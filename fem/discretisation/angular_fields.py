@@ -110,6 +110,7 @@ def orders(harmonics: int) -> range:
     return range(-2 if harmonics == 1 else -harmonics, harmonics + 1)
 
 
+@functools.lru_cache(maxsize=32)
 def fourier_fields(harmonics: int, count: int | None = None, *, sines: bool = False) -> Angles:
     """Return the fields of a section of revolution.
 

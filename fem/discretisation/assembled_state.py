@@ -35,6 +35,7 @@ class Assembly:
     """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
 
     The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
+    `norms` are those of the reactions, and of the residual's forces and volumes, where the assembly knows them.
     """
 
     residual: Array
@@ -42,6 +43,7 @@ class Assembly:
     forces: Array
     matrix: sp.csr_matrix | None
     symmetric: bool = True
+    norms: tuple[float, float, float] | None = None
 
     @property
     def tangent(self) -> sp.csr_matrix:

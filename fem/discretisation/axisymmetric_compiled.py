@@ -185,12 +185,24 @@ def add_springs(nodes, shape, weights, z, u, height, stiffness, chosen, pressed,
 
 
 @compiled
-def collect(forces, volumes, number, pressure_number, residual):
-    """Add forces (nodes, 2) and volumes (corners,) to the residual of their unknowns; -1 marks those without."""
+def collect(forces, volumes, number, pressure_number, eliminated, first, residual):
+    """Add forces (nodes, 2) and volumes (corners,) to the residual (n,) of their unknowns, numbered -1 without.
+
+    Return the norms of the reactions, those forces that are `eliminated`, and of the residual's forces and volumes;
+    the volumes begin at `first`.
+    """
+    reaction, force, volume = 0.0, 0.0, 0.0
     for node in range(len(number)):
         for f in range(2):
             if number[node, f] >= 0:
                 residual[number[node, f]] += forces[node, f]
+            if eliminated[node, f]:
+                reaction += forces[node, f] * forces[node, f]
     for corner in range(len(pressure_number)):
         if pressure_number[corner] >= 0:
             residual[pressure_number[corner]] += volumes[corner]
+    for i in range(first):
+        force += residual[i] * residual[i]
+    for i in range(first, len(residual)):
+        volume += residual[i] * residual[i]
+    return math.sqrt(reaction), math.sqrt(force), math.sqrt(volume)

@@ -28,6 +28,10 @@ Stress = tuple[Array, Array, Array]
 """Energies (n,), stresses (9, n) and tangents (9, 9, n)."""
 
 
+Norms = tuple[float, float, float]
+"""Norms of the reactions, and of the residual's forces and volumes."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Batch:
     """Some elements, and arrays for what is computed at their n points.
@@ -90,6 +94,7 @@ class AxisymmetricLoops:
     number : (nodes, 2) numbers of the unknowns; u_z of the nodes on the magnet is its motion; -1 where eliminated.
     pressure_number : (corners,) the same of the pressures.
     on_magnet : (nodes,) mask of the nodes on the magnet.
+    eliminated : (nodes, 2) mask of the displacements that are no unknowns.
     pattern : sparse pattern; its groups are those of `System`.
     inner : number of elements that do not touch the magnet; they come first.
     compliance : (m, 3, 3) constant matrices of the pressures.
@@ -106,6 +111,7 @@ class AxisymmetricLoops:
         number: Ints,
         pressure_number: Ints,
         on_magnet: NDArray[np.bool_],
+        eliminated: NDArray[np.bool_],
         pattern: Pattern,
         inner: int,
         compliance: Array,
@@ -117,7 +123,8 @@ class AxisymmetricLoops:
         form = numbered(law)
         assert form is not None
         self._law, self._constants = form
-        self._number, self._pressure_number, self._pattern = number, pressure_number, pattern
+        self._number, self._pressure_number, self._eliminated = number, pressure_number, eliminated
+        self._pressures = int((pressure_number >= 0).sum())
         # the last entry is a dump for those that are not in the upper triangle
         self._constant = _compliance_entries(compliance, pressure_number[corners], pattern)
         places = _places(elements.cells, corners, number, pressure_number, on_magnet, pattern, inner)
@@ -146,43 +153,48 @@ class AxisymmetricLoops:
         return least[0] if len(least) == 1 else float(np.min(least))
 
     def assemble(
-        self, u: Array, p: Array, plate: Plate | None, viscous: Overstress | None, *, tangent: bool
-    ) -> tuple[float, Array, Array, Array]:
-        """Return energy, nodal forces (nodes, 2), volumes (corners, 1), and entries (nnz,) of the tangent, or none.
+        self,
+        u: Array,
+        p: Array,
+        forces: Array,
+        plate: Plate | None,
+        viscous: Overstress | None,
+        size: int,
+        *,
+        tangent: bool,
+    ) -> tuple[float, Array, Norms, Array]:
+        """Add nodal forces to `forces` (nodes, 2); return energy, residual (size,), its norms, and entries (nnz,).
 
         plate : a plate that `only_presses`, or None.
         viscous : what a time step adds to the law, or None.
         """
         if self._evaluated is not u:
             self.least_volume_change(u, p)
-        forces, volumes, energy = np.zeros(u.shape), np.zeros(len(p)), 0.0
+        volumes, energy, k = np.zeros(len(p)), 0.0, self._kernels
         data = self._constant.copy() if tangent else self._constant
         for one in self._batches:
             self._evaluate_law(one, viscous, tangent=tangent)
-            energy += self._kernels.add_elements(
+            energy += k.add_elements(
                 *one.elements, one.soft, one.pressures[0], *one.strains[1:], *one.stress, forces, volumes,
                 *one.places, data, tangent,
             )  # fmt: skip
         if plate is not None:
             s, chosen = self.skin, plate.pressed is not None
-            energy += self._kernels.add_springs(
+            energy += k.add_springs(
                 s.nodes, s.shape, s.weights, s.heights, u, plate.height, plate.stiffness, chosen,
                 plate.pressed if chosen else NO_POINTS, forces, s.entries, data, tangent,
             )  # fmt: skip
-        return energy, forces, volumes[:, None], data[:-1]
-
-    def residual(self, forces: Array, volumes: Array, size: int) -> Array:
-        """Return the residual (n,) of nodal forces and volumes."""
         residual = np.zeros(size)
-        self._kernels.collect(forces, volumes[:, 0], self._number, self._pressure_number, residual)
-        return residual
+        first = size - self._pressures
+        norms = k.collect(forces, volumes, self._number, self._pressure_number, self._eliminated, first, residual)
+        return energy, residual, norms, data[:-1]
 
     def _evaluate_law(self, one: _Batch, viscous: Overstress | None, *, tangent: bool) -> None:
         """Write energies, stresses and tangents, times the weights, at the points of a batch."""
         G, Jm1, Hm1 = one.strains
         modulus = one.modulus if viscous is None else one.modulus * viscous.factor
         self._laws.stress(
-            self._law, self._constants, G, Jm1, Hm1, modulus, one.pressures[1], *one.stress, tangent=tangent
+            self._law, self._constants, G, Jm1, Hm1, modulus, one.pressures[1], *one.stress, tangent=tangent, step=2
         )
         if viscous is not None:
             own = viscous.part(one.part, angles_first=True)

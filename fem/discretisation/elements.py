@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from skfem.assembly.dofs import Dofs
 from skfem.quadrature import get_quadrature
 
 from fem.discretisation.angular_fields import Angles, cartesian_fields, fourier_fields, rotations
@@ -185,6 +184,68 @@ def bases(dim: int) -> tuple[skfem.Element, skfem.Element]:
     return (skfem.ElementTriP2(), skfem.ElementTriP1()) if dim == 2 else (skfem.ElementTetP2(), skfem.ElementTetP1())
 
 
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """Shape functions at points of the reference element or facet, which have weights (q,).
+
+    Attributes
+    ----------
+    shape, slopes : (q, a) and (q, j, a), of the displacement.
+    pressure_shape : (q, c).
+    """
+
+    weights: Array
+    shape: Array
+    slopes: Array
+    pressure_shape: Array
+
+
+def _evaluate_basis(
+    points: Array, weights: Array, quadratic: skfem.Element, count: int, linear: skfem.Element
+) -> _Rule:
+    """Return the shape functions, `count` of the displacement, at points (dim, q)."""
+    values, slopes = zip(*(quadratic.lbasis(points, i) for i in range(count)), strict=True)
+    corners = [linear.lbasis(points, i)[0] for i in range(len(points) + 1)]
+    q = points.shape[1]
+    shape = np.stack([np.reshape(value, q) for value in values], axis=-1)
+    slope = np.stack([np.reshape(grad, (-1, q)).T for grad in slopes], axis=-1)
+    return _Rule(weights, shape, slope, np.stack([np.reshape(value, q) for value in corners], axis=-1))
+
+
+@functools.lru_cache
+def _rule(dim: int, order: int) -> _Rule:
+    """Return a quadrature rule of the elements that is exact up to an order."""
+    return _at_points(dim, *get_quadrature(bases(dim)[0], order))
+
+
+def _at_points(dim: int, points: Array, weights: Array) -> _Rule:
+    """Return the elements' shape functions at points (dim, q) of the reference element."""
+    quadratic, linear = bases(dim)
+    return _evaluate_basis(points, weights, quadratic, 6 if dim == 2 else 10, linear)
+
+
+@functools.lru_cache
+def _facet_rule(dim: int, order: int) -> _Rule:
+    """Return a quadrature rule of the facets that is exact up to an order."""
+    points, weights = get_quadrature(skfem.refdom.RefLine if dim == 2 else skfem.refdom.RefTri, order)
+    if dim == 2:
+        return _evaluate_basis(points, weights, skfem.ElementLineP2(), 3, skfem.ElementLineP1())
+    return _evaluate_basis(points, weights, skfem.ElementTriP2(), 6, skfem.ElementTriP1())
+
+
+def _invert(J: Array) -> tuple[Array, Array]:
+    """Return the inverses and determinants of matrices (..., d, d), d = 2 or 3."""
+    if J.shape[-1] == 2:
+        (a, b), (c, d) = np.moveaxis(J, (-2, -1), (0, 1))
+        determinant = a * d - b * c
+        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    else:
+        a, b, c = np.moveaxis(J, -1, 0)
+        inverse = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+        determinant = np.einsum("...i,...i->...", a, inverse[..., 0, :])
+    return inverse / determinant[..., None, None], determinant
+
+
 def build(
     mesh: skfem.Mesh,
     *,
@@ -207,30 +268,28 @@ def build(
     """
     dim = mesh.p.shape[0]
     order = order or (4 if dim == 2 else 2)
-    quadratic, linear = bases(dim)
-    X, W = get_quadrature(quadratic, order) if points is None else (points, np.full(points.shape[1], 1.0))
-    mapping, dofs = mesh.mapping(), Dofs(mesh, quadratic)
-    values, slopes = zip(*(quadratic.lbasis(X, i) for i in range(len(dofs.element_dofs))), strict=True)
-    inverse = mapping.invDF(X)
-    grad = np.stack([np.einsum("ijkl,il->jkl", inverse, slope) for slope in slopes], axis=-1)  # (dim, m, q, a)
-    _, m, q, a = grad.shape
+    rule = _rule(dim, order) if points is None else _at_points(dim, points, np.ones(points.shape[1]))
+    # the mesh has the functions and the nodes of the displacements
+    cells = mesh.dofs.element_dofs.T
+    places = mesh.doflocs.T[cells]
+    jacobian = np.swapaxes(rule.slopes @ places[:, None], 2, 3)
+    inverse, determinant = _invert(jacobian)
+    grad = np.swapaxes(inverse, 2, 3) @ rule.slopes
+    m, q, _, a = grad.shape
     D = np.zeros((m, q, 3, a))
-    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = np.moveaxis(grad, 0, 2)
-    weights = np.abs(mapping.detDF(X)) * W
-    shape = np.stack(values, axis=-1)
+    D[:, :, [0, 2] if dim == 2 else [0, 1, 2]] = grad
+    weights = np.abs(determinant) * rule.weights
     if axisymmetric:
-        radius = mapping.F(X)[0]
-        D[:, :, 1] = shape / radius[..., None]
+        radius = places[..., 0] @ rule.shape.T
+        D[:, :, 1] = rule.shape / radius[..., None]
         weights = weights * radius
-    nodes = np.empty((dofs.N, dim))
-    nodes[dofs.element_dofs] = mapping.F(quadratic.doflocs.T).T
     return Elements(
-        nodes=nodes,
-        cells=np.ascontiguousarray(dofs.element_dofs.T).astype(np.int64),
+        nodes=np.ascontiguousarray(mesh.doflocs.T),
+        cells=np.ascontiguousarray(cells).astype(np.int64),
         D=D,
         weights=weights,
-        pressure_shape=np.stack([linear.lbasis(X, i)[0] for i in range(dim + 1)], axis=-1),
-        shape=shape,
+        pressure_shape=rule.pressure_shape,
+        shape=rule.shape,
         angles=angles or (fourier_fields(harmonics, sines=sines) if axisymmetric else cartesian_fields(dim)),
     )
 
@@ -253,13 +312,10 @@ def surface(
     # the one corner of the cell that is not among those of the facet
     opposite = np.argmin((own[:, : dim + 1, None] == corners[:, None, :]).any(axis=2), axis=1)
     nodes = np.take_along_axis(own, _FACET_NODES[dim][opposite], axis=1)
-    reference, w = get_quadrature(skfem.refdom.RefLine if dim == 2 else skfem.refdom.RefTri, order)
-    quadratic = skfem.ElementLineP2() if dim == 2 else skfem.ElementTriP2()
-    basis = [quadratic.lbasis(reference, i) for i in range(nodes.shape[1])]
-    shape = np.stack([np.ravel(value) for value, _ in basis], axis=1)
-    slope = np.stack([np.reshape(grad, (dim - 1, -1)).T for _, grad in basis], axis=1)  # (q, f, dim - 1)
+    rule = _facet_rule(dim, order)
+    shape, w = rule.shape, rule.weights
     X = elements.nodes[nodes]
-    tangents = np.einsum("qfs,kfi->kqis", slope, X)
+    tangents = np.swapaxes(rule.slopes @ X[:, None], 2, 3)
     normal = tangents[..., 0] if dim == 2 else np.cross(tangents[..., 0], tangents[..., 1])
     weights = np.linalg.norm(normal, axis=-1) * w
     positions = shape @ X
@@ -288,5 +344,4 @@ def surface(
 
 def boundary_nodes(mesh: skfem.Mesh, name: str) -> Ints:
     """Return all displacement nodes on the named boundary, numbered as in `Elements.nodes`."""
-    quadratic, _ = bases(mesh.p.shape[0])
-    return np.asarray(Dofs(mesh, quadratic).get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)
+    return np.asarray(mesh.dofs.get_facet_dofs(mesh.boundaries[name]).flatten(), dtype=np.int64)

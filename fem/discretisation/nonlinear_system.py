@@ -267,25 +267,22 @@ class System:
         self, loops: AxisymmetricLoops, state: State, plate: Plate | None, *, tangent: bool
     ) -> Assembly:
         """Return `assemble` of a section without harmonics by compiled loops."""
-        symmetric, blocks = True, list[Array | None]()
-        simple = plate is None or plate.only_presses
-        energy, forces, volumes, data = loops.assemble(
-            state.u, state.p, plate if simple else None, self.viscous, tangent=tangent
-        )
-        if not simple:
+        symmetric, blocks, forces = True, list[Array | None](), -self.dead
+        energy, plain = -float(np.vdot(self.dead, state.u)), plate is None or plate.only_presses
+        if not plain:
             springs, blocks, spring_energy, symmetric = self._spring_terms(state, plate, tangent)
             forces, energy = forces + springs, energy + spring_energy
-            if tangent:
-                self._add_small_groups(None, blocks, data)
-        forces -= self.dead
-        energy -= float(np.vdot(self.dead, state.u))
-        residual = loops.residual(forces, volumes, self.size)
+        own, residual, norms, data = loops.assemble(
+            state.u, state.p, forces, plate if plain else None, self.viscous, self.size, tangent=tangent
+        )
         if not tangent:
-            return Assembly(residual, energy, forces, None)
+            return Assembly(residual, energy + own, forces, None, norms=norms)
+        if not plain:
+            self._add_small_groups(None, blocks, data)
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks[0] is not None:
             matrix = self.pattern.unfold(matrix, blocks[0])
-        return Assembly(residual, energy, forces, matrix, symmetric)
+        return Assembly(residual, energy + own, forces, matrix, symmetric, norms)
 
     def _integrate(self, state: State, T: Array, tangent: bool) -> tuple[float, Array, Array, list[Array | None]]:
         """Return energy, nodal forces and volumes, and matrices of the elements, by NumPy."""
@@ -328,7 +325,7 @@ class System:
         mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
         return AxisymmetricLoops(
             self.elements, self.surface, self.law, mu, inverse_K, self._corners, number, self._pressures[:, 0],
-            on_magnet, self.pattern, self._free_cells, self._compliance,
+            on_magnet, self.eliminated, self.pattern, self._free_cells, self._compliance,
         )  # fmt: skip
 
     def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -33,9 +34,9 @@ def drop_past_at_corner(state: PathState, position: Array) -> PathState:
 def extrapolate_unknowns(state: PathState, position: Array) -> Array:
     """Return the unknowns at a position (3,), from the polynomial through the past and present states."""
     ahead = float(np.linalg.norm(position - state.position))
-    at = np.array([*(_coordinate(state, before.position, position) for before in state.past), 0.0])
+    at = [*(_coordinate(state, before.position, position) for before in state.past), 0.0]
     # Lagrange polynomials: they need no equal spacing, and increments differ in length
-    *shares, present = (np.prod([(ahead - u) / (t - u) for u in at if u != t]) for t in at)
+    *shares, present = (math.prod((ahead - u) / (t - u) for u in at if u != t) for t in at)
     guess = present * state.q
     for share, before in zip(shares, state.past, strict=True):
         guess += share * before.q

@@ -169,7 +169,8 @@ class ReferenceSize:
 
 def reference_size(system: System, state: State, assembly: Assembly) -> ReferenceSize:
     """Return the reference sizes at a state, from the forces of its assembly."""
-    reaction, reach = _norm(assembly.forces[system.eliminated]), float(np.abs(state.u).max(initial=0.0))
+    reaction = _norm(assembly.forces[system.eliminated]) if assembly.norms is None else assembly.norms[0]
+    reach = float(np.abs(state.u).max(initial=0.0))
     return ReferenceSize(system.n_free + system.n_rigid, reaction, reach)
 
 
@@ -242,6 +243,8 @@ def _norm(x: Array) -> float:
 
 def _norms(assembly: Assembly, n: int) -> tuple[float, float]:
     """Return the norms of the residual forces, the first n, and of the residual volumes."""
+    if assembly.norms is not None:
+        return assembly.norms[1:]
     return _norm(assembly.residual[:n]), _norm(assembly.residual[n:])
 
 
