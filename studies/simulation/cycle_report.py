@@ -233,6 +233,11 @@ def loss_factor_of_gap(
 def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> list[str]:
     """Return what the numbers assume and how accurate they are, in sentences."""
     linear = loop(relaxation_of(design), motion.frequency, motion.waveform).hysteresis
+    slip = (
+        []
+        if isinstance(motion.friction, str)
+        else ["the error of the time steps leaves out slip within a step: for the paper's sensor 1e-4 of the force"]
+    )
     mesh = "not known" if static.mesh_error is None else f"about {static.mesh_error:.1%}"
     return [
         *relaxation_notes(design),
@@ -245,6 +250,7 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
             "neither stored nor dissipated, an error of the time steps: at most "
             f"{cycles.balance_error:.2g} of the largest work"
         ),
+        *slip,
         f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles",
         "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
     ]

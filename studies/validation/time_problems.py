@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import skfem
+from scipy.spatial.transform import Rotation
 
 from analytic.viscoelastic_contact import indentation
 from fem import material
@@ -42,11 +43,16 @@ def cube() -> elements.Elements:
 
 
 def stresses(
-    e: elements.Elements, fixed: Mask, law: material.Law, branches: Branches, motion: Sequence[tuple[float, Array]]
+    e: elements.Elements,
+    fixed: Mask,
+    law: material.Law,
+    branches: Branches,
+    motion: Sequence[tuple[float, Array]],
+    viscous: ViscousLaw = "prony",
 ) -> Iterator[Array]:
-    """Yield V sigma (3, 3) of a unit cube after each step (length in s, displacements) by the law "prony"."""
+    """Yield V sigma (3, 3) of a unit cube after each step (length in s, displacements)."""
     system, q = System(e, None, 1.0, SLOW, fixed, law=law), None
-    history = viscous_history.at_rest("prony", branches, (1, *e.weights.shape))
+    history = viscous_history.at_rest(viscous, branches, (1, *e.weights.shape))
     for dt, moved in motion:
         stepped = system.with_prescribed(moved, np.zeros((len(system.corner_nodes), 1)))
         stepped.viscous = history.overstress(dt)
@@ -79,6 +85,29 @@ def relaxing_cube(_: int) -> tuple[float, ...]:
         for sigma, G in zip(stresses(e, _faces(e), material.neo_hookean, TWO, motion), moduli, strict=True)
     ]
     return tuple(float(value) for pair in parts for value in pair)
+
+
+def turned_cube(_: int) -> tuple[float, ...]:
+    """Return the difference of stresses, turned back, of a cube that is sheared and turned and of one only sheared.
+
+    It is over the largest stress, for both laws: the cube turns by 2 rad about the axis (1, 2, 2) / 3 in eight steps,
+    through which its shear goes to 0.6 and back.
+    """
+    e, axis = cube(), np.array([1.0, 2.0, 2.0]) / 3
+    amounts = 0.6 * np.sin(math.pi / 8 * np.arange(1, 9))
+    turns = [Rotation.from_rotvec(2 / 8 * i * axis).as_matrix() for i in range(1, 9)]
+    upright = [(0.2, sheared(float(amount), e)) for amount in amounts]
+    turned = [(dt, (e.nodes + u) @ R.T - e.nodes) for (dt, u), R in zip(upright, turns, strict=True)]
+
+    def difference(viscous: ViscousLaw) -> float:
+        first, second = (
+            np.array(list(stresses(e, _faces(e), material.neo_hookean, TWO, motion, viscous)))
+            for motion in (upright, turned)
+        )
+        back = [R.T @ sigma @ R for R, sigma in zip(turns, second, strict=True)]
+        return float(np.abs(np.array(back) - first).max() / np.abs(first).max())
+
+    return difference("prony"), difference("finite")
 
 
 def cyclic_cube(n: int) -> tuple[float, float]:

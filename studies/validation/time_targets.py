@@ -38,6 +38,12 @@ def targets() -> list[Target]:
             "Ogden 1972, 6.3e5, 1.2e3 and -1e4 Pa with 1.3, 5 and -2",
         ),
         Target(
+            "frame invariance of a cube",
+            "a superposed rotation turns the stress and changes nothing else",
+            time_problems.turned_cube,
+            tuple(Quantity(f"difference / largest stress, {law}", 0.0, 1e-7) for law in laws),
+        ),
+        Target(
             "held silicone beam",
             "exact for nu = 0.5: F(t)/F(0) = G(t)/G(0)",
             time_problems.held_beam,
