@@ -88,10 +88,10 @@ def relaxing_cube(_: int) -> tuple[float, ...]:
 
 
 def turned_cube(_: int) -> tuple[float, ...]:
-    """Return the difference of stresses, turned back, of a cube that is sheared and turned and of one only sheared.
+    """Return 1 less the difference of a turned sheared cube's stresses, turned back, to those of a sheared cube.
 
-    It is over the largest stress, for both laws: the cube turns by 2 rad about the axis (1, 2, 2) / 3 in eight steps,
-    through which its shear goes to 0.6 and back.
+    The difference is over the largest stress, for both laws. The cube turns by 2 rad about the axis (1, 2, 2) / 3 in
+    eight steps, through which its shear goes to 0.6 and back.
     """
     e, axis = cube(), np.array([1.0, 2.0, 2.0]) / 3
     amounts = 0.6 * np.sin(math.pi / 8 * np.arange(1, 9))
@@ -105,7 +105,7 @@ def turned_cube(_: int) -> tuple[float, ...]:
             for motion in (upright, turned)
         )
         back = [R.T @ sigma @ R for R, sigma in zip(turns, second, strict=True)]
-        return float(np.abs(np.array(back) - first).max() / np.abs(first).max())
+        return 1 - float(np.abs(np.array(back) - first).max() / np.abs(first).max())
 
     return difference("prony"), difference("finite")
 
@@ -229,7 +229,7 @@ def balance(n: int) -> tuple[float, float]:
 
 @functools.lru_cache
 def touched_beam(n: int, law: ViscousLaw, *, slides: bool) -> tuple[float, float]:
-    """Return the largest error of the energy balance over the largest work, and the share of negative dissipation.
+    """Return 1 less the largest error of the energy balance over the largest work, and 1 less negative dissipation.
 
     A plate presses the beam by 1 mm and goes back, in n time steps each way; or it slides after the press by 0.5 mm
     to one side, to the other and back, with friction 0.3.
@@ -243,7 +243,7 @@ def touched_beam(n: int, law: ViscousLaw, *, slides: bool) -> tuple[float, float
     states = _solved(path)
     error = max(abs(one.balance) for one in states) / max(one.work for one in states)
     gained = np.diff([0.0, *(one.dissipated for one in states)])
-    return error, float(np.maximum(-gained, 0.0).sum() / gained.sum())
+    return 1 - error, 1 - float(np.maximum(-gained, 0.0).sum() / gained.sum())
 
 
 def touching(n: int) -> tuple[float, ...]:
