@@ -95,7 +95,8 @@ def _frame(tilt: float) -> Array:
 
 def positions_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
     """Return the deformed positions of the skin's points along the plate, shape (k, q, 2), for nodal fields u."""
-    return np.asarray((surface.points + surface.displacement(u)) @ plate.frame[:2].T)
+    x = surface.points + surface.displacement(u)
+    return np.asarray(x @ plate.frame[:2].T) if plate.tilt else x[..., :2]
 
 
 def displacements_along_plate(surface: Surface, u: Array, plate: Plate) -> Array:
@@ -324,18 +325,18 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     if not pressed.any():
         return 0.0
     r = distance_from_pressure_centre(surface, u, plate)
-    radius, out = float(r[pressed].max()), surface.radii
-    reach = float(out.max())
-    ahead = np.hypot(out, surface.points[..., 2] - surface.points[..., 2].max()) < 1.4 * reach
+    radius, reach, free = float(r[pressed].max()), surface.reach, surface.dome & ~pressed
+    outside, opening = r[free], np.cbrt(g[free] ** 2)
     for _ in range(4):
         width = min(radius, 0.6 * reach)
-        around = ~pressed & (r > radius + 0.05 * width) & (r < radius + 0.35 * width) & ahead
-        near = r[around]
+        around = (outside > radius + 0.05 * width) & (outside < radius + 0.35 * width)
+        near, opened = outside[around], opening[around]
         if len(set(near.round(9).tolist())) < 4:
             return hertz_radius(surface, u, plate)
-        opening, powers = np.cbrt(g[around] ** 2), np.vander(near / radius - 1, 3)
+        x = near / radius - 1
+        powers = np.array([x * x, x, np.ones_like(x)])
         # the normal equations of so few terms lose five digits at most
-        a2, a1, a0 = np.linalg.solve(powers.T @ powers, powers.T @ (opening / opening.max()))
+        a2, a1, a0 = np.linalg.solve(powers @ powers.T, powers @ (opened / opened.max()))
         # this form of the smaller root does not cancel when the quadratic is nearly a line
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:

@@ -125,6 +125,16 @@ class Surface:
         return np.hypot(self.points[..., 0], self.points[..., 1])
 
     @functools.cached_property
+    def reach(self) -> float:
+        """Largest distance of the points from the axis, undeformed."""
+        return float(self.radii.max())
+
+    @functools.cached_property
+    def dome(self) -> NDArray[np.bool_]:
+        """(k, q) mask of the points around the top: within 1.4 times `reach` from the highest point on the axis."""
+        return np.asarray(np.hypot(self.radii, self.points[..., 2] - self.points[..., 2].max()) < 1.4 * self.reach)
+
+    @functools.cached_property
     def whole(self) -> tuple[bool, bool]:
         """Whether the skin lies on both sides of the planes x = 0 and y = 0."""
         return bool(self.points[..., 0].min() < 0), bool(self.points[..., 1].min() < -1e-9)

@@ -105,6 +105,7 @@ class System:
         step = max(CHUNK // (elements.weights.shape[1] * len(elements.angles.theta)), 1)
         cuts = [*range(0, self._free_cells, step), *range(self._free_cells, m, step), m]
         self._parts = [slice(a, b) for a, b in itertools.pairwise(cuts)]
+        self._plain = axisymmetric_loops.knows(self.elements, surface)
         self._number_unknowns(fixed, held)
         self._build_pattern()
 
@@ -312,8 +313,7 @@ class System:
     @property
     def axisymmetric(self) -> AxisymmetricLoops | None:
         """The compiled loops of a section without harmonics; None for other models, and where NumPy is used."""
-        known = axisymmetric_loops.knows(self.elements, self.surface)
-        return self._axisymmetric_loops if known and element_loops.usable(self.law, self.elements) else None
+        return self._axisymmetric_loops if self._plain and element_loops.usable(self.law, self.elements) else None
 
     @functools.cached_property
     def _axisymmetric_loops(self) -> AxisymmetricLoops:

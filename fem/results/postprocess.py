@@ -41,9 +41,9 @@ def read(
     """
     d, nodal = state.d, state.d.system.state(state.q)
     design, friction = scene.design, state.friction
-    turn, D, E = _turn(scene), design.D, design.E
+    D, E = design.D, design.E
     solution = Solution(
-        load=_reached_load(state, load, turn, D) if stop else load,
+        load=_reached_load(state, load, _turn(scene), D) if stop else load,
         response=read_response(state, scene),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,

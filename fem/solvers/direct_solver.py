@@ -99,11 +99,12 @@ class Solver:
         order : returns the order (n,) in which PARDISO eliminates the unknowns of a large symmetric matrix; called
             at most once. Default: PARDISO's own.
         """
-        if not np.isfinite(matrix.data).all():
-            raise SingularMatrixError("the stiffness has entries that are not finite")
         self._symmetric = symmetric
+        # the band refuses pivots that are not finite
         if symmetric and self._factorise_band(matrix):
             return
+        if not np.isfinite(matrix.data).all():
+            raise SingularMatrixError("the stiffness has entries that are not finite")
         if self._use_pardiso:
             handle = self._handles.get(symmetric)
             if handle is None:
