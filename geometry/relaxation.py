@@ -85,7 +85,7 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
 def range_text(relaxation: Relaxation) -> str:
     """Return the covered range in words, as times and as frequencies."""
     (short, long), (low, high) = relaxation.speaks_for, relaxation.speaks_for_frequencies
-    return f"{short:.3g} to {long:.3g} s ({low:.3g} to {high:.3g} Hz)"
+    return f"{_three(short)} to {_three(long)} s ({_three(low)} to {_three(high)} Hz)"
 
 
 def _outside(values: Sequence[float], low: float, high: float) -> str:
@@ -93,7 +93,17 @@ def _outside(values: Sequence[float], low: float, high: float) -> str:
     beyond = [value for value in values if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING)]
     if not beyond:
         return ""
-    return f"{min(beyond):.3g}" if min(beyond) == max(beyond) else f"{min(beyond):.3g} to {max(beyond):.3g}"
+    least, most = _three(min(beyond)), _three(max(beyond))
+    return least if least == most else f"{least} to {most}"
+
+
+def _three(value: float) -> str:
+    """Return a number with three digits, without a power of ten where it is not very small or large.
+
+    >>> _three(1000.0), _three(1.5915)
+    ('1000', '1.59')
+    """
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def check_range(

@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from fem.accuracy import QUICK
 from studies.claims import claim_states, other_answers, press_answers
 from studies.claims.claim_answers import verdict
 from studies.claims.claim_states import Press, States
 from studies.claims.press_errors import HeightRow, formula, height_row
-from studies.claims.sensor_figures import CostRow, LayoutRow, ModeRow
+from studies.claims.sensor_figures import CostRow, LayoutRow, ModeRow, ResponseFigures, response_figures
 from studies.claims.shear_errors import SplitRow, TipRow
 
 DEPTH = np.linspace(0.25, 3.0, 12)
@@ -99,8 +100,19 @@ def test_frequency(bending, expected):
 
 
 def test_band_says_where_the_bending_mode_lies():
-    assert "lies inside the band" in other_answers.band(modes(340.0)).text
-    assert "lies above the band" in other_answers.band(modes(980.0)).text
+    vibration = ResponseFigures(0.1, 0.8, 3.5, 560.0, 8.0, 2.0)
+    assert "lies inside the band" in other_answers.band(modes(340.0), vibration).text
+    assert "lies above the band" in other_answers.band(modes(980.0), vibration).text
+    elastic = ResponseFigures(0.0, 0.8, 3.5, None, None, 2.0)
+    assert "resonates" not in other_answers.band(modes(980.0), elastic).text
+
+
+def test_response_figures_are_those_of_the_damping_that_they_name():
+    vibration = response_figures(QUICK)
+    # half-power width of a spring with this loss factor, which the contact and the mass of the silicone hardly change
+    assert pytest.approx(1 / vibration.loss_factor, rel=0.25) == vibration.Q
+    assert vibration.along_z < 1 < vibration.along_x
+    assert 500 < vibration.resonance_Hz < 600
 
 
 @pytest.mark.parametrize(("seconds", "expected"), [(1e-6, "reproduced"), (1.0, "refuted")])

@@ -149,6 +149,17 @@ def test_a_path_has_the_totals_of_its_states(file):
     assert (path["least_depth_over_D"], path["greatest_depth_over_D"]) == (0.125, 0.3)
 
 
+def test_a_vibration_is_listed_at_the_load_about_which_it_is(file):
+    load = {"depth": 0.125, "shear_x": 0.05, "friction": "stick"}
+    with store.opened(file) as kept:
+        kept.add(CONTENT | {"quantity": "response", "load": load}, [replace(PRESSED, depth=0.0)])
+    (row,), (path,) = (listing(file, "quantity=response", of_paths=of_paths).rows for of_paths in (False, True))
+    assert (row["depth_over_D"], row["shear_over_D"]) == (0.125, 0.05)
+    assert (path["least_depth_over_D"], path["greatest_depth_over_D"], path["greatest_shear_over_D"]) == (
+        *(0.125, 0.125, 0.05),
+    )
+
+
 def test_the_newest_rows_come_first(file):
     shown = listing(file, limit=2)
     assert (len(shown.rows), shown.summary.states) == (2, 4)

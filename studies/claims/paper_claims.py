@@ -62,7 +62,7 @@ def run(extent: Extent, store: Store, progress: Progress | None = None) -> Claim
         other_answers.uniqueness(layouts),
         press_answers.largest_forces(states),
         other_answers.frequency(modes, sensor_figures.formula_frequencies()),
-        other_answers.band(modes),
+        other_answers.band(modes, sensor_figures.response_figures(extent.accuracy)),
         other_answers.hysteresis(sensor_figures.loop_figures()),
         other_answers.hall_factor(factor),
         other_answers.offset(factor),

@@ -25,7 +25,7 @@ from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
 from studies.claims.claim_states import S1_AT_REST, with_magnet
 from studies.sensing import layout_uniqueness
-from studies.simulation import cycle_report
+from studies.simulation import cycle_report, vibration_report
 from studies.simulation.cycle_motion import Motion
 
 FACTOR = 6.463e5
@@ -142,6 +142,51 @@ def formula_frequencies() -> dict[str, float]:
     light, heavy = spring_mass(design)
     # all of the silicone as a free mass, in place of a third of it as in Rayleigh's rod
     return {"third_of_silicone": light, "with_magnet": heavy, "all_silicone": light / math.sqrt(3)}
+
+
+VIBRATION_DEPTH, VIBRATION_BAND = 1.0, (1.0, 1000.0)
+"""Depth of the press under a plate that sticks, mm, and the frequencies of its vibration, Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseFigures:
+    """Readings per N of the pressed, vibrating sensor at 600 Hz over those at 1 Hz, and its resonance along x.
+
+    Attributes
+    ----------
+    loss_factor : of the silicone, as the preset assumes it.
+    along_z, along_x : of S1 by a force along z, and of S2 by one along x.
+    resonance_Hz, Q : of the magnet under a force along x; None if there is none.
+    accurate_Hz : frequency up to which both change by less than 5 %.
+    """
+
+    loss_factor: float
+    along_z: float
+    along_x: float
+    resonance_Hz: float | None
+    Q: float | None
+    accurate_Hz: float
+
+
+def response_figures(accuracy: Accuracy) -> ResponseFigures:
+    """Return what `magtip response` says of the paper's sensor with the loss factor of the preset."""
+    design, load = paper(), Load(VIBRATION_DEPTH, friction="stick")
+    report = vibration_report.run(
+        design, load, VIBRATION_BAND, 2, "rigid", accuracy.name, None, lambda share, text: None
+    )
+    along = {motion.motion: motion for motion in report.motions}
+    first = {name: along[name].element.index(element) for name, element in (("z", "S1"), ("x", "S2"))}
+    gains = {name: along[name].relative_reading_at_600[k] for name, k in first.items()}
+    flat = [along[name].accurate_per_N_Hz[k] for name, k in first.items()]
+    x = along["x"]
+    return ResponseFigures(
+        design.loss_factor,
+        gains["z"] or math.nan,
+        gains["x"] or math.nan,
+        next(iter(x.resonance_per_N_Hz), None),
+        next(iter(x.resonance_per_N_Q), None),
+        min((one for one in flat if one is not None), default=VIBRATION_BAND[1]),
+    )
 
 
 # Hall factor

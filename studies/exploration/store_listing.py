@@ -36,6 +36,18 @@ COLUMNS = (
     "message",
 )
 """Columns of a list of states."""
+
+
+def of_path(column: str, place: str) -> str:
+    """Return SQL for a position: vibrations, cycles and modes have one of their path, and one of 0 of their state."""
+    return f"CASE WHEN {column} = 0 THEN ifnull(json_extract(path.content, '$.load.{place}'), 0.0) ELSE {column} END"
+
+
+PLACES = {
+    "depth_over_D": of_path("state.depth", "depth"),
+    "shear_over_D": of_path("state.shear", "shear_x"),
+}
+"""SQL of the columns that are positions."""
 PATH_COLUMNS = (
     "quantity",
     "model",
@@ -182,7 +194,7 @@ def size_MB(file: Path) -> float:
 
 def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
     """Return the newest states."""
-    columns = ", ".join(FIELDS[name].sql for name in COLUMNS)
+    columns = ", ".join(PLACES.get(name, FIELDS[name].sql) for name in COLUMNS)
     newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
     rows = connection.execute(
         f"SELECT {columns} FROM ({newest}) JOIN state USING (path, depth, shear) JOIN path ON path.id = state.path"
@@ -196,12 +208,13 @@ def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[Flat
     """Return the newest paths with the number, the range and the time of their states."""
     columns = ", ".join(FIELDS[name].sql for name in PATH_COLUMNS)
     newest = (
-        "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS least_depth,"
-        " MAX(depth) AS greatest_depth, MAX(shear) AS greatest_shear, SUM(seconds) AS seconds, MAX(added) AS added"
+        "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS depth,"
+        " MAX(depth) AS greatest_depth, MAX(shear) AS shear, SUM(seconds) AS seconds, MAX(added) AS added"
         f" FROM {states} GROUP BY path ORDER BY MAX(added) DESC, path DESC LIMIT ?"
     )
     rows = connection.execute(
-        f"SELECT {columns}, states, not_ok, least_depth, greatest_depth, greatest_shear, seconds, newest.added, key"
+        f"SELECT {columns}, states, not_ok, {of_path('depth', 'depth')}, {of_path('greatest_depth', 'depth')},"
+        f" {of_path('shear', 'shear_x')}, seconds, newest.added, key"
         f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path JOIN listed USING (id)"
         " ORDER BY newest.added DESC, path.id DESC",
         (limit,),

@@ -122,6 +122,11 @@ def _notes(design: Design, load: Load) -> list[str]:
         )
     else:
         contact = "contact is frozen: points in touch stay in touch, and the contact area is glued to the plate"
+    if load.depth:
+        contact += (
+            "; at its edge the pressure at rest is 0, so that every amplitude opens some of it: kept_amplitude opens "
+            "a quarter of its area, lift_amplitude takes the whole normal force"
+        )
     plate = "the plate is rigid and has no mass; amplitudes are small" if load.depth else "amplitudes are small"
     return [*relaxation_notes(design), contact, plate]
 
