@@ -43,7 +43,7 @@ def relaxation_notes(design: Design) -> list[str]:
     """Return sentences: which modulus E is, where the branches come from, and what is assumed.
 
     >>> relaxation_notes(Design(prony="0.5:1", modulus="long-term"))[0]
-    'E = 1 MPa is the long-term modulus (assumed); the instantaneous modulus is 2 MPa'
+    'E = 1 MPa is the long-term modulus (the default); the instantaneous modulus is 2 MPa'
     """
     relaxation, (fast, slow) = relaxation_of(design), moduli(design)
     if not relaxation.times:
@@ -52,9 +52,9 @@ def relaxation_notes(design: Design) -> list[str]:
     other = (
         f"the {'long-term' if instantaneous else 'instantaneous'} modulus is {slow if instantaneous else fast:.4g}"
     )
-    # the default may be a choice as well, but nothing says so
-    assumed = "" if instantaneous else " (assumed)"
-    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{assumed}; {other} MPa"
+    # a design file may state the default, so it is not called an assumption
+    default = "" if instantaneous else " (the default)"
+    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{default}; {other} MPa"
     count = f"{len(relaxation.times)} Prony branch{'es' if len(relaxation.times) > 1 else ''}"
     if design.prony:
         return [which, f"{count} from the field prony, which speak for {range_text(relaxation)}"]

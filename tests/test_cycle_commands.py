@@ -37,7 +37,7 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
     assert last["friction_mJ"] == 0
     assert record["drift_percent"] < 0
     assert record["time_error"] < 1e-3
-    assert "long-term modulus (assumed)" in record["notes"][0]
+    assert "long-term modulus (the default)" in record["notes"][0]
     table = pd.read_csv(tmp_path / "o" / "cycle.csv")
     assert table["depth_mm"].max() == 0.5
     assert table["S1_V"].nunique() > 10

@@ -42,7 +42,7 @@ def test_an_elastic_silicone_speaks_for_every_rate():
         (
             {},
             [
-                "E = 1 MPa is the long-term modulus (assumed); the instantaneous",
+                "E = 1 MPa is the long-term modulus (the default); the instantaneous",
                 "13 Prony branches of a constant loss",
             ],
         ),

@@ -85,9 +85,10 @@ def cycle(
     """
     command_line = command(cycle, locals())
     design = design_of(source, sets, magnet)
+    from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import cycle_report as study
-    from studies.simulation.cycle_motion import Motion, frequency_of
+    from studies.simulation.cycle_motion import Motion, frequency_of, stops
     from studies.simulation.load_cases import friction_of
 
     stroke = abs(2 * shear) or depth
@@ -95,6 +96,8 @@ def cycle(
     motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
     if not 0 < tolerance < 1:
         raise BadInput(f"--tolerance must be between 0 and 1; got {tolerance:g}")
+    # a load that is impossible comes first: its stroke decides the frequency
+    check_load(design, stops(motion)[0].timed.load, magnet)
     say_if_without_magnet(design)
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)
