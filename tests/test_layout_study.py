@@ -29,7 +29,7 @@ def small(monkeypatch):
     monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
     monkeypatch.setattr(layout_search, "STARTS", 2)
     monkeypatch.setattr(layout_search, "HALVINGS", 2)
-    monkeypatch.setattr(layout_search, "POSES", (7, 7, 5))
+    monkeypatch.setattr(layout_search, "POSES", (5, 5, 4))
     monkeypatch.setattr(layout_search, "FINALISTS", 3)
     monkeypatch.setattr(layout_uniqueness, "STEP", 1 / 4)
     monkeypatch.setattr(layout_uniqueness, "HEIGHTS", (1.0,))

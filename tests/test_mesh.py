@@ -276,8 +276,8 @@ def test_straightening_mends_a_distorted_curved_cell(half, monkeypatch):
 @pytest.mark.parametrize("half", [True, False])
 def test_edges_follow_the_rim(half):
     """Edges form a closed chain (open in half a beam) with all nodes on the ring; no facet crosses the ring."""
-    radius, size = 1.4, 0.25
-    mesh = tetrahedra(PAPER, 1.6, half=half, magnet="hole", rim=(radius, size))
+    radius, size = 1.4, 0.4
+    mesh = tetrahedra(PAPER, 2.0, half=half, magnet="hole", rim=(radius, size))
     check_quality(mesh, PAPER)
     facets = mesh.facets[:, mesh.boundaries["skin"]]
     facets = facets[:, mesh.p[2, facets].min(axis=0) > PAPER.H]

@@ -50,7 +50,7 @@ def test_another_requirement_is_another_search():
 
 def test_range_and_strain_that_conflict_say_what_to_give(monkeypatch):
     # test_sizing_commands.py has the whole effort
-    monkeypatch.setattr(conflict_search, "EFFORT", Effort(24, 12))
+    monkeypatch.setattr(conflict_search, "EFFORT", Effort(16, 8))
     needed = dataclasses.replace(NEEDED, force_z=200.0, force_x=None, largest_strain=0.4)
     groups = islands(needed, dataclasses.replace(PARTS, hall_parts=PARTS.hall_parts[:1]))
     lasts, variants = searched(groups, Effort(16, 2))
