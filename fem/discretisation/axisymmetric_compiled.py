@@ -92,7 +92,11 @@ def add_elements(
     q, energy = D.shape[1], 0.0
     K, B, X = np.empty((FIELDS, FIELDS)), np.empty((FIELDS, CORNERS)), np.empty((5, FIELDS))
     for cell in range(len(cells)):
-        K[:], B[:] = 0.0, 0.0
+        for i in range(FIELDS):
+            for j in range(FIELDS):
+                K[i, j] = 0.0
+            for c in range(CORNERS):
+                B[i, c] = 0.0
         for point in range(q):
             x, d = cell * q + point, D[cell, point]
             own, change = pressure[x], w[cell, point] * (Jm1[x] - pressure[x] * soft[cell])

@@ -31,11 +31,12 @@ def settle(
     """
     (k, q), rows, most = weights.shape, len(start), limits[0]
     acting, plain = np.empty(k * q, dtype=np.bool_), np.empty(k * q)
-    _measure_overlaps(nodes, shape, heights, number, u, 0.0 * step, plain)
+    _measure_overlaps(nodes, shape, heights, number, u, np.zeros(len(step)), plain)
     for i in range(k * q):
         acting[i] = pressed[i // q, i % q] if chosen else plain[i] > 0
     _measure_overlaps(nodes, shape, heights, number, u, step, plain)
-    now, settled, member, count = plain.copy(), step, np.zeros(k * q, dtype=np.bool_), 0
+    now, settled, member, count = np.empty(k * q), step, np.zeros(k * q, dtype=np.bool_), 0
+    _measure_overlaps(nodes, shape, heights, number, u, step, now)
     points, first, by_edge = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.zeros(most)
     own = np.empty(rows)
     for _ in range(limits[1]):
@@ -62,19 +63,19 @@ def settle(
         force = np.zeros(count)
         if not _exchange(G, plain, acting, stiffness, weights, points[:count], now, limits, force):
             return step
-        own[:], into_edge = 0.0, 0.0
+        into_edge = 0.0
+        for row in range(rows):
+            own[row] = 0.0
         for r in range(count):
             _spread(nodes, shape, number, position, points[r], q, force[r], own, False)
             into_edge += force[r] * by_edge[r]
         solve_band(U, start, end, inverse, own)
         last = -into_edge / edge[rows] if len(edge) > 0 else 0.0
-        settled = step.copy()
+        settled = np.empty(len(step))
         for i in range(len(position)):
             row = position[i]
-            if row == rows:
-                settled[i] -= last
-            else:
-                settled[i] -= own[row] - (last * solved[row] if len(edge) > 0 else 0.0)
+            change = last if row == rows else own[row] - (last * solved[row] if len(edge) > 0 else 0.0)
+            settled[i] = step[i] - change
         _measure_overlaps(nodes, shape, heights, number, u, settled, now)
     return settled
 
@@ -97,7 +98,8 @@ def _measure_overlaps(nodes, shape, heights, number, u, step, overlaps):
 def _spread(nodes, shape, number, position, point, q, force, own, alone):
     """Add a force on a point to rows (n,) of the band, which are 0 before if `alone`; return the first of them."""
     if alone:
-        own[:] = 0.0
+        for row in range(len(own)):
+            own[row] = 0.0
     first = len(own)
     for a in range(3):
         i = number[nodes[point // q, a], 1]

@@ -30,20 +30,23 @@ def factorise(entries, places, start, end, count, smallest, U, inverse, edge, so
     solved : (n,) edge over the band matrix.
     """
     size, n, negative = len(U), len(start), 0
-    U[:], edge[:] = 0.0, 0.0
+    # loops, where an assignment to a slice would take numba longer to compile
+    for i in range(size):
+        U[i] = 0.0
+    for i in range(len(edge)):
+        edge[i] = 0.0
     for e in range(len(entries)):
         if places[e] < size:
             U[places[e]] += entries[e]
         else:
             edge[places[e] - size] += entries[e]
     for k in range(n):
-        row = U[start[k] : start[k] + end[k] + 1 - k]
         largest = 0.0
-        for j in range(len(row)):
-            largest = max(largest, abs(row[j]))
+        for j in range(start[k], start[k] + end[k] + 1 - k):
+            largest = max(largest, abs(U[j]))
         inverse[k] = smallest * largest
         if k >= count:
-            row[0] = 1.0
+            U[start[k]] = 1.0
     for k in range(0, n, PANEL):
         width = end[k] + 1 - k
         first, second, third, fourth = (
@@ -58,11 +61,10 @@ def factorise(entries, places, start, end, count, smallest, U, inverse, edge, so
                 return -1
             negative += U[at + p] < 0
             inverse[k + p] = 1 / U[at + p]
-            source = U[at : at + width]
             for other in range(p + 1, PANEL):
-                below = start[k + other] - other
-                row, factor = U[below : below + width], source[other] * inverse[k + p]
-                for j in range(other, width):
+                below, factor = start[k + other], U[at + other] * inverse[k + p]
+                source, row = U[at + other : at + width], U[below : below + width - other]
+                for j in range(len(row)):
                     row[j] -= factor * source[j]
         d0, d1, d2, d3 = inverse[k], inverse[k + 1], inverse[k + 2], inverse[k + 3]
         for i in range(PANEL, width):
@@ -72,7 +74,8 @@ def factorise(entries, places, start, end, count, smallest, U, inverse, edge, so
             for j in range(len(row)):
                 row[j] -= a * r0[j] + b * r1[j] + c * r2[j] + d * r3[j]
     if len(edge) > 0:
-        solved[:] = edge[:n]
+        for k in range(n):
+            solved[k] = edge[k]
         solve_band(U, start, end, inverse, solved)
         largest, pivot = abs(edge[n]), edge[n]
         for k in range(n):
@@ -118,7 +121,8 @@ def solve(U, start, end, inverse, edge, solved, order, right, x):
     own = np.zeros(len(start))
     inner = len(order) - (len(edge) > 0)
     for column in range(right.shape[1]):
-        own[:] = 0.0
+        for i in range(len(own)):
+            own[i] = 0.0
         for i in range(inner):
             own[i] = right[order[i], column]
         solve_band(U, start, end, inverse, own)
