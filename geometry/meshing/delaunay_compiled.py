@@ -22,14 +22,14 @@ ROUNDING = 1e-13
 """Relative size of the in-circle determinant below which a side counts as Delaunay: `repair` then always ends."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def turn(x: Array, i: int, j: int, k: int) -> float:
     """Return twice the area of the triangle i, j, k, positive if it is counter-clockwise."""
     area: float = (x[j, 0] - x[i, 0]) * (x[k, 1] - x[i, 1]) - (x[j, 1] - x[i, 1]) * (x[k, 0] - x[i, 0])
     return area
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def encloses(x: Array, i: int, j: int, k: int, other: int) -> bool:
     """Return whether a point lies inside the circle through the counter-clockwise triangle i, j, k."""
     ar, az = x[i, 0] - x[other, 0], x[i, 1] - x[other, 1]
@@ -41,14 +41,14 @@ def encloses(x: Array, i: int, j: int, k: int, other: int) -> bool:
     return inside
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def link(twin: Ints, e: int, other: int) -> None:
     twin[e] = other
     if other >= 0:
         twin[other] = e
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def flip(corner: Ints, twin: Ints, e: int) -> None:
     """Replace side e, whose triangles form a convex quadrangle, by the other diagonal.
 
@@ -62,14 +62,14 @@ def flip(corner: Ints, twin: Ints, e: int) -> None:
     link(twin, before, past)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def illegal(x: Array, corner: Ints, twin: Ints, e: int) -> bool:
     """Return whether the point beyond side e, which is not on the hull, lies in the circle of e's triangle."""
     b, k = twin[e], e - e % 3
     return encloses(x, corner[k], corner[k + 1], corner[k + 2], corner[b - b % 3 + (b + 2) % 3])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def repair(x: Array, corner: Ints, twin: Ints) -> bool:
     """Flip sides until all are Delaunay; return False if points moved so far that a triangle is inverted."""
     for e in range(0, len(corner), 3):
@@ -86,7 +86,7 @@ def repair(x: Array, corner: Ints, twin: Ints) -> bool:
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _legalise(x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, e: int) -> None:
     """Flip sides until they are Delaunay, from side e of a new triangle, opposite to the new point.
 
@@ -111,13 +111,13 @@ def _legalise(x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, e: in
         count += 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _first_triangle(x: Array) -> tuple[int, int, int]:
     """Return three points near the middle, counter-clockwise, that have a small circle through them."""
     r, z = 0.0, 0.0
     for n in range(len(x)):
         r, z = r + x[n, 0] / len(x), z + x[n, 1] / len(x)
-    i = _nearest_other(x, -1, r, z)
+    i = _nearest_other(x, len(x), r, z)
     j = _nearest_other(x, i, x[i, 0], x[i, 1])
     k, least = -1, np.inf
     for n in range(len(x)):
@@ -128,7 +128,7 @@ def _first_triangle(x: Array) -> tuple[int, int, int]:
     return (i, j, k) if turn(x, i, j, k) > 0 else (i, k, j)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _nearest_other(x: Array, but: int, r: float, z: float) -> int:
     """Return the point that is nearest to a place, except one point."""
     i, least = -1, np.inf
@@ -139,7 +139,7 @@ def _nearest_other(x: Array, but: int, r: float, z: float) -> int:
     return i
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _by_distance(x: Array, r: float, z: float) -> Ints:
     """Return the numbers of the points in order of their distance from a place (Shell's sort)."""
     n = len(x)
@@ -159,7 +159,7 @@ def _by_distance(x: Array, r: float, z: float) -> Ints:
     return order
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def circumcentre(x: Array, i: int, j: int, k: int) -> tuple[float, float]:
     """Return the centre of the circle through three points, relative to the first; infinite if they are in line."""
     br, bz, cr, cz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[k, 0] - x[i, 0], x[k, 1] - x[i, 1]
@@ -169,14 +169,14 @@ def circumcentre(x: Array, i: int, j: int, k: int) -> tuple[float, float]:
     return (cz * b - bz * c) / area, (br * c - cr * b) / area
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _bin(r: float, z: float, bins: int) -> int:
     """Return the index of a direction, which grows with the angle from -pi to pi."""
     p = r / (abs(r) + abs(z))
     return int(bins * (3 - p if z > 0 else 1 + p) / 4) % bins
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def triangulate(x: Array) -> tuple[Ints, Ints]:
     """Return the Delaunay triangulation of points, shape (n, 2), as `corner` and `twin`.
 
@@ -194,7 +194,7 @@ def triangulate(x: Array) -> tuple[Ints, Ints]:
         corner[s] = hull[1, first[(s + 1) % 3]] = i
         hull[0, i], hull[2, i], hull[3, i] = first[(s + 1) % 3], s, 1
         nearby[_bin(x[i, 0] - r, x[i, 1] - z, bins)] = i
-    sides, latest = 3, first[0]
+    sides, latest = len(first), first[0]
     for i in _by_distance(x, r, z):
         if i == first[0] or i == first[1] or i == first[2]:
             continue
@@ -219,7 +219,7 @@ def triangulate(x: Array) -> tuple[Ints, Ints]:
     return corner[:sides], twin[:sides]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add(
     x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, sides: int, i: int, e: int, backwards: bool
 ) -> tuple[int, int]:

@@ -26,7 +26,7 @@ ROUNDING = 1 + 1e-9
 Tree = tuple[Array, Ints, Ints, Array, Array]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def grown(array: Array, count: int) -> Array:
     """Return an array with at least `count` rows that begins with the given rows."""
     if count <= len(array):
@@ -38,21 +38,24 @@ def grown(array: Array, count: int) -> Array:
     return longer
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def quadtree(beam: Array, source: Array, size: float) -> Tree:
     """Divide the plane into cells that are small against the edge length.
 
     Cells outside the silicone are not divided.
     """
     # one root above the tip, so that each point of the section lies in one
-    used, count = len(source), int(source[0, 1] / 0.5) + 1
+    used, roots = len(source), int(source[0, 1] / 0.5) + 1
     cells, child, lists = np.empty((8192, 4)), np.empty((8192, 1), np.int64), np.empty((8192, 2), np.int64)
     entries = np.empty((16384, 5))
-    entries[:used] = source
-    for i in range(count):
+    # loops: numba takes seconds to compile the assignment of an array to a slice
+    for i in range(used):
+        for j in range(5):
+            entries[i, j] = source[i, j]
+    for i in range(roots):
         cells[i, 0], cells[i, 1] = 0.25, 0.5 * (0.5 + i)
         lists[i, 0], lists[i, 1] = 0, used
-    side, first, last = 0.5, 0, count
+    side, first, last, count = 0.5, 0, roots, roots
     while first < last:
         for c in range(first, last):
             r, z, begin, end = cells[c, 0], cells[c, 1], lists[c, 0], lists[c, 1]
@@ -60,14 +63,15 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
             space = room(beam, r, z)
             if space <= -0.71 * side:
                 continue  # the cell lies outside: half a diagonal is 0.71 sides
-            wanted, best = finest(entries, begin, end, r, z)
+            listed = entries[begin:end]
+            wanted, best = finest(listed, r, z)
             cells[c, 2] = min(wanted, size)
             if cells[c, 2] >= side / 0.3:
                 cells[c, 3] = 1.0 if space > 0 else 0.0
                 continue
             entries = grown(entries, used + end - begin)
             lists[c, 0] = used
-            used = relevant(entries, begin, end, best, wanted, size, (r, z, side / 2), entries, used)
+            used += relevant(listed, best, wanted, size, (r, z, side / 2), entries[used:])
             lists[c, 1] = used
             cells, child, lists = grown(cells, count + 4), grown(child, count + 4), grown(lists, count + 4)
             child[c, 0] = count
@@ -77,19 +81,21 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
                 lists[count, 0], lists[count, 1] = lists[c, 0], used
                 count += 1
         first, last, side = last, count, side / 2
-    half = np.full(last, 0.25)
+    half = np.empty(last)
     for c in range(last):
+        if c < roots:
+            half[c] = 0.25
         if child[c, 0] >= 0:
             for k in range(child[c, 0], child[c, 0] + 4):
                 half[k] = half[c] / 2
     return cells[:last], child[:last, 0].copy(), lists[:last], entries[:used], half
 
 
-@njit(cache=True)
-def finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[float, int]:
-    """Return the least edge length that sources from `begin` to `end` require at a point, and that source."""
-    wanted, best = np.inf, begin
-    for e in range(begin, end):
+@njit(cache=True, error_model="numpy")
+def finest(entries: Array, r: float, z: float) -> tuple[float, int]:
+    """Return the least edge length that sources require at a point, and that source."""
+    wanted, best = np.inf, 0
+    for e in range(len(entries)):
         dr, dz = r - entries[e, 0], z - entries[e, 1]
         length = math.sqrt(dr * dr + dz * dz) * entries[e, 3] + entries[e, 2]
         if length < wanted:
@@ -97,30 +103,23 @@ def finest(entries: Array, begin: int, end: int, r: float, z: float) -> tuple[fl
     return wanted, best
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def relevant(
-    entries: Array,
-    begin: int,
-    end: int,
-    best: int,
-    wanted: float,
-    size: float,
-    square: tuple[float, float, float],
-    into: Array,
-    used: int,
+    entries: Array, best: int, wanted: float, size: float, square: tuple[float, float, float], into: Array
 ) -> int:
-    """Write the sources from `begin` to `end` that can require the least edge length in a square; return the end.
+    """Write the sources that can require the least edge length in a square; return their number.
 
     best, wanted : the source that requires the least at the square's centre, and the edge length.
-    square : centre (r, z) and half the side. into, used : where to write.
+    square : centre (r, z) and half the side. into : where to write.
     """
     r, z, half = square
     reach, growth = math.sqrt(2.0) * half, entries[best, 3]
     best_r, best_z = entries[best, 0], entries[best, 1]
     far = (r - best_r) * (r - best_r) + (z - best_z) * (z - best_z)
+    used, across = 0, math.sqrt(far) + 2 * reach
     # nowhere in the square is the edge length larger than this
-    most, across = min(wanted + reach * growth + SMALLEST, size), math.sqrt(far) + 2 * reach
-    for e in range(begin, end):
+    most = min(wanted + reach * growth + SMALLEST, size)
+    for e in range(len(entries)):
         dr, dz = r - entries[e, 0], z - entries[e, 1]
         distance = dr * dr + dz * dz
         # only up to this distance can the source require less than `most` somewhere in the square
@@ -138,7 +137,7 @@ def relevant(
     return used
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_of(tree: Tree, r: float, z: float) -> int:
     """Return the cell without children that holds a point, which lies inside the roots of a tree."""
     child = tree[1]
@@ -153,7 +152,7 @@ def cell_of(tree: Tree, r: float, z: float) -> int:
     return c
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
     """Return the target edge length at a point of a cell."""
     lists, entries = tree[2], tree[3]
@@ -164,7 +163,7 @@ def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
     return wanted
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near: Array, wanted: Array) -> None:
     """Write the target edge length at points from `first` to `last`, which lie in the rectangle between these two.
 
@@ -185,7 +184,9 @@ def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near:
         quarter /= 2
     begin, end = (lists[c, 0], lists[c, 1]) if int(other_z / 0.5) == int(z / 0.5) else (0, len(near))
     square = (r + other_r) / 2, (z + other_z) / 2, max(abs(r - other_r), abs(z - other_z)) / 2
-    least, best = finest(entries, begin, end, square[0], square[1])
-    count = relevant(entries, begin, end, best, least, size, square, near, 0) if begin < end else 0
+    listed, count = entries[begin:end], 0
+    if len(listed):
+        least, best = finest(listed, square[0], square[1])
+        count = relevant(listed, best, least, size, square, near)
     for i in range(first, last + 1):
-        wanted[i] = min(size, finest(near, 0, count, x[i, 0], x[i, 1])[0])
+        wanted[i] = min(size, finest(near[:count], x[i, 0], x[i, 1])[0])
