@@ -37,6 +37,7 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
     assert last["friction_mJ"] == 0
     assert record["drift_percent"] < 0
     assert record["time_error"] < 1e-3
+    assert record["balance_error"] < 1e-3
     assert "long-term modulus (the default)" in record["notes"][0]
     table = pd.read_csv(tmp_path / "o" / "cycle.csv")
     assert table["depth_mm"].max() == 0.5
@@ -51,6 +52,10 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
         (["--frequency", "1e6"], "the branches speak for"),
         (["--speed", "1", "--hold", "100"], "not for 100 s"),
         (["--speed", "1", "--tolerance", "2"], "--tolerance must be between 0 and 1"),
+        (
+            ["--speed", "0.5", "--depth", "99"],
+            "depth must be less than 7 mm, the silicone on the axis above and below the magnet; got 99",
+        ),
     ],
 )
 def test_impossible_cycles_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -88,7 +88,7 @@ def cycle(
     from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import cycle_report as study
-    from studies.simulation.cycle_motion import Motion, frequency_of, stops
+    from studies.simulation.cycle_motion import Motion, frequency_of
     from studies.simulation.load_cases import friction_of
 
     stroke = abs(2 * shear) or depth
@@ -97,7 +97,7 @@ def cycle(
     if not 0 < tolerance < 1:
         raise BadInput(f"--tolerance must be between 0 and 1; got {tolerance:g}")
     # a load that is impossible comes first: its stroke decides the frequency
-    check_load(design, stops(motion)[0].timed.load, magnet)
+    check_load(design, motion.largest, magnet)
     say_if_without_magnet(design)
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)

@@ -68,6 +68,11 @@ class Motion:
         return abs(2 * self.shear) if self.shear else self.depth
 
     @property
+    def largest(self) -> Load:
+        """The load at the end of a stroke."""
+        return _load(self, self.depth, self.shear)
+
+    @property
     def half(self) -> float:
         """Duration of a stroke, s."""
         return 1 / (2 * self.frequency)

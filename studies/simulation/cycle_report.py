@@ -172,7 +172,7 @@ def _follow(
     from fem.timed_path import follow
 
     path = stops(motion)
-    check_load(design, path[0].timed.load, magnet)
+    check_load(design, motion.largest, magnet)
     ahead = iter(path)
     stop = next(ahead)
     states = follow(
