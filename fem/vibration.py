@@ -29,7 +29,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.material import lame
 from fem.modes import eigen, frequency_unit
 from fem.results.postprocess import read
-from fem.scene import Scene
+from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
 from fem.solvers.reduced_basis import Complex, ReducedSystem, reduce
 from fem.vibration_blocks import (
@@ -67,12 +67,12 @@ class Vibration:
     Attributes
     ----------
     frequency : (f,) Hz.
-    motions : k directions in which the plate moves: "z" along the depth, "x" along the shear.
-    force : (f, k, 2) force on the tip along x and z, positive as in `Response`, N/mm; NaN without a plate.
-    shift : (f, k, 2) displacement of the magnet's centre along x and z, mm/mm.
-    tilt : (f, k) lean of the magnet from z towards x, rad/mm.
+    motions : k directions in which plate or grip move: "z" along the depth, "x" along the shear (x without a shear).
+    force : (f, k, 2) force on the tip along this x and z, positive as in `Response`, N/mm; NaN without a plate.
+    shift : (f, k, 2) displacement of the magnet's centre along this x and z, mm/mm.
+    tilt : (f, k) lean of the magnet from z towards this x, rad/mm.
     kept_amplitude : (f, k) amplitude of the motion at which LOST_AREA of the contact area loses its pressure within
-        each cycle, mm; NaN without a plate. It needs some elements across the contact.
+        each cycle, mm; NaN without a plate and for a grip. It needs some elements across the contact.
     """
 
     frequency: Array
@@ -132,7 +132,7 @@ class VibratingSensor:
         E, D, still = self.scene.design.E, self.scene.design.D, np.zeros(1)
         stiffness: dict[str, float] = {}
         for part in self.parts:
-            if part.pressure is not None:
+            if part.block.plate is not None:
                 force = part.block.held - part.system.b.T @ part.system.solve(still.astype(complex), still)[0].real
                 stiffness |= {motion: float(force[k, k]) * E * D for k, motion in enumerate(part.block.motions)}
         return stiffness
@@ -172,6 +172,15 @@ def highest_frequency(design: Design, accuracy: Accuracy) -> float:
     return speed / (FEWEST * accuracy.section_size * design.D)
 
 
+def vibration_model(load: Load) -> Model:
+    """Return the model of a state about which the sensor vibrates.
+
+    Motions about a press have orders of their own if its contact is glued or frictionless; the state of Coulomb
+    friction and that of a grip are in one model with all harmonics.
+    """
+    return "harmonic" if load.coulomb is not None or load.grip is not None else choose_model((load,), "auto")
+
+
 def check_vibration(design: Design, load: Load, band: tuple[float, float], accuracy: Accuracy) -> None:
     """Refuse a band (lowest, highest), Hz, that rises not or exceeds what the mesh carries, and loads of other kinds.
 
@@ -182,10 +191,16 @@ def check_vibration(design: Design, load: Load, band: tuple[float, float], accur
     low, high = band
     if not 0 < low < high < math.inf:
         raise BadInput(f"frequencies must rise from above 0 Hz; got {low:g} to {high:g} Hz")
-    if load.grip is not None or load.plate_tilt or load.imperfection or load.coulomb is not None or load.shear_y:
+    if load.imperfection:
+        raise BadInput("a vibration has no imperfection, which is a load that never rests: leave it out")
+    if turns((load,)):
         raise BadInput(
-            "a vibration needs an upright plate with friction none or stick and a shear along x: leave out grip, "
-            "plate tilt, imperfection, a friction coefficient and shear_y"
+            "a vibration needs a plane of symmetry: under a tilted plate the shear must be along x; leave out shear_y"
+        )
+    if load.plate_tilt and load.friction == "stick" and load.depth and not load.shear:
+        raise BadInput(
+            "under a tilted plate the contact area is glued by a shear only: give a shear along x, friction none, or "
+            "a friction coefficient"
         )
     most = highest_frequency(relaxed(design, relaxation_of(design)), accuracy)
     if high > most:
@@ -208,8 +223,9 @@ def vibrating_sensor(
 
     Parameters
     ----------
-    load : a press, with friction "none" or "stick" (the contact area is then glued to the plate for the vibration), a
-        press and a shear with "stick", or depth 0: the free sensor, whose base is shaken.
+    load : a press, with friction "none" or "stick" (the contact area is then glued to the plate for the vibration); a
+        press and a shear in any direction with "stick"; either with a friction coefficient; a tilted plate; a grip;
+        or depth 0: the free sensor, whose base is shaken.
     check : call `check_vibration`; not for a coarser mesh that only estimates errors.
 
     Raises
@@ -223,7 +239,9 @@ def vibrating_sensor(
         check_vibration(design, load, band, accuracy)
     relaxation = relaxation_of(design)
     at_rest = relaxed(design, relaxation)
-    scene = Scene(at_rest, (load,), accuracy, magnet)
+    free = not load.depth and load.grip is None
+    model: Model = "axisymmetric" if free else vibration_model(load)
+    scene = Scene(at_rest, (Load() if free else load,), accuracy, magnet, model)
     path_state, blocks = build_blocks(scene)
     f = np.geomspace(*band, BETWEEN)
     c, eigenvalues = _coefficients(scene, relaxation, f)
@@ -232,7 +250,8 @@ def vibrating_sensor(
         system = reduce(block.problem, c, eigenvalues)
         if system.unstable:
             raise NoStateError(f"the state at depth {load.depth:g} mm is unstable: take a smaller depth")
-        pressure = None if block.plate is None else read_pressure(block, system.V)
+        presses = block.plate is not None and block.plate.height is not None
+        pressure = read_pressure(block, system.V) if presses else None
         parts.append(_Part(block, system, read_pose(block, system.V), pressure))
     return VibratingSensor(scene, read(path_state, scene, load), relaxation, tuple(parts))
 
@@ -253,13 +272,14 @@ def _solve_part(
     k = len(block.motions)
     force = np.full((len(f), 2, k), np.nan, dtype=np.complex128)
     kept = np.full((len(f), k), np.nan)
-    if part.pressure is None:
+    if block.plate is None:
         y = y * eigenvalues[:, None, None]
     else:
         rows = [("x", "z").index(motion) for motion in block.motions]
         force[:] = 0.0
         force[:, rows] = (block.held - system.b.T @ y) * E * D
-        kept = _kept_amplitude(part.pressure, y) * D
+        if part.pressure is not None:
+            kept = _kept_amplitude(part.pressure, y) * D
     pose = part.pose @ y
     swap = (0, 2, 1)
     return force.transpose(swap), pose[:, :2].transpose(swap), pose[:, 2] / D, kept

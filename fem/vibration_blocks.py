@@ -1,11 +1,15 @@
 """The linear systems of small vibrations about a pressed, or pressed and sheared, sensor at rest.
 
 About an axisymmetric press the orders of the angle are not coupled (`fem.discretisation.single_order`): a motion of
-the plate along z has order 0, one along x has order 1. About a sheared state all harmonics form one system, with both
-motions as its loads.
+the plate along z has order 0, one along x has order 1. About all other states (sheared, under a tilted plate,
+gripped, with Coulomb friction) all harmonics form one system, with both motions as its loads; x is the direction of
+the shear.
 
 Contact is frozen: points in touch keep their normal springs, whatever the sign of their motion, and glued points
-their tangential ones too. With q the unknowns and s the motion of the plate, the energy's second derivatives are
+their tangential ones too. With Coulomb friction all points in touch stick: a point that has slipped carries the
+largest traction, so it slips on in one half of a small cycle and sticks in the other; after the first cycles its
+traction has fallen far enough for it to stick in both. A grip moves along x only, and its skin is free along z. With
+q the unknowns and s the motion of the plate, the energy's second derivatives are
 
     Pi_qq = K,    Pi_qs = -b,    Pi_ss = k_held,        so    K q = b s,    F = k_held s - b . q
 
@@ -23,10 +27,11 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from fem.contact import plate_contact
+from fem.contact import coulomb_friction, plate_contact
 from fem.contact.plate_contact import Plate
 from fem.discretisation import angular_fields, element_integrals, single_order
 from fem.discretisation.assembled_state import State
+from fem.discretisation.elements import Surface
 from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import CHUNK, System
 from fem.equilibrium import start_path
@@ -79,9 +84,11 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
     NoStateError
         The path stops before the load.
     """
-    if scene.sideways:
-        state = _solve_shear(scene)
-        return state, [build_block(scene, state, state.plate, ("z", "x"))]
+    (load,) = scene.loads
+    if scene.model == "harmonic":
+        state = _solve_path(scene)
+        motions: tuple[Motion, ...] = ("x",) if load.grip is not None else ("z", "x")
+        return state, [build_block(scene, state, _sticking(state.plate), motions)]
     try:
         press = solve_press(scene)
     except BadInput as error:
@@ -94,12 +101,20 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
     return press.state, blocks
 
 
-def _solve_shear(scene: Scene) -> PathState:
-    """Return the state of a press and a shear, with the contact area glued."""
-    load, D = scene.loads[0], scene.design.D
+def _sticking(plate: Plate) -> Plate:
+    """Return the plate whose points in touch all stick."""
+    if plate.friction is None:
+        return plate
+    return replace(plate, friction=coulomb_friction.expect_sticking(plate.friction))
+
+
+def _solve_path(scene: Scene) -> PathState:
+    """Return the state of a load in the harmonic model, whose x axis is the direction of the shear."""
+    load, D, (x, y) = scene.loads[0], scene.design.D, scene.direction
     path = start_path(scene)
     try:
-        reason, state = path.go(load.depth / D, np.array([load.shear, 0.0]) / D), path.state
+        shear = np.array([[x, y], [-y, x]]) @ load.imposed_shear
+        reason, state = path.go(load.depth / D, shear / D), path.state
     finally:
         path.close()
     if reason:
@@ -146,12 +161,18 @@ def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tu
     return Block(state, plate, motions, problem, held)
 
 
+def _motion_vector(motion: Motion) -> Array:
+    """Return the displacement (3,) of a unit motion: deeper, or along x."""
+    return np.array([0.0, 0.0, -1.0]) if motion == "z" else np.array([1.0, 0.0, 0.0])
+
+
 def _moved(plate: Plate, motion: Motion) -> Plate:
-    """Return the plate moved by D along z (deeper) or x."""
-    if motion == "x":
-        return replace(plate, shear=plate.shear + np.array([1.0, 0.0]))
-    assert plate.height is not None
-    return replace(plate, height=plate.height - 1.0)
+    """Return the plate or grip moved by D along z (deeper) or x."""
+    along, normal = plate.frame @ _motion_vector(motion), plate.frame[2]
+    shear = plate.shear + along[:2]
+    # where the moved plane meets the axis
+    height = None if plate.height is None else plate.height + along[2] / normal[2]
+    return replace(plate, shear=shear, height=height)
 
 
 def _plate_force(state: PathState, nodal: State, plate: Plate) -> Array:
@@ -234,6 +255,11 @@ class ContactPressure:
     by_motion: Array
 
 
+def _rise(skin: Surface, u: Array, normal: Array) -> Array:
+    """Return the displacement (k, q) of the skin along the normal of the plate, for nodal fields u."""
+    return np.asarray(skin.displacement(u) @ normal) if normal[0] else skin.upward_displacement(u)
+
+
 def read_pressure(block: Block, V: Array) -> ContactPressure:
     """Return the pressure of the contact area for small motions V (n, m) of a body under a plate."""
     state, plate, skin = block.state, block.plate, block.state.skin
@@ -252,9 +278,10 @@ def read_pressure(block: Block, V: Array) -> ContactPressure:
     own = np.where(area > 0, area, 1.0)
     at_rest = en * over_lines(overlap) / own
     # the skin's displacement is linear in the unknowns, that of the magnet's surface is not
-    moves = [over_lines(skin.upward_displacement(system.state(state.q + v).u - at_state.u)) for v in V.T]
+    normal = plate.frame[2]
+    moves = [over_lines(_rise(skin, system.state(state.q + v).u - at_state.u, normal)) for v in V.T]
     changes = en * np.stack(moves, axis=1) / own[:, None]
-    plate_moves = en * np.array([[float(motion == "z") for motion in block.motions]] * len(area))
+    plate_moves = en * np.array([[-normal @ _motion_vector(motion) for motion in block.motions]] * len(area))
     if system.elements.angles.fields == ORDER_FIELDS:  # the first of its two angles is 0, where the cosine is 1
         cosines = np.cos((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES))
         at_rest, area, plate_moves = (

@@ -73,7 +73,7 @@ def test_static_state_says_how_it_comes_to_move(answers):
     ("load", "words"),
     [
         ({"frequency": 1e5}, "the vibration is known from 0.01 to 1000 Hz"),
-        ({"frequency": 5, "plate_tilt": 3}, "upright plate"),
+        ({"frequency": 5, "plate_tilt": 3, "shear": 1, "direction": 90}, "plane of symmetry"),
         ({"speed": 1e5}, "the branches speak for"),
         ({"speed": 1, "depth": 0}, "a depth above 0 mm"),
         ({"speed": 1, "plate_tilt": 3}, "upright plate"),

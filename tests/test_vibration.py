@@ -8,6 +8,7 @@ import pytest
 
 from fem import vibration
 from fem.accuracy import QUICK, STANDARD
+from fem.equilibrium import solve
 from fem.modes import frequency_unit, modes
 from fem.vibration_blocks import build_blocks, read_pose
 from geometry.design import BadInput, paper
@@ -132,13 +133,41 @@ def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance(
         ((0.0, 10.0), GLUED, "rise from above 0"),
         ((10.0, 1.0), GLUED, "rise from above 0"),
         ((1.0, 1e6), GLUED, "carries shear waves"),
-        ((1.0, 10.0), Load(depth=1.0, friction=0.5), "friction none or stick"),
-        ((1.0, 10.0), Load(grip=1.0, shear_x=0.1), "upright plate"),
+        ((1.0, 10.0), Load(depth=1.0, imperfection=1e-3), "no imperfection"),
+        ((1.0, 10.0), Load(depth=1.0, shear_y=0.1, friction="stick", plate_tilt=0.1), "plane of symmetry"),
+        ((1.0, 10.0), Load(depth=1.0, friction="stick", plate_tilt=0.1), "glued by a shear only"),
     ],
 )
 def test_bands_and_loads_that_are_refused(band, load, words):
     with pytest.raises(BadInput, match=words):
         vibration.vibrating_sensor(paper(), load, band, QUICK)
+
+
+def test_the_direction_of_the_shear_does_not_matter():
+    along, across = sensor(SHEARED), sensor(Load(depth=1.0, shear_y=0.5, friction="stick"))
+    assert across.at([600.0]).force == pytest.approx(along.at([600.0]).force, rel=1e-9)
+    assert across.state.response.force[1] == pytest.approx(along.state.response.force[0], rel=1e-9)
+
+
+def test_points_that_slip_stick_in_small_cycles():
+    """So the friction coefficient hardly matters, and the sensor is nearly that whose contact is glued."""
+    slipping = sensor(Load(depth=1.0, friction=0.3)).at([10.0])
+    assert slipping.force == pytest.approx(sensor(GLUED).at([10.0]).force, rel=0.05, abs=1e-6)
+
+
+def test_a_tilted_plate_has_a_symmetric_impedance():
+    force = sensor(Load(depth=1.0, plate_tilt=0.05)).at([600.0]).force[0]
+    assert force[0, 0] == pytest.approx(force[1, 1], rel=1e-8)
+    # without friction the force is normal to the plate
+    assert force[0, 0] / force[0, 1] == pytest.approx(-np.tan(0.05), rel=1e-6)
+
+
+def test_a_grip_has_the_static_stiffness_of_its_shear():
+    step = 1e-3
+    shear = solve(paper(), Load(grip=2.0, shear_x=step), ROUGH).response.force[0] / step
+    gripped = sensor(Load(grip=2.0, shear_x=step))
+    assert gripped.static_stiffness()["x"] == pytest.approx(shear, rel=1e-3)
+    assert np.isnan(gripped.at([1.0]).kept_amplitude).all()
 
 
 def test_an_unstable_press_is_refused():

@@ -65,6 +65,12 @@ def test_frequencies_without_data_are_refused_or_marked(run, strict):
         ("--depth", -1),
         ("--depth", 0, "--shear", 1),
         ("--shear", 1, "--friction", "none"),
+        ("--shear", 1, "--friction", "0"),
+        ("--friction", "slide"),
+        ("--friction", "nan"),
+        ("--grip", 0),
+        ("--plate-tilt", "inf"),
+        ("--plate-tilt", 5, "--shear-y", 0.1),
         ("--frequencies", "1:9000", "--extrapolate"),
     ],
 )

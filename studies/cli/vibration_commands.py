@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -14,7 +14,7 @@ from geometry.loads import Load, Magnet
 from studies.cli.command_output import report_failures, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
-from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, Whole
+from studies.inputs.option_groups import ACCURACY, DEPTH, MAGNET, SHEAR, SHEAR_Y, Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output import atomic_files, console, run_record
 
@@ -30,7 +30,10 @@ def response(
     shear: Annotated[float, SHEAR] = 0.0,
     frequencies: str = "1:1000",
     count: Whole = 200,
-    friction: Literal["stick", "none"] = "stick",
+    shear_y: Annotated[float, SHEAR_Y] = 0.0,
+    friction: str = "stick",
+    plate_tilt: float = 0.0,
+    grip: float | None = None,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
     extrapolate: Annotated[bool, Parameter(negative="")] = False,
@@ -41,8 +44,8 @@ def response(
 ) -> int:
     """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
 
-    The plate vibrates along z and along x about a state at rest; --depth 0 shakes the base of the free sensor. The
-    silicone's loss factor or Prony branches are those of the design.
+    The plate vibrates along z and along x about a state at rest, and x is the direction of the shear; --depth 0
+    shakes the base of the free sensor. The silicone's loss factor or Prony branches are those of the design.
 
     Parameters
     ----------
@@ -51,7 +54,12 @@ def response(
     count
         Number of frequencies in the table, spaced evenly on a logarithmic scale.
     friction
-        stick: the contact area is glued to the plate; none: the plate slides, and moves along z only.
+        stick: the contact area is glued to the plate; none: the plate slides, and moves along z only; a Coulomb
+        coefficient, from first touch on: the points in touch stick to the plate that vibrates.
+    plate_tilt
+        Tilt of the plate's normal from z towards x, degrees.
+    grip
+        In place of the plate, hold the skin down to this depth below the top, mm; it moves along x.
     extrapolate
         Allow frequencies for which the silicone's branches do not speak, and mark the results.
     out
@@ -62,17 +70,24 @@ def response(
     from fem.vibration_blocks import NoStateError
     from geometry.relaxation import check_range
     from studies.simulation import vibration_report as study
+    from studies.simulation.load_cases import friction_of
 
     band = read_band(frequencies)
     if not FEWEST <= count <= MOST:
         raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {count}")
-    if not depth and shear:
-        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear:g}")
-    if shear and friction == "none":
+    moves, contact = bool(shear or shear_y), friction_of(friction, "stick")
+    if grip is None and not depth and moves:
+        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
+    if grip is None and moves and contact in ("none", 0.0):
         raise BadInput("a shear needs a plate that sticks: leave out --friction none")
     say_if_without_magnet(design)
     warnings = check_range(design, frequencies=band, beyond=extrapolate)
-    load = Load(depth=depth, shear_x=shear, friction=friction if depth else "none")
+    if grip is not None:
+        load = Load(shear_x=shear, shear_y=shear_y, grip=grip)
+    else:
+        # the free sensor touches no plate, whose friction and tilt would count
+        tilt = math.radians(plate_tilt) if depth else 0.0
+        load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt)
     atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         try:

@@ -44,7 +44,12 @@ def rest_scene(scene: Scene) -> Scene:
     """
     from fem.vibration import check_vibration, relaxed
 
-    design = scene.design
+    design, (load,) = scene.design, scene.loads
+    if load.grip is not None or load.plate_tilt or load.coulomb is not None or load.shear_y:
+        raise BadInput(
+            "the response of a sweep needs an upright plate with friction none or stick and a shear along x: leave "
+            "out grip, plate_tilt, a friction coefficient and shear_y (magtip response takes them)"
+        )
     at_rest = replace(relaxed(design, relaxation_of(design)), modulus="long-term")
     check_vibration(at_rest, scene.loads[0], band(at_rest, scene.accuracy), scene.accuracy)
     return replace(scene, design=at_rest, model="auto")

@@ -32,13 +32,13 @@ def _rate_lines(state: ExplorerState) -> list[str]:
     """Return the command lines of vibration and loop, where the verbs can make them."""
     load, lines = state.load, []
     own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
-    upright = not load.plate_tilt and not load.shear_y
     friction = friction_text(load)
-    if state.frequency and upright and load.coulomb is None:
+    if state.frequency:
         band = ":".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
         glued = None if friction == "stick" or not load.depth else friction
-        lines.append(_line("response", state, own | {"--frequencies": band, "--friction": glued}))
-    if state.speed and upright and load.depth:
+        more = {"--frequencies": band, "--friction": glued, "--plate-tilt": state.motion.plate_tilt or None}
+        lines.append(_line("response", state, own | {"--shear-y": load.shear_y or None} | more))
+    if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
         contact = friction if load.coulomb is not None else None
         lines.append(_line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
     return lines
@@ -95,7 +95,7 @@ def python(state: ExplorerState) -> str:
         if getattr(state.load, spec.name) != spec.default
     )
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
-    vibrates = bool(state.frequency) and state.load.coulomb is None and not state.load.plate_tilt
+    vibrates = bool(state.frequency)
     band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
     lines = [
         "from dataclasses import replace\n" if fields else "",

@@ -88,7 +88,7 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
             f"the mesh is fine enough; the frequency is {frequency:.6g} Hz"
         )
     (load,) = vibrating.sensor.scene.loads
-    motion = "x" if load.shear or not load.depth else "z"
+    motion = "x" if load.shears_tip or not load.depth else "z"
     fine = _values(vibrating.at, motion, frequency, vibrating.band)
     if not vibrating.sensor.relaxation.times:
         fine["its Q", ""] = None
@@ -148,9 +148,10 @@ def _message(vibrating: Vibrating, motion: str) -> str:
     """Say what moves, and what the numbers assume."""
     if not vibrating.sensor.state.load.depth:
         return "The base of the free sensor is shaken along x; shift is relative to the base."
+    way = "z" if motion == "z" else "the shear"
     return (
-        f"The plate moves along {motion} about this state, which is at rest; contact is frozen, amplitudes are "
-        "small. The resonance is that under a force. Half widths are differences to a coarser mesh."
+        f"The plate moves along {way} about this state, which is at rest; contact is frozen, amplitudes are small. "
+        "The resonance is that under a force. Half widths are differences to a coarser mesh."
     )
 
 

@@ -82,8 +82,10 @@ def evaluator(design: Design, sensor: VibratingSensor) -> At:
     by_shift, by_rotation = slopes_at(design, response.shift, response.rotation)
     saturated = np.array(hall.readings(design, response).saturated)
     gains = np.where(saturated, 0.0, [element.gain for element in layout])
-    # a lean from z towards x is a rotation about y
-    slopes = gains * np.stack([by_shift[:, 0], by_shift[:, 2], by_rotation[:, 1]])
+    # x of the vibration is the direction (c, s) of the shear; a lean from z towards it is a rotation about (-s, c)
+    c, s = sensor.scene.direction
+    along, lean = by_shift[:, :2] @ [c, s], by_rotation[:, :2] @ [-s, c]
+    slopes = gains * np.stack([along, by_shift[:, 2], lean])
 
     @functools.lru_cache(maxsize=200)
     def at_bytes(data: bytes) -> dict[str, Curves]:

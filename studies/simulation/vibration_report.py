@@ -113,15 +113,24 @@ def _per_force(at: At, motion: str) -> oscillator_ladder.Response:
 
 def _notes(design: Design, load: Load) -> list[str]:
     """Return what the numbers assume."""
-    if not load.depth:
+    if load.grip is not None:
+        contact = "the grip moves along x and holds its skin along it; this skin is free along z"
+    elif not load.depth:
         contact = "the sensor is free: its base is shaken, and shift and tilt are those relative to the base"
-    elif load.friction == "none":
+    elif load.coulomb is not None:
         contact = (
-            "contact is frozen: points in touch stay in touch; without friction a plate that moves along x transmits "
-            "nothing, so only its motion along z is computed (--friction stick glues the contact area)"
+            "contact is frozen: points in touch stay in touch, and all of them stick, those that have slipped too: "
+            "in small cycles their traction falls until they stick in both halves of a cycle"
         )
-    else:
+    elif load.friction == "stick":
         contact = "contact is frozen: points in touch stay in touch, and the contact area is glued to the plate"
+    else:
+        contact = (
+            "contact is frozen: points in touch stay in touch; without friction an upright plate that moves along x "
+            "transmits nothing (--friction stick glues the contact area)"
+        )
+    if load.shear_y:
+        contact += "; x is the direction of the shear"
     if load.depth:
         contact += (
             "; at its edge the pressure at rest is 0, so that every amplitude opens some of it: kept_amplitude opens "
