@@ -32,6 +32,7 @@ LONGEST = (
     "test_kept_paths",
     "test_variant_search",
     "test_sensor_parts",
+    "test_design_variants",
     "test_demo",
     "test_mesh",
     "test_sweep",

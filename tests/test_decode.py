@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from analytic import beam, decode, hall, stream
+from analytic import beam, decode, hall
 from analytic.inverse import (
     damped_newton,
     forward_model,
     observability,
-    polynomials,
     response_surface,
     start_table,
     workspace_limits,
 )
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load, Response
+from geometry.loads import Load
 
 TILT = np.array([[0.1, 0.01], [0.002, 0.001]])
 FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
@@ -300,74 +299,6 @@ def test_mechanics_are_the_formulas():
     assert (response_surface.load(law, -shift)[0] == 0).all()
 
 
-SHEARS = (0.5, 1.0, 1.5, 2.0, 2.5)
-DEPTHS = (0.5, 1.0, 1.5, 2.0, 2.5)
-FEW = {
-    "a press, and shears at its end": [(d, 0.0) for d in DEPTHS] + [(2.5, s) for s in SHEARS],
-    "a press, and shears at one depth": [(d, 0.0) for d in DEPTHS] + [(1.0, s) for s in SHEARS],
-    "a press under a small shear, and shears at its end": [(d, 0.5) for d in DEPTHS] + [(2.5, s) for s in SHEARS],
-    "shears at two depths": [(d, s) for d in (0.5, 2.5) for s in SHEARS],
-    "shears at one depth": [(2.5, s) for s in SHEARS],
-}
-
-
-def bent(load):
-    return beam.solve(paper(), load, "finite")
-
-
-@pytest.mark.parametrize("name", FEW)
-def test_few_states_make_no_fold_and_no_tension_between_them(name):
-    states = [
-        (load, bent(load))
-        for load in (Load(depth=d, shear_x=s, friction="stick" if s else "none") for d, s in FEW[name])
-    ]
-    law = response_surface.of_samples(states)
-    assert law.errors[2] < 0.002 * max(found.force[2] for _, found in states)
-    corners = np.array([(0.0, 0.0), *((found.shift[0], found.shift[2]) for _, found in states)])
-    rng = np.random.default_rng(0)
-    of = np.array([rng.choice(len(corners), 2, replace=False) for _ in range(1000)])
-    u, w = np.einsum("ni,nij->jn", rng.dirichlet(np.ones(2), len(of)), corners[of])
-    normal, _, slope = polynomials.polynomial(law.normal, u * u, w)
-    assert normal.min() > 0
-    assert slope.max() < 0
-    assert polynomials.polynomial(law.depth, u * u, np.cbrt(-w))[2].min() > 0
-
-
-def test_a_force_between_few_states_is_that_of_the_model():
-    """Shears at one depth and a press: in between, the force is some percent from the model's, and of its sign."""
-    pairs = FEW["a press, and shears at one depth"]
-    law = response_surface.of_samples(
-        [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
-    )
-    for depth, shear in ((0.75, 1.0), (1.25, 1.5), (2.0, 0.5)):
-        found = bent(Load(depth, shear, friction="stick"))
-        force = response_surface.forces(law, np.array(found.shift)[:, None])[0][:, 0]
-        assert force[2] == pytest.approx(found.force[2], rel=0.05)
-
-
-def test_a_plate_does_not_pull():
-    pairs = FEW["shears at two depths"]
-    law = response_surface.of_samples(
-        [(load, bent(load)) for load in (Load(d, s, friction="stick") for d, s in pairs)]
-    )
-    # normal = -10 w - 20 U: beyond the samples, far aside and hardly sunk, it would be a tension
-    law = dataclasses.replace(law, tau=forward_model.NO_TILT, normal=np.array([[0.0, -10.0], [-20.0, 0.0]]))
-    coder = decode.decoder(paper(), law)
-    shift = np.array([[0.0, 0.0, -0.5], [0.6, 0.6, -0.05], [0.0, 0.0, 0.05], [0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]).T
-    field = forward_model.readings_with_slopes(coder.forward, shift)[0].T
-    found = decode.decode(coder, field)
-    assert found.status == ["ok", "tension", "ok", "ok", "ok"]
-    assert_allclose(found.shift, shift.T, atol=1e-7)
-    assert np.isnan(found.force[1]).all()
-    assert np.isnan(found.load[1]).all()
-    # 0.005 mm aside it is -0.0005 N, less than the fit's error
-    assert_allclose(np.delete(found.force[:, 2], 1), [5, 0, 0, 0], atol=1e-5)
-    follower = stream.Stream(coder)
-    samples = [follower.step(tuple(row)) for row in field.tolist()]
-    assert [sample.status for sample in samples] == found.status
-    assert_allclose([sample.force for sample in samples], found.force, atol=1e-6)
-
-
 def test_poses_outside_the_workspace_are_found_with_what_ends_it(coder):
     law = dataclasses.replace(coder.mechanics, reach=1.5, sink=1.2)
     near = decode.decoder(paper(), law)
@@ -383,25 +314,3 @@ def test_poses_outside_the_workspace_are_found_with_what_ends_it(coder):
     (nowhere,) = workspace_limits.poses_outside(near, np.array([[-0.02, 0.03, 0.01]]))
     assert np.isnan(nowhere).all()
     assert workspace_limits.exceeded_limit(near, nowhere) is None
-
-
-def test_mechanics_of_a_contact_and_of_few_states():
-    """A Hertz contact on a linear column with a stuck, tilting tip: F = k w, depth = w + (F/h)^(2/3)."""
-
-    def contact(load):
-        from scipy.optimize import brentq
-
-        w = brentq(lambda w: w + (3 * w / 5) ** (2 / 3) - load.depth, 0, load.depth) if load.depth else 0.0
-        return Response((0.8 * load.shear_x, 0, 3 * w), (0.5 * load.shear_x, 0, -w), 0.06 * load.shear_x, 1.0)
-
-    law = response_surface.of_formula(contact, 3.0, 3.0)
-    assert law.errors[0] < 1e-10
-    assert law.errors[2] < 1e-10
-    assert law.errors[3] < 0.02
-    states = [(load, contact(load)) for load in (Load(1.0), Load(2.0), Load(2.0, 1.0, friction="stick"))]
-    few = response_surface.of_samples(states)
-    assert max(few.errors) < 1e-6
-    with pytest.raises(BadInput, match="both presses and shears"):
-        response_surface.of_samples(states[:2])
-    with pytest.raises(BadInput, match="along the shear"):
-        response_surface.of_samples([(Load(1, 1, friction="stick"), Response((1, 0, 1), (0.5, 0.5, -1), 0, 1))])

@@ -18,16 +18,13 @@ from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import needed_paths, solved_paths, store, sweep, sweep_request
+from studies.exploration import needed_paths, solved_paths, store, sweep
 from studies.exploration.needed_paths import Processes
 from studies.exploration.study_cases import FemModel, Plan, varied
 from studies.exploration.study_rows import flat_rows
 from studies.inputs import study_axes
 from studies.inputs.study_axes import Factor
 from studies.inputs.study_input import grid
-from studies.simulation import model_choice
-from studies.simulation.model_choice import Statement
-from studies.surrogate import surrogate_response
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
@@ -253,16 +250,6 @@ def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
     assert len(traced) == 2
 
 
-def test_sweeps_in_different_folders_share_the_user_s_store(run, tmp_path):
-    command = ("sweep", "paper", "--magnet", "ignored", "--accuracy", "quick", "--axis", "depth=0.5", "--json")
-    first = run(*command, "--out", "one")
-    assert run(*command, "--out", "two")[1] == first[1]
-    assert run(*command, "--store", "own.sqlite", "--out", "three")[0] == 0
-    with store.opened(tmp_path / "own.sqlite") as own:
-        assert own.counts() == (1, 1)
-    assert run(*command, "--store", "one/sweep.csv")[0] == 2
-
-
 def test_another_accuracy_or_magnet_is_another_solve(traced, kept):
     rough = FemModel("rough", replace(QUICK, section_size=0.2))
     for change in ({}, {"fem": (rough,)}, {"magnet": "rigid"}):
@@ -405,45 +392,6 @@ def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept
     assert {row["status"] for row in again} == {"ok"}
 
 
-def cases(axes, **figures):
-    """Rows of a sweep whose figures are functions of the case."""
-    names = {"D": "D_mm", "f": "f_mm", "E": "E_MPa", "depth": "depth_mm"}
-    for point in itertools.product(*axes.values()):
-        case = dict(zip(axes, point, strict=True))
-        row = {"status": "ok", "solve": len(case), "seconds": sum(point), "fem_force_N": 1.0, "fem_S2_mT": math.nan}
-        yield row | {names[name]: value for name, value in case.items()} | {k: v(case) for k, v in figures.items()}
-
-
-def test_an_axis_that_changes_nothing_is_named():
-    axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
-    rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
-    plan = plan_of(paper(), axes)
-    assert sweep_request.idle_axes(rows, plan, whole=True) == [("f", "the results are the same for all its values")]
-    rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
-    assert sweep_request.idle_axes(rows, plan, whole=True) == []
-    assert sweep_request.idle_axes(rows, plan, whole=False) == [
-        ("f", "it changes only columns that --wide, --json and --out show")
-    ]
-    # a single case tells nothing, nor do cases that failed
-    assert sweep_request.idle_axes(rows[:1], plan, whole=True) == sweep_request.idle_axes([], plan, whole=True) == []
-    failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
-    assert sweep_request.idle_axes(failed, plan, whole=True) == []
-
-
-def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
-    sweep_f = ("sweep", "paper", "--axis", "f=5,6", "--depth", 0.3, "--accuracy", "quick")
-    lines = run(*sweep_f, "--set", "hall_layout=tmag5273a1", "--json")[2].splitlines()
-    assert lines == ["magtip: warning: axis f has no effect: the results are the same for all its values"]
-    assert run(*sweep_f, "--json")[2] == ""
-    assert "axis f has no effect: it changes only columns that --wide, --json and --out show" in run(*sweep_f)[2]
-
-
-def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
-    axes = ("--axis", "D=8,100", "--axis", "E=0.5,1", "--axis", "depth=1")
-    err = run("sweep", "paper", *axes, "--magnet", "ignored", "--accuracy", "quick", "--json")[2]
-    assert "magtip: D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: L must exceed the tip radius D/2 = 50 mm" in err
-
-
 def test_a_scene_of_several_paths_is_answered_from_the_store(kept, traced):
     """A press, which needs the axisymmetric model, and shears along two axes, which are one path."""
     loads = (Load(depth=0.5), Load(0.5, 0.3, 0.0, "stick"), Load(0.5, 0.0, 0.3, "stick"))
@@ -452,39 +400,6 @@ def test_a_scene_of_several_paths_is_answered_from_the_store(kept, traced):
         (press, x, y), trouble = solved_paths.solved(scene, kept)
         assert (press.response.force[0], trouble, len(traced)) == (0.0, "", 2)
         assert y.response.force[1] == pytest.approx(x.response.force[0], rel=1e-12)
-
-
-def test_a_tolerance_chooses_the_model_of_each_case(run, strict):
-    command = ("sweep", "paper", "--tolerance", "20%", "--axis", "depth=0.4,2", "--set", "nu=0.3", "--json")
-    status, out, err = run(*command)
-    light, deep = strict(out)
-    for row in (light, deep):
-        assert row["expected_error"] <= 0.2
-        assert row["force_error_percent"] == pytest.approx(
-            100 * (row["analytic_force_N"] / row["chosen_force_N"] - 1), rel=1e-9
-        )
-    # formulas are calibrated for nearly incompressible silicone
-    assert {light["chosen_model"], deep["chosen_model"]} == {"axisymmetric quick"}
-    assert (status, "axisymmetric quick in 2 of 2 cases" in err) == (0, True)
-    light, deep = strict(run(*command[:-3], "--json")[1])
-    assert (light["chosen_model"], light["solve"]) == ("formula finite", 0)
-    own = beam.solve(paper(), Load(depth=0.4), "finite").force[2]
-    assert light["chosen_force_N"] == pytest.approx(own, rel=1e-12)
-
-
-def test_a_tolerance_may_choose_the_surrogate_which_needs_no_solve(run, strict, monkeypatch):
-    own = Statement("press", "depth to D/4", "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, None, 0.02)
-    monkeypatch.setattr(model_choice, "statements", lambda rule=model_choice.statements(): (*rule, own))
-    command = ("sweep", "paper", "--tolerance", "5%", "--axis", "depth=0.6,0.8", "--quantities", "force,strain")
-    status, out, err = run(*command, "--json")
-    rows = strict(out)
-    assert (status, "surrogate shipped in 2 of 2 cases" in err) == (0, True)
-    for row in rows:
-        estimate = surrogate_response.respond(paper(), Load(depth=row["depth_mm"]))
-        assert (row["chosen_model"], row["solve"], row["status"]) == ("surrogate shipped", 0, "ok")
-        assert row["chosen_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-12)
-        assert (row["error_estimate"], row["shift_error_estimate"]) == (estimate.force_error, estimate.shift_error)
-        assert row["message"].startswith("by the surrogate; 90 % intervals: force +-")
 
 
 def test_rows_have_the_error_estimates_of_solve():

@@ -1,10 +1,13 @@
 """A sweep as options and a study file ask for it: what is taken from where, and what contradicts what."""
 
+import itertools
+import math
+
 import pytest
 
 from fem.accuracy import FINE, QUICK, STANDARD
 from geometry.design import paper
-from studies.exploration.sweep_request import Options, plan_of
+from studies.exploration.sweep_request import Options, idle_axes, plan_of
 
 STUDY = 'depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n'
 
@@ -100,3 +103,26 @@ def test_a_study_does_not_fix_the_magnet_that_it_varies(toml, refused):
     path = toml('magnet = "ignored"\ndepth = 1\n[axes]\nmagnet = ["rigid", "ignored"]\n', "study.toml")
     with refused("magnet is given twice, as an axis and alone in the study"):
         plan_of(path, Options())
+
+
+def cases(axes, **figures):
+    """Rows of a sweep whose figures are functions of the case."""
+    names = {"D": "D_mm", "f": "f_mm", "E": "E_MPa", "depth": "depth_mm"}
+    for point in itertools.product(*axes.values()):
+        case = dict(zip(axes, point, strict=True))
+        row = {"status": "ok", "solve": len(case), "seconds": sum(point), "fem_force_N": 1.0, "fem_S2_mT": math.nan}
+        yield row | {names[name]: value for name, value in case.items()} | {k: v(case) for k, v in figures.items()}
+
+
+def test_an_axis_that_changes_nothing_is_named():
+    axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
+    plan = plan_of(None, Options(["D=6,8", "f=5,6", "E=1"], depth=0.3))
+    assert idle_axes(rows, plan, whole=True) == [("f", "the results are the same for all its values")]
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
+    assert idle_axes(rows, plan, whole=True) == []
+    assert idle_axes(rows, plan, whole=False) == [("f", "it changes only columns that --wide, --json and --out show")]
+    # a single case tells nothing, nor do cases that failed
+    assert idle_axes(rows[:1], plan, whole=True) == idle_axes([], plan, whole=True) == []
+    failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
+    assert idle_axes(failed, plan, whole=True) == []

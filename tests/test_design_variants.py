@@ -1,0 +1,135 @@
+"""A batch of `magtip cad`: interrupts, processes that die, and axes that change nothing."""
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from geometry.base import Base, plan
+from geometry.design import paper
+from studies.exploration import worker_process
+from studies.exploration.study_cases import varied
+from studies.fabrication import design_variants
+from studies.fabrication.fabrication_rows import FabricationRow
+
+
+def test_sentences_of_a_batch_name_the_variants():
+    rows = [FabricationRow("ok", "", Path("out", name), warnings=("a small vent",)) for name in ("D7", "D8")]
+    rows.append(FabricationRow("bad_input", "no wall", Path("out", "D3")))
+    assert design_variants.sentences_of(rows) == [
+        "warning: variant D7, D8: a small vent",
+        "variant D3: no wall",
+        "1 of 3 variants failed",
+    ]
+
+
+def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11,12,13,14,15,16"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    options = {"cwd": tmp_path, "env": environment, "start_new_session": True, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, *tokens], **options) as process:
+        while process.poll() is None and not (tmp_path / "parts" / "L9" / "README.md").exists():
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read().decode()
+        assert process.wait() == 130
+    assert said.splitlines()[-1] == "magtip: interrupted; complete files are kept"
+    assert "Traceback" not in said
+    folders = [path for path in (tmp_path / "parts").iterdir() if path.name != "L9"]
+    assert len(folders) < 7
+    assert all((folder / "README.md").exists() for folder in folders)
+    assert not list(tmp_path.rglob(".writing-*"))
+
+
+def cad_with_a_slow_kernel(tmp_path, code, *options):
+    """The verb cad in a process of its own, in the folder "work", where the kernel is a module of such code."""
+    slow, work = tmp_path / "slow", tmp_path / "work"
+    slow.mkdir()
+    work.mkdir()
+    (slow / "build123d.py").write_text(code)
+    paths = os.pathsep.join([str(slow), str(Path(__file__).parent.parent)])
+    command = [sys.executable, "-m", "studies.cli", "cad", "paper", "--out", "parts", *options]
+    settings = {"cwd": work, "env": {**os.environ, "PYTHONPATH": paths}, "start_new_session": True}
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **settings)
+
+
+def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing(tmp_path):
+    """The kernel takes seconds to load; here something of its name takes a minute."""
+    work = tmp_path / "work"
+    with cad_with_a_slow_kernel(tmp_path, "import time\ntime.sleep(60)\n") as process:
+        assert "solids and mould" in process.stderr.readline()
+        time.sleep(0.3)
+        begin = time.perf_counter()
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "magtip: interrupted; complete files are kept\n"
+        assert process.wait() == 130
+        assert time.perf_counter() - begin < 20
+    assert list(work.iterdir()) == []
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_at_once(tmp_path):
+    """Here something of the kernel's name takes a minute to load. Workers write to the same standard error."""
+    work = tmp_path / "work"
+    code = "import sys, time\nprint('loading', file=sys.stderr)\ntime.sleep(60)\n"
+    with cad_with_a_slow_kernel(tmp_path, code, "--axis", "L=9,10,11") as process:
+        assert process.stderr.readline() == "loading\n"
+        begin = time.perf_counter()
+        os.killpg(process.pid, signal.SIGINT)
+        # the pipe ends when the last process that may write into it is gone
+        said = [line for line in process.stderr.read().splitlines() if line != "loading"]
+        assert time.perf_counter() - begin < 10
+        assert said == ["magtip: interrupted; complete files are kept"]
+    assert list(work.iterdir()) == []
+
+
+def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
+    code = (
+        "import os; from studies.exploration import worker_process\n"
+        "from studies.fabrication import design_variants as variants\n"
+        "def fabricate(job):\n"
+        "    if job[1]['L'] == 9: os._exit(7)\n"
+        "    return variants.FabricationRow('ok', '', job[2])\n"
+        "variants.fabricate = fabricate; worker_process.main()\n"
+    )
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
+    axes = {"L": [9.0, 10.0, 11.0, 12.0]}
+    records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
+    assert [row.status for row in records] == ["failed", "ok", "ok", "ok"]
+    assert "exit code 7" in records[0].message
+
+
+def test_an_error_of_a_process_of_a_batch_is_raised(tmp_path, monkeypatch):
+    code = (
+        "from studies.exploration import worker_process\n"
+        "from studies.fabrication import design_variants as variants\n"
+        "def fabricate(job): raise OSError(28, 'No space left on device', 'x.stl')\n"
+        "variants.fabricate = fabricate; worker_process.main()\n"
+    )
+    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        list(
+            design_variants.batch(paper(), {"L": [9.0, 10.0]}, tmp_path / "parts", design_variants.silent, workers=2)
+        )
+    assert caught.value.filename == "x.stl"
+
+
+def test_the_elements_of_a_batch_stay_in_the_base():
+    one, other = (plan(varied(paper(), {"L": length}), Base()) for length in (9.0, 12.0))
+    assert one.thickness == pytest.approx(other.thickness, rel=1e-12)
+    assert one.seats["S2"].corner == pytest.approx(other.seats["S2"].corner, rel=1e-12)
+
+
+def test_axes_that_change_no_solid_are_named():
+    axes = {"D": [8.0, 9.0], "E": [1.0, 2.0], "f": [5.0, 6.0]}
+    assert [name for name, _ in design_variants.idle(paper(), axes)] == ["E"]
+    chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
+    assert design_variants.idle(chip, axes)[1] == ("f", "hall_layout is tmag5273a1")
+    assert design_variants.idle(chip, {"E": [1.0]}) == []
