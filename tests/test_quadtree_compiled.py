@@ -33,7 +33,7 @@ def test_edge_lengths_are_those_of_all_sources(seed):
     assert np.count_nonzero(expected < SIZE) > 500
     # points between two corners of a rectangle
     t = np.linspace(0, 1, 16)[:, None]
-    lines, space, lengths = [(1 - t) * a + t * b for a, b in x.reshape(-1, 2, 2)], np.empty((80, 5)), np.empty(16)
+    lines, space, lengths = [(1 - t) * a + t * b for a, b in x.reshape(-1, 2, 2)], np.empty((160, 4)), np.empty(16)
     for line in lines:
         kernels.edge_lengths(tree, SIZE, line, 0, 15, space, lengths)
         distance = np.linalg.norm(line[:, None] - source[:, :2], axis=2)

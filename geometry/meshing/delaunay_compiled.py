@@ -75,11 +75,21 @@ def repair(x: Array, corner: Ints, twin: Ints) -> bool:
     for e in range(0, len(corner), 3):
         if turn(x, corner[e], corner[e + 1], corner[e + 2]) <= 0:
             return False
-    for _ in range(len(corner)):
+    # the last sweep that changed each triangle: later sweeps test only sides of changed triangles
+    changed = np.empty(len(corner) // 3, np.int64)
+    for k in range(len(changed)):
+        changed[k] = 0
+    for sweep in range(1, len(corner) + 1):
         flips = 0
         for e in range(len(corner)):
-            if twin[e] > e and illegal(x, corner, twin, e):
+            b = twin[e]
+            if (
+                b > e
+                and (changed[e // 3] >= sweep - 1 or changed[b // 3] >= sweep - 1)
+                and illegal(x, corner, twin, e)
+            ):
                 flip(corner, twin, e)
+                changed[e // 3] = changed[b // 3] = sweep
                 flips += 1
         if flips == 0:
             return True

@@ -24,12 +24,12 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
 
     node : nodes of the border. tip : height of the tip.
     """
-    cells, child, half = tree[0], tree[1], tree[4]
-    far = _distances(cells, child, half, node)
+    cells, child = tree[0], tree[1]
+    far = _distances(cells, child, node)
     reach = np.zeros(len(cells))
     for c in range(len(cells) - 1, -1, -1):
         if far[c] > SPACING:
-            reach[c] = SPACING * cells[c, 2]
+            reach[c] = SPACING * cells[c, 5]
         elif child[c] >= 0:
             for k in range(4):
                 reach[c] = max(reach[c], reach[child[c] + k])
@@ -51,13 +51,13 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
             c = batch[i]
             if reach[c] > 0:
                 kept[count, 0], kept[count, 1] = cells[c, 0], cells[c, 1]
-                _exclude(cells, child, half, reach, stack, cells[c, 0], cells[c, 1], int(tip / 0.5) + 1)
+                _exclude(cells, child, reach, stack, cells[c, 0], cells[c, 1], int(tip / 0.5) + 1)
                 count += 1
     return kept[:count]
 
 
 @njit(cache=True, error_model="numpy")
-def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
+def _distances(cells: Array, child: Ints, node: Array) -> Array:
     """Return the distance of all leaves from the next node of the border over the edge length; 0 for other cells.
 
     Each cell has a list of the nodes that can be nearest somewhere in it.
@@ -68,7 +68,7 @@ def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
     for i in range(used):
         listed[i, 0], listed[i, 1] = node[i, 0], node[i, 1]
     for c in range(n):
-        if child[c] < 0 and cells[c, 3] == 0:
+        if child[c] < 0 and cells[c, 6] == 0:
             continue
         r, z, least, near_r, near_z = cells[c, 0], cells[c, 1], np.inf, 0.0, 0.0
         for i in range(begin[c], end[c]):
@@ -76,9 +76,9 @@ def _distances(cells: Array, child: Ints, half: Array, node: Array) -> Array:
             if dr * dr + dz * dz < least:
                 least, near_r, near_z = dr * dr + dz * dz, listed[i, 0], listed[i, 1]
         if child[c] < 0:
-            far[c] = math.sqrt(least) / cells[c, 2]
+            far[c] = math.sqrt(least) / cells[c, 5]
             continue
-        listed, first, side = grown(listed, used + end[c] - begin[c]), used, 2 * half[c]
+        listed, first, side = grown(listed, used + end[c] - begin[c]), used, 2 * cells[c, 2]
         for i in range(begin[c], end[c]):
             dr, dz = r - listed[i, 0], z - listed[i, 1]
             # the excess of the squared distance over that from the nearest node is linear: least in a corner
@@ -113,9 +113,7 @@ def _binned(far: Array) -> tuple[Ints, Ints]:
 
 
 @njit(cache=True, error_model="numpy")
-def _exclude(
-    cells: Array, child: Ints, half: Array, reach: Array, stack: Ints, r: float, z: float, roots: int
-) -> None:
+def _exclude(cells: Array, child: Ints, reach: Array, stack: Ints, r: float, z: float, roots: int) -> None:
     """Set the reach of all leaves to 0 that are nearer to a point than their reach.
 
     reach : the least distance that each leaf keeps from other points, and the largest one of all leaves in a cell.
@@ -136,7 +134,7 @@ def _exclude(
                 # a leaf counts with its centre, another cell with its point that is nearest
                 leaf, dr, dz = child[k] < 0, abs(cells[k, 0] - r), abs(cells[k, 1] - z)
                 if not leaf:
-                    dr, dz = max(dr - half[k], 0.0), max(dz - half[k], 0.0)
+                    dr, dz = max(dr - cells[k, 2], 0.0), max(dz - cells[k, 2], 0.0)
                 if dr * dr + dz * dz <= reach[k] * reach[k]:
                     if leaf:
                         reach[k] = 0.0

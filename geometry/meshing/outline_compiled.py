@@ -29,7 +29,7 @@ def cuts(curves: Array, fractions: Array, turns: Array, tree: Tree, size: float)
     """
     n, skip, arc = len(fractions), turns.shape[1] - len(fractions), -1
     count, first, fine = np.zeros(n), np.zeros(len(curves) + 1, np.int64), np.empty((1024, 1))
-    x, wanted, near = np.empty((n, 2)), np.empty(n), np.empty((tree[2][0, 1], 5))
+    x, wanted, near = np.empty((n, 2)), np.empty(n), np.empty((int(tree[0][0, 4]), 4))
     for c in range(len(curves)):
         arc += curves[c, 6] > 0
         for k in range(n):

@@ -115,7 +115,7 @@ def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float, cell: Ints)
 
     cell : a cell where the middle of each side may lie; the cell where it lies is written to it.
     """
-    cells, half = tree[0], tree[4]
+    cells = tree[0]
     n, push = 0, np.zeros((len(x), 2))
     length, want, ratio = np.empty(len(bars)), np.empty(len(bars)), np.empty(len(bars))
     for k in range(len(bars)):
@@ -124,7 +124,7 @@ def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float, cell: Ints)
             dr, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1]
             length[k] = math.sqrt(dr * dr + dz * dz)
             r, z, c = (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2, cell[bars[k, 2]]
-            if not (abs(r - cells[c, 0]) <= half[c] and abs(z - cells[c, 1]) <= half[c]):
+            if not (abs(r - cells[c, 0]) <= cells[c, 2] and abs(z - cells[c, 1]) <= cells[c, 2]):
                 c = cell[bars[k, 2]] = cell_of(tree, r, z)
             want[k] = length_in(tree, c, size, r, z)
             ratio[n] = length[k] / want[k]
@@ -206,16 +206,20 @@ def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: T
 @njit(cache=True, error_model="numpy")
 def clear_of(segment: Ints, fixed: int, x: Array) -> NDArray[np.bool_]:
     """Return which points are nodes of the border, or outside all circles that have a segment as diameter."""
-    clear = np.empty(len(x), np.bool_)
-    for i in range(len(x)):
-        clear[i] = True
+    n = len(x) - fixed
+    # one array for each coordinate: the processor then works on four to eight points at once
+    r, z, excess, clear = np.empty(n), np.empty(n), np.empty(n), np.empty(len(x), np.bool_)
+    for i in range(n):
+        r[i], z[i], excess[i] = x[fixed + i, 0], x[fixed + i, 1], np.inf
     for k in range(len(segment)):
         a, b = segment[k, 0], segment[k, 1]
-        r, z = (x[a, 0] + x[b, 0]) / 2, (x[a, 1] + x[b, 1]) / 2
+        middle_r, middle_z = (x[a, 0] + x[b, 0]) / 2, (x[a, 1] + x[b, 1]) / 2
         square = ((x[b, 0] - x[a, 0]) ** 2 + (x[b, 1] - x[a, 1]) ** 2) / 4
-        for i in range(fixed, len(x)):
-            dr, dz = x[i, 0] - r, x[i, 1] - z
-            clear[i] &= dr * dr + dz * dz > square
+        for i in range(n):
+            beyond = (r[i] - middle_r) * (r[i] - middle_r) + (z[i] - middle_z) * (z[i] - middle_z) - square
+            excess[i] = beyond if beyond < excess[i] else excess[i]
+    for i in range(len(x)):
+        clear[i] = i < fixed or excess[i - fixed] > 0
     return clear
 
 

@@ -2,12 +2,11 @@
 
 All lengths are in units of D; points are (r, z). The sources are those of `sizing_compiled.sources`.
 
-A tree is (cells, child, lists, entries, half). Its roots are squares of side 1/2 above each other.
-cells : centre (r, z), edge length there, 1 if it is a leaf inside the silicone, shape (n, 4), in order of their size.
+A tree is (cells, child, entries). Its roots are squares of side 1/2 above each other.
+cells : centre (r, z), half the side, first entry and end of the list, edge length at the centre, 1 if it is a leaf
+    inside the silicone, shape (n, 7), in order of size. A cell without children has the list of its parent.
 child : first one of the four children of each cell, -1 if it has none, shape (n,).
-lists : first entry and end of each cell's list, shape (n, 2). A cell without children has the list of its parent.
-entries : the sources in the lists, shape (k, 5); the first list holds all sources.
-half : half the side of each cell, shape (n,).
+entries : the sources (r, z, edge length, growth) in the lists, shape (k, 4).
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from geometry.meshing.sizing_compiled import room
 
 ROUNDING = 1 + 1e-9
 """Factor by which a bound is raised, so that rounding cannot exclude a source."""
-Tree = tuple[Array, Ints, Ints, Array, Array]
+Tree = tuple[Array, Ints, Array]
 
 
 @njit(cache=True, error_model="numpy")
@@ -46,49 +45,41 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
     """
     # one root above the tip, so that each point of the section lies in one
     used, roots = len(source), int(source[0, 1] / 0.5) + 1
-    cells, child, lists = np.empty((8192, 4)), np.empty((8192, 1), np.int64), np.empty((8192, 2), np.int64)
-    entries = np.empty((16384, 5))
+    cells, child, entries = np.empty((8192, 7)), np.empty((8192, 1), np.int64), np.empty((16384, 4))
     # loops: numba takes seconds to compile the assignment of an array to a slice
     for i in range(used):
-        for j in range(5):
+        for j in range(4):
             entries[i, j] = source[i, j]
     for i in range(roots):
-        cells[i, 0], cells[i, 1] = 0.25, 0.5 * (0.5 + i)
-        lists[i, 0], lists[i, 1] = 0, used
+        cells[i, 0], cells[i, 1], cells[i, 2] = 0.25, 0.5 * (0.5 + i), 0.25
+        cells[i, 3], cells[i, 4] = 0, used
     side, first, last, count = 0.5, 0, roots, roots
     while first < last:
         for c in range(first, last):
-            r, z, begin, end = cells[c, 0], cells[c, 1], lists[c, 0], lists[c, 1]
-            cells[c, 3], child[c, 0] = 0.0, -1
+            r, z, begin, end = cells[c, 0], cells[c, 1], int(cells[c, 3]), int(cells[c, 4])
+            cells[c, 6], child[c, 0] = 0.0, -1
             space = room(beam, r, z)
             if space <= -0.71 * side:
                 continue  # the cell lies outside: half a diagonal is 0.71 sides
             listed = entries[begin:end]
             wanted, best = finest(listed, r, z)
-            cells[c, 2] = min(wanted, size)
-            if cells[c, 2] >= side / 0.3:
-                cells[c, 3] = 1.0 if space > 0 else 0.0
+            cells[c, 5] = min(wanted, size)
+            if cells[c, 5] >= side / 0.3:
+                cells[c, 6] = 1.0 if space > 0 else 0.0
                 continue
             entries = grown(entries, used + end - begin)
-            lists[c, 0] = used
+            cells[c, 3] = used
             used += relevant(listed, best, wanted, size, (r, z, side / 2), entries[used:])
-            lists[c, 1] = used
-            cells, child, lists = grown(cells, count + 4), grown(child, count + 4), grown(lists, count + 4)
+            cells[c, 4] = used
+            cells, child = grown(cells, count + 4), grown(child, count + 4)
             child[c, 0] = count
             for k in range(4):
                 cells[count, 0] = r + (side / 4 if k % 2 else -side / 4)
                 cells[count, 1] = z + (side / 4 if k > 1 else -side / 4)
-                lists[count, 0], lists[count, 1] = lists[c, 0], used
+                cells[count, 2], cells[count, 3], cells[count, 4] = side / 4, cells[c, 3], used
                 count += 1
         first, last, side = last, count, side / 2
-    half = np.empty(last)
-    for c in range(last):
-        if c < roots:
-            half[c] = 0.25
-        if child[c, 0] >= 0:
-            for k in range(child[c, 0], child[c, 0] + 4):
-                half[k] = half[c] / 2
-    return cells[:last], child[:last, 0].copy(), lists[:last], entries[:used], half
+    return cells[:last], child[:last, 0].copy(), entries[:used]
 
 
 @njit(cache=True, error_model="numpy")
@@ -123,7 +114,7 @@ def relevant(
         dr, dz = r - entries[e, 0], z - entries[e, 1]
         distance = dr * dr + dz * dz
         # only up to this distance can the source require less than `most` somewhere in the square
-        near = (most - entries[e, 2]) * entries[e, 4] + reach
+        near = (most - entries[e, 2]) / entries[e, 3] + reach
         if near <= 0 or distance > near * near * ROUNDING:
             continue
         if e != best and entries[e, 3] >= growth:
@@ -131,7 +122,7 @@ def relevant(
             excess = distance - far - 2 * half * (abs(entries[e, 0] - best_r) + abs(entries[e, 1] - best_z))
             if excess >= 0 and excess * growth >= (entries[best, 2] - entries[e, 2]) * (near + across) * ROUNDING:
                 continue
-        for i in range(5):
+        for i in range(4):
             into[used, i] = entries[e, i]
         used += 1
     return used
@@ -155,9 +146,9 @@ def cell_of(tree: Tree, r: float, z: float) -> int:
 @njit(cache=True, error_model="numpy")
 def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
     """Return the target edge length at a point of a cell."""
-    lists, entries = tree[2], tree[3]
+    cells, entries = tree[0], tree[2]
     wanted = size
-    for e in range(lists[c, 0], lists[c, 1]):
+    for e in range(int(cells[c, 3]), int(cells[c, 4])):
         dr, dz = r - entries[e, 0], z - entries[e, 1]
         wanted = min(wanted, math.sqrt(dr * dr + dz * dz) * entries[e, 3] + entries[e, 2])
     return wanted
@@ -167,9 +158,9 @@ def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
 def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near: Array, wanted: Array) -> None:
     """Write the target edge length at points from `first` to `last`, which lie in the rectangle between these two.
 
-    near : space for the sources that matter there, shape (n, 5).
+    near : space for the sources that matter there, shape (n, 4).
     """
-    child, lists, entries = tree[1], tree[2], tree[3]
+    cells, child, entries = tree[0], tree[1], tree[2]
     r, z, other_r, other_z = x[first, 0], x[first, 1], x[last, 0], x[last, 1]
     c, quarter, middle_r = int(z / 0.5), 0.125, 0.25
     middle_z = 0.5 * (0.5 + c)
@@ -182,7 +173,8 @@ def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near:
         middle_r += quarter if right else -quarter
         middle_z += quarter if up else -quarter
         quarter /= 2
-    begin, end = (lists[c, 0], lists[c, 1]) if int(other_z / 0.5) == int(z / 0.5) else (0, len(near))
+    # the list of the cell, or those of all sources, which come first
+    begin, end = (int(cells[c, 3]), int(cells[c, 4])) if int(other_z / 0.5) == int(z / 0.5) else (0, len(near))
     square = (r + other_r) / 2, (z + other_z) / 2, max(abs(r - other_r), abs(z - other_z)) / 2
     listed, count = entries[begin:end], 0
     if len(listed):
