@@ -23,9 +23,10 @@ from geometry.arrays import Array
 
 MOST_ITERATIONS = 12
 """Most iterations for the correction; more would cost as much as the increments that are to be saved."""
-CLOSE = 0.016
-"""Gap up to which a point of the skin is expected to be in contact, over the depth or the shear, whichever is less:
-the prediction leaves small gaps where the tip rolls onto the plate, and each point that is wrong has to switch."""
+CLOSE, SOLID_CLOSE = 0.004, 0.016
+"""Gaps, on sections and in tetrahedra, up to which a point of the skin is expected to be in contact, over the depth
+or the shear, whichever is less: the prediction leaves small gaps where the tip rolls onto the plate, and each point
+that is wrong has to switch. With larger gaps on sections more points switch."""
 
 
 def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
@@ -69,7 +70,8 @@ def correct_press(solver: Solver, state: PathState, rough: PathState, goal: Arra
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
     """Return the state at a position (3,) from a first guess; the present one if it fails or is on another branch."""
     plate, system = state.plate_at(goal), state.d.system
-    close = CLOSE * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
+    gap = SOLID_CLOSE if system.elements.dim == 3 else CLOSE
+    close = gap * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
     answer = newton(system, solver, guess, plate, pressed, most=MOST_ITERATIONS)
     least = least_J(answer)
