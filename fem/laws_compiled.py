@@ -166,13 +166,16 @@ def _transform(first, second, A, B):
 
 
 @compiled
-def _add_inverse_law(Hm1, Q, B, P, A, tangent):
-    """Add the terms of `fem.material.mooney_rivlin` in F^-T, whose stress and tangent by F^-T are Q and B."""
-    n, H, T, own = Hm1.shape[1], _add_unit(Hm1), np.empty_like(Hm1), np.zeros_like(Hm1)
+def _add_inverse_stress(Hm1, Q, P, T, own):
+    """Add the stress of `fem.material.mooney_rivlin` in F^-T, whose stress by F^-T is Q.
+
+    Write F^-1 to T and that stress to own.
+    """
+    n, H = Hm1.shape[1], _add_unit(Hm1)
     for e in range(9):
         a, b, row, total = H[e % 3 * 3 + e // 3], T[e], own[e], P[e]
         for x in range(n):
-            b[x] = a[x]
+            b[x], row[x] = a[x], 0.0
         for i in range(3):
             for j in range(3):
                 c, f, g = H[e // 3 * 3 + i], Q[3 * j + i], H[3 * j + e % 3]
@@ -180,21 +183,30 @@ def _add_inverse_law(Hm1, Q, B, P, A, tangent):
                     row[x] -= c[x] * f[x] * g[x]
         for x in range(n):
             total[x] += row[x]
-    if tangent:
-        # dH_aB = -H_aJ dF_iJ H_iB: J belongs to a and i to B, so the indices of each pair change places
-        C = np.empty_like(B)
-        for e in range(9):
-            for d in range(9):
-                row, a = C[e, d], B[e % 3 * 3 + e // 3, d % 3 * 3 + d // 3]
-                for x in range(n):
-                    row[x] = a[x]
-        _transform(H, T, C, C)
-        for e in range(9):
-            for d in range(9):
-                iL, kJ = e // 3 * 3 + d % 3, d // 3 * 3 + e % 3
-                row, a, b, c, f, g = A[e, d], C[e, d], H[iL], own[kJ], H[kJ], own[iL]
-                for x in range(n):
-                    row[x] += a[x] - b[x] * c[x] - f[x] * g[x]
+
+
+@compiled
+def _exchange_indices(B, C):
+    """Write the tangent B by F^-T to C for `_transform`: the indices of each pair change places.
+
+    That is because dH_aB = -H_aJ dF_iJ H_iB, where J belongs to a and i to B.
+    """
+    for e in range(9):
+        for d in range(9):
+            row, a = C[e, d], B[e % 3 * 3 + e // 3, d % 3 * 3 + d // 3]
+            for x in range(len(row)):
+                row[x] = a[x]
+
+
+@compiled
+def _add_inverse_tangent(H, C, own, A):
+    """Add the tangent of `fem.material.mooney_rivlin` in F^-T = H from `_exchange_indices` and `_transform`."""
+    for e in range(9):
+        for d in range(9):
+            iL, kJ = e // 3 * 3 + d % 3, d // 3 * 3 + e % 3
+            row, a, b, c, f, g = A[e, d], C[e, d], H[iL], own[kJ], H[kJ], own[iL]
+            for x in range(len(row)):
+                row[x] += a[x] - b[x] * c[x] - f[x] * g[x]
 
 
 @compiled
@@ -350,7 +362,13 @@ def stress(
         _neo_hookean(G, Jm1, Hm1, (1 - share) * mu, p, W, P, A, tangent, 1)
         _neo_hookean(Hm1, -Jm1 / (1 + Jm1), G, share * mu, np.zeros_like(p), W2, Q, B, tangent, 1)
         W += W2
-        _add_inverse_law(Hm1, Q, B, P, A, tangent)
+        T, own = np.empty_like(P), np.empty_like(P)
+        _add_inverse_stress(Hm1, Q, P, T, own)
+        if tangent:
+            H, C = _add_unit(Hm1), np.empty_like(A)
+            _exchange_indices(B, C)
+            _transform(H, T, C, C)
+            _add_inverse_tangent(H, C, own, A)
         return
     if law == YEOH:
         _neo_hookean(G, Jm1, Hm1, np.ones_like(mu), np.zeros_like(p), W, P, A, tangent, step)
