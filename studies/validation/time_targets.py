@@ -62,12 +62,12 @@ def targets() -> list[Target]:
             "elastic solves with the instantaneous and the long-term modulus",
             time_problems.limits,
             tuple(
-                relative(f"force / elastic force, {speed}, {law}", 1.0, 2e-5)
+                relative(f"force / elastic force, {speed}, {law}", 1.0, 1e-6)
                 for speed in ("fast", "slow")
                 for law in laws
             ),
-            note="the plate's springs follow the modulus of the design, so they are twice as stiff beside the "
-            "relaxed silicone; that is the difference of the slow presses",
+            note="the plate's springs follow the modulus of the design, so they are scaled for the slow presses: with "
+            "the usual ones, stiffer beside the relaxed silicone, the force is 1.5e-5 larger",
         ),
         Target(
             "energy of a sheared beam",
