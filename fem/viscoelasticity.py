@@ -15,8 +15,11 @@ The step is exact where S_iso is linear in time. With x = dt/tau, e = exp(-x) an
 
 so S = (rest + sum g_i w_i) S_iso(C) + H, where H = sum_i e_i Q_i - g_i w_i S_iso(n) is known: the elastic element
 with a scaled modulus, and a dead second Piola-Kirchhoff stress H of energy H : (C - 1) / 2. A body of nu = 0.5 that
-is held has S(t) = G(t) / G(0) S(0) exactly. The law has no free energy at large strain, so that its dissipation is
-certain to be positive over a closed cycle at moderate strain only.
+is held has S(t) = G(t) / G(0) S(0) exactly. The law has no free energy at large strain: the energy that it stores is
+that of small strain, the rest of the work is dissipated. In quick motions of large strain this rate becomes negative:
+with a branch of 0.2 by 1 % of the largest power at a logarithmic strain of 0.1 or a shear of 0.4, by more than all of
+it at a logarithmic strain of 1. Closed cycles in steady motion dissipate, up to a strain of 0.7 and a shear of 1.5
+(`verify`, "sign of the dissipation at a point").
 
 "finite" (Reese and Govindjee 1998 in the form of Kumar and Lopez-Pamies 2016) has neo-Hookean branches with a viscous
 strain C_i of determinant 1. With Cbar = J^(-2/3) C

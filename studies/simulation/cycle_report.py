@@ -236,7 +236,12 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
     slip = (
         []
         if isinstance(motion.friction, str)
-        else ["the error of the time steps leaves out slip within a step: for the paper's sensor 1e-4 of the force"]
+        else ["the error of the time steps leaves out slip within a step: up to 0.2 % of the force in three designs"]
+    )
+    dissipation = (
+        ["at large strain linear overstresses may gain energy for a while, but no closed cycle of verify does"]
+        if cycles.law == "prony"
+        else []
     )
     mesh = "not known" if static.mesh_error is None else f"about {static.mesh_error:.1%}"
     return [
@@ -251,6 +256,7 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
             f"{cycles.balance_error:.2g} of the largest work"
         ),
         *slip,
+        *dissipation,
         f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles",
         "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
     ]
