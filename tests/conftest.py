@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from browser import Browser, executable
 
-from geometry.design import BadInput
+from geometry.design import BadInput, paper
 from studies.cli import entry_point
 
 LONGEST = (
@@ -105,6 +105,52 @@ def chromium():
         pytest.skip(reason)
     with Browser() as browser:
         yield browser
+
+
+@pytest.fixture(scope="session")
+def pressed():
+    """A press in the axisymmetric model."""
+    return state_of(depth=1.0)
+
+
+@pytest.fixture(scope="session")
+def gripped():
+    """A shear under a grip, in the harmonic model, at an angle to the axes."""
+    return state_of(grip=2.0, shear_x=1.2, shear_y=1.6)
+
+
+def state_of(**load):
+    """The state of the paper's beam without magnet under a load."""
+    from fem.accuracy import QUICK
+    from fem.equilibrium import trace
+    from geometry.loads import Load
+
+    return trace(paper(), [Load(**load)], QUICK, magnet="ignored", estimate=False)[0]
+
+
+@pytest.fixture
+def traced(monkeypatch):
+    """The arguments of each solve of a path."""
+    from fem import equilibrium
+
+    calls = []
+    real = equilibrium.trace
+
+    def counted(*args, **kwargs):
+        calls.append(args)
+        return real(*args, **kwargs)
+
+    monkeypatch.setattr(equilibrium, "trace", counted)
+    return calls
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """An open store of solved states."""
+    from studies.exploration import store
+
+    with store.opened(tmp_path / "store" / "solved.sqlite") as states:
+        yield states
 
 
 @pytest.fixture

@@ -19,20 +19,6 @@ BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 INLINE = Processes(0)
 
 
-@pytest.fixture
-def traced(monkeypatch):
-    """Counts the solves."""
-    calls = []
-    real = equilibrium.trace
-
-    def counted(*args, **kwargs):
-        calls.append(args)
-        return real(*args, **kwargs)
-
-    monkeypatch.setattr(equilibrium, "trace", counted)
-    return calls
-
-
 def morris(kept, ranges, design=BARE, load=Press(1.0), count=2, model="finite"):
     return morris_study(design, ranges, load, model, "quick", count, 0, kept, INLINE)
 

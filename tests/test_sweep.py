@@ -15,10 +15,9 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.physics_version import PHYSICS
-from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.exploration import needed_paths, solved_paths, store, sweep
+from studies.exploration import needed_paths, store, sweep
 from studies.exploration.needed_paths import Processes
 from studies.exploration.study_cases import FemModel, Plan, varied
 from studies.exploration.study_rows import flat_rows
@@ -43,20 +42,6 @@ def run(design, axes, load=None, folder=None, kept=None, processes=Processes(0),
         return [row for table in sweep.run(plan, folder, kept, processes=processes) for row in flat_rows(table)]
     with store.in_memory() as memory:
         return run(design, axes, load, folder, memory, processes, **more)
-
-
-@pytest.fixture
-def traced(monkeypatch):
-    """Counts the solves."""
-    calls = []
-    real = equilibrium.trace
-
-    def counted(*args, **kwargs):
-        calls.append(args)
-        return real(*args, **kwargs)
-
-    monkeypatch.setattr(equilibrium, "trace", counted)
-    return calls
 
 
 def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(traced, tmp_path):
@@ -177,12 +162,6 @@ def test_a_sweep_of_too_many_cases_is_refused_before_it_starts():
 
 
 AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
-
-
-@pytest.fixture
-def kept(tmp_path):
-    with store.opened(tmp_path / "store" / "solved.sqlite") as states:
-        yield states
 
 
 def interrupted(*args, **kwargs):
@@ -390,16 +369,6 @@ def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept
     assert [row["status"] for row in run(BARE, AXES, kept=kept)] == ["ok", "ok", "worker_died", "worker_died"]
     again = run(BARE, AXES, kept=kept, processes=Processes(0, retry_failed=True))
     assert {row["status"] for row in again} == {"ok"}
-
-
-def test_a_scene_of_several_paths_is_answered_from_the_store(kept, traced):
-    """A press, which needs the axisymmetric model, and shears along two axes, which are one path."""
-    loads = (Load(depth=0.5), Load(0.5, 0.3, 0.0, "stick"), Load(0.5, 0.0, 0.3, "stick"))
-    scene = Scene(paper(), tuple(replace(load, friction="stick") for load in loads), QUICK)
-    for _ in range(2):
-        (press, x, y), trouble = solved_paths.solved(scene, kept)
-        assert (press.response.force[0], trouble, len(traced)) == (0.0, "", 2)
-        assert y.response.force[1] == pytest.approx(x.response.force[0], rel=1e-12)
 
 
 def test_rows_have_the_error_estimates_of_solve():

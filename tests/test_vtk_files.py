@@ -9,24 +9,9 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.accuracy import QUICK
 from fem.discretisation import angular_fields
-from fem.equilibrium import trace
 from fem.solution import Field
-from geometry.design import paper
-from geometry.loads import Load
 from studies.output import vtk_files
-
-
-@pytest.fixture(scope="module")
-def pressed():
-    return trace(paper(), [Load(depth=1.0)], QUICK, magnet="ignored", estimate=False)[0]
-
-
-@pytest.fixture(scope="module")
-def gripped():
-    load = Load(grip=2.0, shear_x=1.2, shear_y=1.6)
-    return trace(paper(), [load], QUICK, magnet="ignored", estimate=False)[0]
 
 
 def quadratic(kind, refine):
