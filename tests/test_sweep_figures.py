@@ -41,6 +41,8 @@ def test_map_of_errors_has_each_error_in_its_cell():
     assert figure.kind == "map"
     assert figure.x.categories == ("0.5", "1")
     assert figure.panels[0].cells == ((9.5, 10.0), (12.5, 13.0))
+    assert figure.title == "Error of the press force, the formula"
+    assert figure.caption.startswith("Error of the formula against finite elements")
     assert "25 % of the cases are within 10 %" not in figure.caption
     assert "50 % of the cases are within 10 %" in figure.caption
 

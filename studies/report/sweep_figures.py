@@ -154,10 +154,12 @@ def name_of(column: str) -> str:
 
     >>> name_of("magnet_height_mm"), name_of("nu")
     ('magnet height (mm)', 'nu')
+    >>> name_of("speed_mm_per_s")
+    'speed (mm/s)'
     """
-    for unit in ("mm", "MPa", "rad", "deg", "mN", "N", "V", "mT", "T", "Hz", "percent"):
+    for unit in ("mm", "MPa", "rad", "deg", "mN", "N", "V", "mT", "T", "Hz", "percent", "mm_per_s"):
         if column.endswith(f"_{unit}"):
-            sign = {"percent": "%", "deg": "degrees"}.get(unit, unit)
+            sign = {"percent": "%", "deg": "degrees", "mm_per_s": "mm/s"}.get(unit, unit)
             return f"{column.removesuffix(f'_{unit}').replace('_', ' ')} ({sign})"
     return column.replace("_", " ")
 
@@ -275,15 +277,17 @@ def _maps(table: Table, grid: Grid, error: str) -> Iterator[Figure]:
             for row in members:
                 cells[places[row]] = values[row]
             drawn.append(Panel(title, cells=tuple(numbers(line) for line in cells)))
+        # an error's column without a prefix is that of the only formula
+        model = "the formula" if column == error else model_name(column, error)
         judged = values[rows][np.isfinite(values[rows])]
         within = 100 * np.mean(np.abs(judged) <= 10)
         caption = (
-            f"Error of {model_name(column, error)} against finite elements: {within:.0f} % of the cases are within "
+            f"Error of {model} against finite elements: {within:.0f} % of the cases are within "
             f"10 %, {100 * np.mean(np.abs(judged) <= 5):.0f} % within 5 %; the errors lie between "
             f"{judged.min():+.0f} and {judged.max():+.0f} %. Empty cells have no result."
         )
         yield Figure(
-            f"Error of the {ERRORS[error]}, {model_name(column, error)}",
+            f"Error of the {ERRORS[error]}, {model}",
             caption,
             Axis(name_of(grid.x), categories=tuple(_short(text) for text in across)),
             Axis(name_of(grid.second), categories=tuple(_short(text) for text in up)),
