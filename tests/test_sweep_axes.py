@@ -13,6 +13,7 @@ from studies.exploration.sweep_axes import axis_of
         ("plate_tilt_deg", "plate tilt (°)"),
         ("hall_gain_V_per_T", "hall gain (V/T)"),
         ("magnet_height_mm", "magnet height (mm)"),
+        ("speed_mm_per_s", "speed (mm/s)"),
         ("law", "law"),
         ("nu", r"$\nu$"),
     ],

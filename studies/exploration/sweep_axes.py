@@ -14,7 +14,8 @@ from geometry.arrays import Array, Ints
 from studies.output.table_plots import LETTER
 
 UNITS = {
-    "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "MPa": "MPa", "mm": "mm", "deg": "°", "rad": "rad", "percent": "%",
+    "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "kg_per_m3": "kg/m³",
+    "mm_per_s": "mm/s", "MPa": "MPa", "mm": "mm", "deg": "°", "rad": "rad", "percent": "%",
     "mT": "mT", "T": "T", "N": "N", "V": "V", "Hz": "Hz", "K": "K",
 }  # fmt: skip
 """Units by the last part of a column's name."""
