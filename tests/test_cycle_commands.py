@@ -51,7 +51,9 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
         (["--speed", "0"], "--speed must be above 0 mm/s"),
         (["--frequency", "1e6"], "the branches speak for"),
         (["--speed", "1", "--hold", "100"], "not for 100 s"),
-        (["--speed", "1", "--tolerance", "2"], "--tolerance must be between 0 and 1"),
+        (["--speed", "1", "--tolerance", "2"], "--tolerance must be above 0 and below 1"),
+        (["--speed", "1", "--gap", "0"], "--gap must be above 0 and below 100 percent of full scale; got 0"),
+        (["--speed", "1", "--gap", "5", "--set", "prony=0:0.01 0.2:1 0:100"], "the design has measured branches"),
         (
             ["--speed", "0.5", "--depth", "99"],
             "depth must be less than 7 mm, the silicone on the axis above and below the magnet; got 99",
@@ -60,4 +62,6 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
 )
 def test_impossible_cycles_are_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert entry_point.main(["cycle", "paper", *words]) == 2
-    assert message in capsys.readouterr().err
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert errors.startswith("magtip: "), "nothing is solved before the refusal"

@@ -95,7 +95,9 @@ def cycle(
     contact = friction_of(friction, "stick" if shear else "none")
     motion = Motion(depth, shear, contact, frequency_of(speed, frequency, stroke), waveform, cycles, hold)
     if not 0 < tolerance < 1:
-        raise BadInput(f"--tolerance must be between 0 and 1; got {tolerance:g}")
+        raise BadInput(f"--tolerance must be above 0 and below 1; got {tolerance:g}")
+    if gap is not None:
+        study.check_gap(design, gap)
     # a load that is impossible comes first: its stroke decides the frequency
     check_load(design, motion.largest, magnet)
     say_if_without_magnet(design)

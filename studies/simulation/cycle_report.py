@@ -193,6 +193,16 @@ def _follow(
             stop = following
 
 
+def check_gap(design: Design, gap_percent: float) -> None:
+    """Refuse a gap, percent of full scale, to which no loss factor of the design belongs."""
+    if design.prony:
+        raise BadInput(
+            "--gap searches for a loss factor, but the design has measured branches (prony): empty that field"
+        )
+    if not 0 < gap_percent < 100:
+        raise BadInput(f"--gap must be above 0 and below 100 percent of full scale; got {gap_percent:g}")
+
+
 def loss_factor_of_gap(
     design: Design,
     motion: Motion,
@@ -207,12 +217,7 @@ def loss_factor_of_gap(
 
     The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
     """
-    if design.prony:
-        raise BadInput(
-            "--gap searches for a loss factor, but the design has measured branches (prony): empty that field"
-        )
-    if not 0 < gap_percent < 100:
-        raise BadInput(f"--gap must be between 0 and 100 percent of full scale; got {gap_percent:g}")
+    check_gap(design, gap_percent)
     known = relaxation_of(replace(design, loss_factor=0.1))
     tried: list[tuple[float, float]] = [(0.0, 0.0)]
     factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform).hysteresis)
@@ -232,7 +237,9 @@ def loss_factor_of_gap(
 
 def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> list[str]:
     """Return what the numbers assume and how accurate they are, in sentences."""
-    linear = loop(relaxation_of(design), motion.frequency, motion.waveform).hysteresis
+    relaxation = relaxation_of(design)
+    linear = loop(relaxation, motion.frequency, motion.waveform).hysteresis
+    holds = ", without the holds" if motion.hold else ""
     slip = (
         []
         if isinstance(motion.friction, str)
@@ -240,10 +247,10 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
     )
     dissipation = (
         ["at large strain linear overstresses may gain energy for a while, but no closed cycle of verify does"]
-        if cycles.law == "prony"
+        if cycles.law == "prony" and relaxation.shares
         else []
     )
-    mesh = "not known" if static.mesh_error is None else f"about {static.mesh_error:.1%}"
+    mesh = "not known" if static.mesh_error is None else f"about {100 * static.mesh_error:.1f} %"
     return [
         *relaxation_notes(design),
         (
@@ -251,13 +258,13 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
             "inertia is neglected, so the frequency must be far below the lowest natural frequency (magtip modes)"
         ),
         (
-            f"error of the force: {mesh} from the mesh, {cycles.time_error:.2%} from the time steps; work that is "
-            "neither stored nor dissipated, an error of the time steps: at most "
+            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2f} % from the time steps; work "
+            "that is neither stored nor dissipated, an error of the time steps: at most "
             f"{cycles.balance_error:.2g} of the largest work"
         ),
         *slip,
         *dissipation,
-        f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles",
+        f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles{holds}",
         "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
     ]
 
