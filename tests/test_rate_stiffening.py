@@ -45,7 +45,12 @@ def test_rows_without_a_force_have_none_at_a_rate():
 
 @pytest.mark.parametrize(
     ("rate", "part"),
-    [((1.0, 1.0), "leave one"), ((0.0, None), "above 0 Hz"), ((None, -1.0), "above 0 mm/s"), ((5e3, None), "5e")],
+    [
+        ((1.0, 1.0), "leave one"),
+        ((0.0, None), "above 0 Hz"),
+        ((None, -1.0), "above 0 mm/s"),
+        ((5e3, None), "not for 5000 Hz"),
+    ],
 )
 def test_impossible_rates_are_refused(rate, part):
     with pytest.raises(BadInput, match=part):
