@@ -1,20 +1,30 @@
 """The loop of force over stroke of a viscoelastic spring: its gap at mid-stroke and its area, in closed form.
 
-The spring has the stiffness k(t) = k0 (rest + sum g_i exp(-t / tau_i)) and moves to and fro over the stroke X, for so
-long that each cycle is like the one before. The gap is the difference of its forces at mid-stroke, on the way up and
-on the way down. Full scale is the difference of its forces at both ends of the stroke.
+The spring has the stiffness k(t) = k0 (rest + sum g_i exp(-t / tau_i)). It moves over the stroke X in the time h,
+rests for the time r, moves back and rests again, for so long that each cycle is like the one before. The gap is the
+difference of its forces at mid-stroke, on the way up and on the way down. Full scale is the difference of its largest
+and its least force, as in tables of measured and computed cycles.
 
-Sine of frequency f, w = 2 pi f, G* = G' + i G'' relative to k0:
+The force of branch i over k0 X is q_i, with dq/dt + q / tau = g v / X. It changes its sign from stroke to stroke, so
+that a stroke begins with q = -H q_end, H = exp(-r / tau). With E = exp(-h / tau), e = exp(-h / (2 tau)):
 
-    gap = X k0 G'',   full scale = X k0 G',   gap / full scale = tan(delta),   area = pi/4 X^2 k0 G''.
+Triangle, z = h / (2 tau), v = X / h:
 
-Triangle with the half period h = 1 / (2 f), z_i = h / (2 tau_i):
+    q_end      = g / (2 z) (1 - E) / (1 + E H),
+    gap        = sum g / z (1 - e) (1 - H e) / (1 + E H),
+    full scale = rest + 2 sum q_end: the force is largest at the end of a stroke,
+    area       = sum g / (2 z^2) (2 z - (1 - E) (1 + H) / (1 + E H)).
 
-    gap        = X k0 sum g_i (1 - 1 / cosh(z_i)) / z_i,
-    full scale = X k0 (rest + sum g_i tanh(z_i) / z_i),
-    area       = X^2 k0 sum g_i (1 - tanh(z_i) / z_i) / z_i.
+Sine, s = pi tau / h, v = X pi / (2 h) sin(pi t / h):
 
-A fast stroke (z -> 0) and a slow one (z -> inf) both have no gap.
+    q(t)       = g / 2 s / (1 + s^2) (sin(pi t / h) - s cos(pi t / h) + s (1 - H) / (1 + H E) exp(-t / tau)),
+    gap        = sum g s / (1 + s^2) (1 + s e (1 - H) / (1 + H E)),
+    full scale = twice the largest force of a stroke,
+    area       = sum g pi / 4 s / (1 + s^2) + g / 2 (s^2 / (1 + s^2))^2 (1 - H) (1 + E) / (1 + H E).
+
+Gap and full scale are over k0 X, the area over k0 X^2. Limits: a sine without rests has gap / full scale =
+sin(delta), full scale |G*| and the area pi/4 G'' of its ellipse (G* = G' + i G'' over the instantaneous modulus);
+fast and slow strokes without rests have no gap; after long rests fast strokes have the gap sum g_i.
 """
 
 from __future__ import annotations
@@ -23,8 +33,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geometry.arrays import Array
 from geometry.loads import Waveform
 from geometry.prony import Relaxation
+
+SAMPLES = 2001
+"""Times of half a stroke at which the force of a sine with rests is computed, to find its largest value."""
+SMALL = 1e-2
+"""Below this, 2 z - (1 - E) loses digits and is a series."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +50,7 @@ class Loop:
     Attributes
     ----------
     gap : difference of the forces at mid-stroke, over k0 X.
-    full_scale : difference of the forces at the ends of the stroke, over k0 X.
+    full_scale : difference of the largest and the least force, over k0 X.
     area : work that a cycle dissipates, over k0 X^2.
     """
 
@@ -44,27 +60,71 @@ class Loop:
 
     @property
     def hysteresis(self) -> float:
-        """The gap over full scale: tan(delta) for a sine."""
+        """The gap over full scale: sin(delta) for a sine without rests."""
         return self.gap / self.full_scale
 
 
-def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangle") -> Loop:
-    """Return the loop of a viscoelastic spring that is moved at a frequency, Hz.
+def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangle", hold: float = 0.0) -> Loop:
+    """Return the loop of a viscoelastic spring in steady cycles.
 
-    >>> round(loop(Relaxation((0.5,), (1.0,)), 0.5 / np.pi, "sine").hysteresis, 12) == round(0.25 / 0.75, 12)
+    Parameters
+    ----------
+    frequency : cycles per second without the rests, Hz: 1 / (2 h).
+    hold : rest at each end of the stroke, s.
+
+    >>> half = Relaxation((0.5,), (1.0,))
+    >>> round(loop(half, 0.5 / np.pi, "sine").hysteresis, 12) == round(np.sin(np.arctan(0.25 / 0.75)), 12)
     True
     """
-    if waveform == "sine":
-        modulus = complex(relaxation.complex_modulus(2 * np.pi * frequency))
-        return Loop(modulus.imag, modulus.real, np.pi / 4 * modulus.imag)
-    g, z = np.array(relaxation.shares), 1 / (4 * frequency * np.array(relaxation.times))
-    # 1 / cosh without overflow; 1 - 1 / cosh and 1 - tanh(z) / z without cancellation for small z
-    sech = 2 * np.exp(-z) / (1 + np.exp(-2 * z))
-    rise = 2 * np.sinh(np.minimum(z, 300.0) / 2) ** 2 * sech
-    rise = np.where(z > 20, 1 - sech, rise)
-    left = np.where(z < 1e-2, z**2 / 3 - 2 * z**4 / 15, 1 - np.tanh(z) / z)
-    return Loop(
-        gap=float(np.sum(g * rise / z)),
-        full_scale=relaxation.rest + float(np.sum(g * np.tanh(z) / z)),
-        area=float(np.sum(g * left / z)),
-    )
+    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
+    half = 1 / (2 * frequency)
+    parts = _triangle(g, half / (2 * tau), hold / tau) if waveform == "triangle" else _sine(g, tau, half, hold)
+    gap, end, area = (float(part.sum()) for part in parts)
+    if waveform == "triangle":
+        return Loop(gap, relaxation.rest + 2 * end, area)
+    return Loop(gap, _largest_of_sine(relaxation, half, hold) * 2, area)
+
+
+def _triangle(g: Array, z: Array, rest: Array) -> tuple[Array, Array, Array]:
+    """Return gap, force at the end of the stroke and area of each branch, over k0 X and k0 X^2."""
+    held, whole = np.exp(-rest), np.exp(-2 * z - rest)
+    moved = -np.expm1(-2 * z)
+    gap = g / z * np.expm1(-z) * np.expm1(-z - rest) / (1 + whole)
+    end = g / (2 * z) * moved / (1 + whole)
+    # (1 - E) (1 + H) / (1 + E H) = (1 - E) + (1 - E)^2 H / (1 + E H)
+    straight = np.where(z < SMALL, 2 * z**2 - 4 * z**3 / 3 + 2 * z**4 / 3 - 4 * z**5 / 15, 2 * z - moved)
+    area = g / (2 * z**2) * (straight - moved**2 * held / (1 + whole))
+    return gap, end, area
+
+
+def _sine(g: Array, tau: Array, half: float, hold: float) -> tuple[Array, Array, Array]:
+    """Return gap, force at the end of the stroke and area of each branch, over k0 X and k0 X^2."""
+    s, whole = np.pi * tau / half, np.exp(-half / tau)
+    kept = _kept(tau, half, hold)
+    gap = g * s / (1 + s**2) * (1 + s * np.exp(-half / (2 * tau)) * kept)
+    end = g / 2 * s**2 / (1 + s**2) * (1 + whole * kept)
+    area = g * np.pi / 4 * s / (1 + s**2) + g / 2 * (s**2 / (1 + s**2)) ** 2 * (1 + whole) * kept
+    return gap, end, area
+
+
+def _kept(tau: Array, half: float, hold: float) -> Array:
+    """Return (1 - H) / (1 + H E): what a rest adds to a sine that never rests."""
+    return np.asarray(-np.expm1(-hold / tau) / (1 + np.exp(-(hold + half) / tau)))
+
+
+def _largest_of_sine(relaxation: Relaxation, half: float, hold: float) -> float:
+    """Return the largest force of a stroke over k0 X; it comes before the end of the stroke."""
+    if not hold:
+        return abs(complex(relaxation.complex_modulus(np.pi / half))) / 2
+    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
+    s = np.pi * tau / half
+    time = np.linspace(half / 2, half, SAMPLES)[:, None]
+    angle = np.pi * time / half
+    branches = np.sin(angle) - s * np.cos(angle) + s * _kept(tau, half, hold) * np.exp(-time / tau)
+    force = -relaxation.rest / 2 * np.cos(angle[:, 0]) + (g / 2 * s / (1 + s**2) * branches).sum(axis=1)
+    best = int(force.argmax())
+    if not 0 < best < SAMPLES - 1:
+        return float(force[best])
+    # the vertex of the parabola through three neighbours
+    left, middle, right = force[best - 1 : best + 2]
+    return float(middle + (right - left) ** 2 / (8 * (2 * middle - left - right)))

@@ -236,7 +236,8 @@ def _read(path: TimedPath, load: Load, stop: Stop = "") -> TimedState:
         time_error=state.error / max(state.largest, path.least_force) if state.error else 0.0,
         work=state.work.total * unit,
         stored=(kept + state.other) * unit,
-        dissipated=(state.absorbed.total - kept) * unit,
+        # without branches the silicone is elastic: what is left is an error of the integrals
+        dissipated=(state.absorbed.total - kept) * unit if len(state.history.branches.times) else 0.0,
         friction_dissipated=state.path.dissipated * unit,
         step=path.steps,
         iterations=path.iterations,

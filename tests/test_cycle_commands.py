@@ -65,3 +65,20 @@ def test_impossible_cycles_are_refused(words: list[str], message: str, capsys: p
     errors = capsys.readouterr().err
     assert message in errors
     assert errors.startswith("magtip: "), "nothing is solved before the refusal"
+
+
+def test_an_elastic_sensor_has_loops_without_gap(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["cycle", "paper", "--speed", "1", "--cycles", "1", "--set", "loss_factor=0", "--json", *QUICK]
+    assert entry_point.main(words) == 0
+    record = json.loads(capsys.readouterr().out)
+    last = record["loops"][0]
+    assert {last[name] for name in ("gap_N", "gap_percent", "area_mJ", "material_mJ", "friction_mJ")} == {0.0}
+    assert not any("overstresses" in note for note in record["notes"])
+
+
+def test_a_fast_cycle_is_warned_of_inertia_and_begins_at_rest(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["cycle", "paper", "--depth", "0.2", "--frequency", "400", "--cycles", "1", "--accuracy", "quick"]
+    assert entry_point.main(words) == 0
+    printed = capsys.readouterr()
+    assert "1.2 times the lowest natural frequency of the free sensor, 342 Hz" in printed.err
+    assert "the loop of cycle 1, which begins at rest and is not yet steady" in printed.err + printed.out

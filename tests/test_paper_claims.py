@@ -66,7 +66,7 @@ def test_decoded_force_is_the_sum_of_its_parts(folder):
 def test_the_gap_of_a_loading_cycle_allows_a_loss_factor():
     figures = hysteresis(loop_figures()).figures
     assert figures["gap_percent"] == pytest.approx(8.0, abs=0.1)
-    # for a sine the gap of a spring is the loss factor itself
+    # for a sine the gap of a spring is the sine of the loss angle
     assert figures["allowed_loss_factor_sine"] == pytest.approx(0.1, rel=0.01)
 
 

@@ -113,7 +113,9 @@ def cycle(
         if folder is not None:
             study.write(folder, motion, results)
             run_record.write(folder, command_line, dataclasses.asdict(design))
-    notes = study.notes(design, motion, static, results[0])
+    lowest = study.lowest_frequency(design, magnet)
+    warnings += study.inertia_warnings(motion, lowest)
+    notes = study.notes(design, motion, static, results[0], lowest)
     if second_law and results[0].loops and results[1].loops:
         notes.append(study.difference(results[0], results[1]))
     record: FlatRow = results[0].row() | answer
@@ -155,5 +157,7 @@ def _search(
     return {
         "gap_percent": row.gap_percent,
         "loss_factor_of_gap": factor,
-        "sentence": f"a gap of {gap:g} % of full scale belongs to a constant loss factor of {factor:.3f}",
+        "sentence": (
+            f"a gap of {gap:g} % of full scale in cycle {row.cycle} belongs to a constant loss factor of {factor:.3f}"
+        ),
     }

@@ -88,12 +88,12 @@ def rate(design: Design, frequency: float) -> Data | None:
     if not frequency or range_sentence(relaxation, frequencies=[frequency]):
         return None
     own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
-    linear = loop(relaxation, frequency, "sine")
+    modulus = complex(relaxation.complex_modulus(2 * math.pi * frequency))
     return {
         "frequency": frequency,
-        "loss_factor": linear.hysteresis,
-        "storage": linear.full_scale / own,
-        "gap": 100 * linear.hysteresis,
+        "loss_factor": modulus.imag / modulus.real,
+        "storage": modulus.real / own,
+        "gap": 100 * loop(relaxation, frequency, "sine").hysteresis,
     }
 
 

@@ -8,6 +8,7 @@ through, and the force there.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -65,7 +66,8 @@ class LoopRow:
     largest_N, full_scale_N : largest force along the motion, and its difference to the least one.
     gap_N, gap_percent : difference of the forces at mid-stroke, in and out, also in percent of full scale.
     area_mJ : work of the plate in the cycle, the area of the loop.
-    material_mJ, friction_mJ : what silicone and friction dissipated in it; the rest was stored.
+    material_mJ, friction_mJ : what silicone and friction dissipated in it; the rest was stored, or, if negative,
+        stored before and released.
     decoded_gap_percent : gap of the decoded force, in percent of its full scale; None without a magnet.
     decoded_error_percent : largest difference of the decoded force and the force, in percent of full scale.
     """
@@ -117,6 +119,8 @@ def with_readings(
     shifts = np.array([state.response.shift for _, state, _ in passed])
     outputs = outputs_of(design, shifts, np.array([state.response.tilt for _, state, _ in passed]))
     decoded = np.full(len(passed), np.nan) if curve is None else curve.decode(outputs)
+    # the curve is that of the strokes: it knows no press before a shear
+    decoded[[stop.phase == "press" and not state.load.shear_x for stop, state, _ in passed]] = np.nan
     return [
         CycleState(stop, state, at_stop, one, float(force))
         for (stop, state, at_stop), one, force in zip(passed, outputs, decoded, strict=True)
@@ -148,18 +152,26 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     gap, scale = _gap(own, force), _scale(force, before, axis)
     known = bool(np.isfinite(decoded).all())
     start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
+    most = max(abs(one.state.work) for one in own)
     return LoopRow(
         cycle=cycle,
         largest_N=float(np.abs(force).max()),
         full_scale_N=scale,
-        gap_N=gap,
-        gap_percent=100 * gap / scale if scale else 0.0,
-        area_mJ=last.work - start[0],
-        material_mJ=last.dissipated - start[1],
-        friction_mJ=last.friction_dissipated - start[2],
-        decoded_gap_percent=100 * _gap(own, decoded) / float(np.ptp(decoded)) if known and np.ptp(decoded) else None,
+        gap_N=_rounded(gap, scale),
+        gap_percent=100 * _rounded(gap, scale) / scale if scale else 0.0,
+        area_mJ=_rounded(last.work - start[0], most),
+        material_mJ=_rounded(last.dissipated - start[1], most),
+        friction_mJ=_rounded(last.friction_dissipated - start[2], most),
+        decoded_gap_percent=100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
+        if known and np.ptp(decoded)
+        else None,
         decoded_error_percent=100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
     )
+
+
+def _rounded(value: float, scale: float) -> float:
+    """Return a value rounded to a millionth of a scale: far below the errors, but in sight where it should be 0."""
+    return round(value, 5 - math.floor(math.log10(scale))) + 0.0 if scale else value
 
 
 def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:

@@ -16,8 +16,12 @@ def draw(path: str | Path, motion: Motion, states: Sequence[CycleState]) -> None
     with canvas(path, 2, 1, shared=False) as (_, axes):
         for cycle in range(1, motion.cycles + 1):
             own = [one for one in states if one.stop.cycle == cycle]
+            # a cycle begins at the last state before it, the first press at rest
+            own = [*[one for one in states if one.stop.cycle < cycle][-1:], *own]
             way = [one.state.load.shear_x if motion.shear else one.state.load.depth for one in own]
             force = [one.state.response.force[axis] for one in own]
+            if cycle == 1 and not motion.shear:
+                way, force = [0.0, *way], [0.0, *force]
             axes[0].plot(way, force, color=COLOURS[(cycle - 1) % len(COLOURS)], label=f"cycle {cycle}")
         label(axes[0], "a", "force (N)")
         axes[0].set_xlabel(f"{along} (mm)")

@@ -30,6 +30,8 @@ STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
 CURVE = 24
 """States of the static curve."""
+FAST = 0.1
+"""Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
 SEARCHES, GAP_TOLERANCE = 6, 0.05
 """Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
 points."""
@@ -220,7 +222,7 @@ def loss_factor_of_gap(
     check_gap(design, gap_percent)
     known = relaxation_of(replace(design, loss_factor=0.1))
     tried: list[tuple[float, float]] = [(0.0, 0.0)]
-    factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform).hysteresis)
+    factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform, motion.hold).hysteresis)
     for _ in range(SEARCHES):
         trial = replace(design, loss_factor=factor)
         cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
@@ -235,11 +237,41 @@ def loss_factor_of_gap(
     raise ArithmeticError(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
 
 
-def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> list[str]:
-    """Return what the numbers assume and how accurate they are, in sentences."""
+def lowest_frequency(design: Design, magnet: Magnet) -> float:
+    """Return the lowest natural frequency of the free sensor, Hz, undamped, with the long-term modulus, at quick."""
+    from fem.accuracy import QUICK
+    from fem.modes import modes
+
+    return modes(replace(design, E=moduli(design)[1]), magnet, 1, accuracy=QUICK, estimate=False).frequency[0]
+
+
+def inertia_warnings(motion: Motion, lowest: float) -> list[str]:
+    """Return a sentence if the motion is too fast for a model without inertia.
+
+    Below a natural frequency inertia changes a response by about (frequency / natural frequency)^2.
+    """
+    if motion.frequency <= FAST * lowest:
+        return []
+    share = (motion.frequency / lowest) ** 2
+    change = f"its forces by about {100 * share:.0f} %" if share < 0.5 else "its forces completely"
+    return [
+        (
+            f"{motion.frequency:.4g} Hz is {motion.frequency / lowest:.2g} times the lowest natural frequency of the "
+            f"free sensor, {lowest:.0f} Hz; a cycle leaves out inertia, which changes {change}; magtip response has "
+            "it, for small amplitudes"
+        )
+    ]
+
+
+def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest: float) -> list[str]:
+    """Return what the numbers assume and how accurate they are, in sentences.
+
+    Parameters
+    ----------
+    lowest : lowest natural frequency of the free sensor, Hz.
+    """
     relaxation = relaxation_of(design)
-    linear = loop(relaxation, motion.frequency, motion.waveform).hysteresis
-    holds = ", without the holds" if motion.hold else ""
+    linear = loop(relaxation, motion.frequency, motion.waveform, motion.hold).hysteresis
     slip = (
         []
         if isinstance(motion.friction, str)
@@ -255,16 +287,16 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles) -> lis
         *relaxation_notes(design),
         (
             f"the motion has {motion.frequency:.4g} Hz and a stroke of {motion.stroke:g} mm in {motion.half:.4g} s; "
-            "inertia is neglected, so the frequency must be far below the lowest natural frequency (magtip modes)"
+            f"inertia is neglected; the lowest natural frequency of the free sensor is {lowest:.0f} Hz"
         ),
         (
-            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2f} % from the time steps; work "
-            "that is neither stored nor dissipated, an error of the time steps: at most "
-            f"{cycles.balance_error:.2g} of the largest work"
+            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2f} % from the time steps; at most "
+            f"{cycles.balance_error:.2g} of the largest work is neither stored nor dissipated, by errors of the time "
+            "steps and of their integrals"
         ),
         *slip,
         *dissipation,
-        f"a linear spring of this silicone has a gap of {100 * linear:.2f} % of full scale in steady cycles{holds}",
+        f"a linear spring of this silicone has a gap of {100 * linear:.1f} % of full scale in steady cycles",
         "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
     ]
 
@@ -276,15 +308,24 @@ def findings(cycles: Cycles) -> list[str]:
     last = cycles.loops[-1]
     lost = last.material_mJ + last.friction_mJ
     share = f" ({last.friction_mJ / lost:.1%} by friction)" if lost and last.friction_mJ else ""
+    begin = ", which begins at rest and is not yet steady (--cycles)," if last.gap_N else ""
+    change = ""
+    if len(cycles.loops) > 1:
+        begin, change = "", f" ({last.gap_percent - cycles.loops[-2].gap_percent:+.1f} from the cycle before)"
+    # one digit: levels of accuracy differ by some tenths of a percentage point
     sentences = [
         (
-            f"the last loop has a gap of {last.gap_percent:.2f} % of full scale at mid-stroke, and dissipates "
-            f"{lost:.4g} mJ{share}"
+            f"the loop of cycle {last.cycle}{begin} has a gap of {last.gap_percent:.1f} % of full scale at "
+            f"mid-stroke{change}, and dissipates {lost:.4g} mJ{share}"
         )
     ]
+    if any(row.material_mJ + row.friction_mJ > 1.01 * row.area_mJ for row in cycles.loops):
+        sentences.append(
+            "material and friction dissipate more than the area of a loop where energy stored before it is released"
+        )
     if last.decoded_gap_percent is not None:
         sentences.append(
-            f"the decoded force has a gap of {last.decoded_gap_percent:.2f} %, and is off by up to "
+            f"the decoded force has a gap of {last.decoded_gap_percent:.1f} %, and is off by up to "
             f"{last.decoded_error_percent:.1f} % of full scale"
         )
     if cycles.drift_percent is not None:
