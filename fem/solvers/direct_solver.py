@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -25,6 +26,9 @@ from geometry.arrays import Array, Ints
 
 FEW = 10_000
 """Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
+LARGEST_ERROR = 1e-2
+"""Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
+the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
 
 
 class SingularMatrixError(ArithmeticError):
@@ -97,7 +101,8 @@ class Solver:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
         order : returns the order (n,) in which PARDISO eliminates the unknowns of a large symmetric matrix; called
-            at most once. Default: PARDISO's own.
+            at most once. Its factors are then in single precision, in two thirds of the time, if that is accurate
+            enough for steps of Newton's method. Default: PARDISO's own order, and double precision.
         """
         self._symmetric = symmetric
         # the band refuses pivots that are not finite
@@ -109,9 +114,13 @@ class Solver:
             handle = self._handles.get(symmetric)
             if handle is None:
                 own = None if order is None or not symmetric or matrix.shape[0] < FEW else order()
-                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own)
+                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own, single=own is not None)
                 self._handles[symmetric] = handle
             handle.factorise(matrix)
+            if handle.single and not handle.error(matrix) <= LARGEST_ERROR:
+                handle.close()
+                handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=True, match=False, order=handle.order)
+                handle.factorise(matrix)
             if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
                 handle.close()
                 handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=True)
@@ -268,9 +277,11 @@ class _Pardiso:
         magnitude.
     kept : unknowns that are not eliminated, but left in a Schur complement.
     order : order in which the unknowns are eliminated; default: PARDISO's own. Without `match` or `kept`.
+    single : whether to factorise and solve in single precision. Without `kept`.
 
     Attributes
     ----------
+    order, single : as above.
     iparm : (64,) MKL's parameters, numbered from 0.
     """
 
@@ -282,8 +293,9 @@ class _Pardiso:
         match: bool,
         kept: Ints | None = None,
         order: Ints | None = None,
+        single: bool = False,
     ) -> None:
-        self._mkl = _mkl()
+        self._mkl, self.order, self.single = _mkl(), order, single
         self._pardiso = self._mkl["pardiso"]
         self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
         size = matrix.shape[0]
@@ -299,6 +311,7 @@ class _Pardiso:
             permutation[kept], self.iparm[35] = 1, 2
         elif order is not None:
             permutation[:], self.iparm[4] = order, 1
+        self.iparm[27] = int(single)
         self._kept = memory, permutation, matrix.indptr, matrix.indices
         first = _address(self._numbers)
         most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
@@ -307,22 +320,35 @@ class _Pardiso:
         self._between = *structure, _address(permutation), right, _address(self.iparm), talk
         self._error = error
         self._values, self._known = matrix.data, False
+        self._type = np.dtype(np.float32 if single else np.float64)
 
     def factorise(self, matrix: sp.csr_matrix, schur: Array | None = None) -> None:
         """Factorise a matrix of the pattern; raises SingularMatrixError.
 
         schur : (c, c) array for the upper triangle of the Schur complement, where unknowns are kept.
         """
-        self._values, nothing = matrix.data, np.zeros(0)
+        nothing = np.zeros(0)
+        with np.errstate(over="ignore"):  # `error` shows what does not fit into single precision
+            self._values = matrix.data.astype(self._type, copy=False)
         self._call(22 if self._known else 12, nothing, nothing if schur is None else schur)
         self._known = True
 
     def solve(self, b: Array, phase: int = 33) -> Array:
         """Solve for b (n,) or (n, m); phases 331 and 333 are the steps before and after a Schur complement."""
-        b = np.asfortranarray(b, dtype=np.float64)
+        b = np.asfortranarray(b, dtype=self._type)
         x = np.zeros_like(b)
         self._call(phase, b, x)
-        return x
+        return np.asarray(x, dtype=np.float64)
+
+    def error(self, matrix: sp.csr_matrix) -> float:
+        """Return the root mean square error of the solution 1, 1, ... by the factors of an upper triangle; infinite
+        where pivots were perturbed.
+        """
+        if self.iparm[13] > 0:
+            return math.inf
+        ones = np.ones(matrix.shape[0])
+        b = matrix @ ones + matrix.T @ ones - matrix.diagonal()
+        return float(np.linalg.norm(self.solve(b) - ones) / math.sqrt(len(b)))
 
     def close(self) -> None:
         """Free the memory of the factorisation."""

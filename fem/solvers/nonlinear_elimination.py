@@ -18,7 +18,7 @@ from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.nonlinear_system import System
 from geometry.arrays import Array
 
-MOST_NODES, SHARE = 12, 0.9
+MOST_NODES, SHARE = 24, 0.9
 """The residual is concentrated if at most MOST_NODES nodes carry the share SHARE of the squared residual forces."""
 LEAST_SIZE = 5000
 """Number of unknowns below which a full step is too cheap for elimination to pay off."""
