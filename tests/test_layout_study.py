@@ -7,7 +7,7 @@ import shlex
 import numpy as np
 import pytest
 
-from analytic import magnet, survey
+from analytic import decode, magnet, survey
 from analytic.inverse import uniqueness_margin
 from geometry.design import Design, paper
 from studies.inputs.option_groups import Basis
@@ -25,6 +25,7 @@ FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 @pytest.fixture
 def small(monkeypatch):
     """Coarse grids: what is said of them is tested, not how fine they are."""
+    monkeypatch.setattr(decode, "CELLS", (12, 12, 6))
     monkeypatch.setattr(layout_metrics, "COUNTS", (7, 7, 5))
     monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
     monkeypatch.setattr(layout_search, "STARTS", 2)

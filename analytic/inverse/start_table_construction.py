@@ -13,7 +13,7 @@ BOX = 1.5
 """Size of a folded cell's box over the range of its corners' readings: the fold bulges beyond the corners."""
 MAX_RATE = 0.7
 """Largest slope of q, 1, at which v = u - q(v) is iterated; it converges below 1, and slowly close to 1."""
-CHUNK = 256
+CHUNK = 2048
 """Number of cells that are binned at a time, so that their arrays stay in the processor's cache."""
 TENSOR_NORMS = np.array(
     [1, 1, 1, 1, 1, 1 / 2, 1 / 2, 1, 1 / 2, 1, 1, 1 / 3, 1 / 3, 1 / 3, 1 / 6, 1 / 3, 1, 1 / 3, 1 / 3, 1]
@@ -191,22 +191,26 @@ def _intersections(
     begin = np.stack([np.searchsorted(edges[k], low[cells, k]) for k in range(3)])
     stop = np.stack([np.searchsorted(edges[k], high[cells, k]) for k in range(3)])
     span = stop - begin + 1
-    count = span.prod(axis=0)
-    # one entry for each bin of each bounding box; `rest` counts the bins of a box in the order of their indices
+    # one entry for each column of bins along the third reading; `rest` counts a box's columns in order
+    count = span[0] * span[1]
     cell = np.repeat(np.arange(len(cells)), count)
     rest = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
-    k = begin[2, cell] + rest % span[2, cell]
-    rest //= span[2, cell]
-    bins = np.stack([begin[0, cell] + rest // span[1, cell], begin[1, cell] + rest % span[1, cell], k])
+    i, j = begin[0, cell] + rest // span[1, cell], begin[1, cell] + rest % span[1, cell]
+    first, last = begin[2, cell], stop[2, cell]
     centre, half = (all_edges[:, 1:] + all_edges[:, :-1]) / 2, np.diff(all_edges) / 2
-    for rows in maps[:, cells]:
-        row = rows[cell]
-        # u of the bin's centre, and the largest |u| at which the bin can still reach the slab
-        u, reach = row[:, 3].copy(), 0.5 + MARGIN
-        for axis, number in enumerate(bins):
-            u += row[:, axis] * centre[axis, number]
-            reach = reach + np.abs(row[:, axis]) * half[axis, number]
-        near = np.flatnonzero(np.abs(u) <= reach)
-        cell, bins = cell[near], bins[:, near]
-    index = (bins[0] * BINS + bins[1]) * BINS + bins[2]
-    return index.astype(np.int32), cells[cell].astype(np.int32)
+    lower, upper = all_edges[2, :-1], all_edges[2, 1:]
+    for a, b, c, constant in np.moveaxis(maps[:, cells][:, cell], 2, 1):
+        # u at the column's centre where the third reading is 0, and the largest |u| at which it can reach the slab
+        u = constant + a * centre[0, i] + b * centre[1, j]
+        reach = 0.5 + MARGIN + np.abs(a) * half[0, i] + np.abs(b) * half[1, j]
+        # u is linear along the column, which lies in the slab between two values of the third reading; these are
+        # infinite for a column parallel to the slab
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort((np.stack([-reach, reach]) - u) / c, axis=0)
+        first = np.maximum(first, np.searchsorted(upper, ends[0]))
+        last = np.minimum(last, np.searchsorted(lower, ends[1], side="right") - 1)
+    number = np.maximum(last - first + 1, 0)
+    column = np.repeat(np.arange(len(cell)), number)
+    k = np.arange(len(column)) - np.repeat(np.cumsum(number) - number - first, number)
+    index = (i[column] * BINS + j[column]) * BINS + k
+    return index.astype(np.int32), cells[cell[column]].astype(np.int32)
