@@ -296,17 +296,11 @@ def _number(value: float) -> str:
 
 def picture(path: Path, table: Sequence[Cell]) -> None:
     """Plot the error over the cost, one panel for each kind; a line joins the models that no other one dominates."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    from studies.output.atomic_files import atomic
-    from studies.output.table_plots import STYLE
+    from studies.output.table_plots import sheet
 
-    with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(13.0, 5.6), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 13.0, 5.6, dpi=150) as figure:
         axes = figure.subplots(1, len(KINDS), sharey=True)
         for axis, kind in zip(axes, KINDS, strict=True):
             _panel(axis, [cell for cell in table if cell.kind == kind and math.isfinite(cell.worst[0])])
@@ -320,7 +314,6 @@ def picture(path: Path, table: Sequence[Cell]) -> None:
         handles.append(Line2D([], [], color="#777777", linewidth=1, linestyle="--", label="not dominated"))
         handles.append(Line2D([], [], color="#777777", linewidth=1.2, marker="_", label="median to 95th percentile"))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-        figure.savefig(temporary, dpi=150)
 
 
 def _panel(axis: Any, cells: Sequence[Cell]) -> None:

@@ -13,8 +13,7 @@ from analytic import beam
 from studies.claims.beam_cells import QUANTITIES, Body, Cells, Columns, Kind, all_errors
 from studies.claims.beam_regions import best_levels
 from studies.claims.reading_split import PARTS, SplitMean
-from studies.output.atomic_files import atomic
-from studies.output.table_plots import COLOURS, STYLE
+from studies.output.table_plots import COLOURS, sheet
 
 BOUNDS = (-100, -50, -20, -10, -5, 5, 10, 20, 50, 100)
 """Bounds of the colours, %."""
@@ -101,14 +100,9 @@ def best_map(path: Path, table: Columns, grids: Sequence[Cells]) -> None:
 @contextlib.contextmanager
 def _panels(path: Path, rows: int, grids: Sequence[Cells]) -> Iterator[tuple[Any, list[list[Any]]]]:
     """Yield a figure with a column of panels for each height of the magnet, and write it at the end."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     columns = len({grid.body for grid in grids})
-    with mpl.rc_context({**STYLE, **SMALL, "axes.grid": False, "hatch.linewidth": 0.5}):
-        figure = Figure(figsize=(1.1 + 1.35 * columns, 0.9 + 1.45 * rows), layout="constrained")
-        FigureCanvasAgg(figure)
+    style = {**SMALL, "axes.grid": False, "hatch.linewidth": 0.5}
+    with sheet(path, 1.1 + 1.35 * columns, 0.9 + 1.45 * rows, dpi=200, style=style) as figure:
         panels = figure.subplots(rows, columns, squeeze=False)
         yield figure, panels.tolist()
         for row, line in enumerate(panels):
@@ -121,8 +115,6 @@ def _panels(path: Path, rows: int, grids: Sequence[Cells]) -> Iterator[tuple[Any
                     axis.set_xticklabels([])
                 if column:
                     axis.set_yticklabels([])
-        with atomic(path) as temporary:
-            figure.savefig(temporary, dpi=200)
 
 
 def _title(body: Body) -> str:
@@ -170,14 +162,8 @@ def _hatches(grids: Sequence[Cells]) -> list[Any]:
 
 def split_bars(path: Path, means: Sequence[SplitMean]) -> None:
     """Draw the parts of the readings' errors: a panel for each kind of load, a group of bars for each sensor."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     kinds = list(dict.fromkeys(row.load for row in means))
-    with mpl.rc_context({**STYLE, **SMALL}), atomic(path) as temporary:
-        figure = Figure(figsize=(7.5, 0.8 + 2.3 * len(kinds)), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 7.5, 0.8 + 2.3 * len(kinds), dpi=200, style=SMALL) as figure:
         for axis, load in zip(figure.subplots(len(kinds), 1, squeeze=False).ravel(), kinds, strict=True):
             own = [row for row in means if row.load == load]
             for k, (part, colour) in enumerate(zip(PARTS, COLOURS, strict=False)):
@@ -188,4 +174,3 @@ def split_bars(path: Path, means: Sequence[SplitMean]) -> None:
             axis.set(yscale="log", ylim=(0.1, 3000), ylabel="error (% of full scale)", title=load)
         axis.set_xlabel("height of the magnet, and L/D")
         figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
-        figure.savefig(temporary, dpi=200)

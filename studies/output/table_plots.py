@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,24 +31,31 @@ STYLE = {
 
 
 @contextlib.contextmanager
-def sheet(path: str | Path, width: float, height: float) -> Iterator[Any]:
-    """Yield a figure of a size in inches, and write it at the end; matplotlib's global state stays as it is."""
+def sheet(
+    path: str | Path, width: float, height: float, *, dpi: int = 300, style: Mapping[str, Any] | None = None
+) -> Iterator[Any]:
+    """Yield a figure of a size in inches, and write it at the end; matplotlib's global state stays as it is.
+
+    Parameters
+    ----------
+    style : settings of matplotlib besides `STYLE`.
+    """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context({**STYLE, **(style or {})}):
         layout = ConstrainedLayoutEngine()
         figure = Figure(figsize=(width, height), layout=layout)
         FigureCanvasAgg(figure)
         yield figure
-        figure.set_dpi(300)
+        figure.set_dpi(dpi)
         layout.execute(figure)
         # the layout is made once: savefig would draw everything an additional time for it
         figure.set_layout_engine("none")
         with atomic(path) as temporary:
-            figure.savefig(temporary, dpi=300, pil_kwargs={"compress_level": 2})
+            figure.savefig(temporary, dpi=dpi, pil_kwargs={"compress_level": 2})
 
 
 @contextlib.contextmanager

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from studies.output import atomic_files
-from studies.output.table_plots import ANALYTIC, COLOURS, FEM, STYLE
+from studies.output.table_plots import ANALYTIC, COLOURS, FEM, sheet
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -28,10 +27,7 @@ DECADES = 1e3
 
 def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
     """Plot condition number, sign of det J, multiplicity and noise over x and z: at y = 0, and the worst over y."""
-    import matplotlib as mpl
     import numpy as np
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -40,9 +36,7 @@ def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
     x, z = (np.linspace(coder.low[k], coder.high[k], n) for k, n in zip((0, 2), PLANE, strict=True))
     shift = np.stack(np.meshgrid(x, [0.0], z, indexing="ij")).reshape(3, -1)
     plane = survey.at_poses(coder, shift, np.ones(shift.shape[1]), (len(x), 1, len(z)), clearance=room)
-    with mpl.rc_context(STYLE | {"axes.grid": False}), atomic_files.atomic(path) as temporary:
-        figure = Figure(figsize=(7.0, 8.2), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 7.0, 8.2, style={"axes.grid": False}) as figure:
         axes = figure.subplots(4, 2, sharex=True, sharey=True)
         scales = _scales([plane, whole])
         for row, (name, (label, look)) in enumerate(scales.items()):
@@ -64,7 +58,6 @@ def maps(path: Path, coder: Decoder, whole: Survey, room: float = 0.0) -> None:
         axes[0, 0].set(xlim=x[[0, -1]], ylim=z[[0, -1]])
         states = [Patch(facecolor=c, edgecolor="#555555", linewidth=0.5, label=n) for n, c in STATES.items()]
         figure.legend(handles=states, loc="outside lower center", ncols=3, frameon=False)
-        figure.savefig(temporary, dpi=300)
 
 
 def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -127,15 +120,9 @@ def _draw(axis: Any, poses: Survey, name: str, look: dict[str, Any]) -> Any:
 
 def claim(path: Path, rows: Sequence[HeightRow], c: float) -> None:
     """Plot the ambiguous share of the workspace over c, for each magnet and form of the readings."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     magnets = sorted({(row.magnet_height_mm, row.l0_mm) for row in rows})
     forms = list(dict.fromkeys(row.readings for row in rows))
-    with mpl.rc_context(STYLE), atomic_files.atomic(path) as temporary:
-        figure = Figure(figsize=(7.0, 2.1 * len(magnets) + 0.9), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 7.0, 2.1 * len(magnets) + 0.9) as figure:
         axes = figure.subplots(len(magnets), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for axis, (height, l0) in zip(axes, magnets, strict=True):
             for form, colour, mark in zip(forms, COLOURS, "os^", strict=False):
@@ -150,4 +137,3 @@ def claim(path: Path, rows: Sequence[HeightRow], c: float) -> None:
         axes[-1].set_xlabel("height $c$ of S2 and S3 over S1 (mm); dotted: the given layout")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False)
-        figure.savefig(temporary, dpi=300)

@@ -193,12 +193,7 @@ def _close(formula: float | None, fem: float | None) -> bool:
 
 def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
     """Plot critical depth over L, and critical force over E D^2, against L/D."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from studies.output.atomic_files import atomic
-    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, STYLE
+    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, sheet
 
     solved = [row for row in rows if row.status == "ok"]
     x = [row.L_over_D for row in solved]
@@ -211,9 +206,7 @@ def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
         "euler": ("Euler, free tip", {"color": COLOURS[3], "linestyle": ":"}),
         "engesser": ("Engesser, free tip", {"color": COLOURS[4], "linestyle": "-."}),
     }
-    with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 9.0, 4.0, dpi=200) as figure:
         left, right = figure.subplots(1, 2, sharex=True)
         for name, (label, look) in looks.items():
             column = f"{name}_force_N" if "critical" in name else f"{name}_N"
@@ -231,7 +224,6 @@ def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
         right.minorticks_off()
         if right.lines:
             figure.legend(loc="outside upper center", ncols=3, frameon=False)
-        figure.savefig(temporary, dpi=200)
 
 
 def _over(value: float | None, scale: float) -> float:

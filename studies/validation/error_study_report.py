@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.output.atomic_files import atomic, write_text
+from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
 from studies.output.provenance import made
 from studies.output.records import FlatRow
@@ -107,16 +107,11 @@ def _cell(value: Any) -> str:
 
 def picture(path: Path, states: Sequence[ErrorState]) -> None:
     """Plot estimates over true errors of each quantity; between the two lines an estimate covers and is sharp."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    from studies.output.table_plots import STYLE
+    from studies.output.table_plots import sheet
 
-    with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 11.0, 6.4, dpi=200) as figure:
         grid = figure.subplots(2, -(-len(QUANTITIES) // 2), sharex=True, sharey=True)
         axes = grid.ravel().tolist()
         for axis, name in zip(axes, QUANTITIES, strict=False):
@@ -138,7 +133,6 @@ def picture(path: Path, states: Sequence[ErrorState]) -> None:
         # there is one panel more than quantities: it holds the legend
         small = {"fontsize": 9.5, "columnspacing": 1.0, "handlelength": 1.6}
         axes[-1].legend(handles=handles, loc="center", ncols=2, frameon=False, **small)
-        figure.savefig(temporary, dpi=200)
 
 
 def _colour_key(state: ErrorState) -> str:

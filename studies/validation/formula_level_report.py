@@ -157,16 +157,9 @@ PANELS: tuple[tuple[str, Callable[[Comparison, Errors], float | None]], ...] = (
 
 def picture(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Plot the error of each level over the depth: root mean square over designs and shears, logarithmic axis."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from studies.output.table_plots import COLOURS, sheet
 
-    from studies.output.atomic_files import atomic
-    from studies.output.table_plots import COLOURS, STYLE
-
-    with mpl.rc_context(STYLE), atomic(path) as temporary:
-        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
-        FigureCanvasAgg(figure)
+    with sheet(path, 11.0, 6.4, dpi=160) as figure:
         axes = figure.subplots(2, 3, sharex=True).ravel()
         for ax, (title, error) in zip(axes, PANELS, strict=True):
             for colour, level in zip(COLOURS, beam.LEVELS, strict=False):
@@ -182,4 +175,3 @@ def picture(path: Path, comparisons: Sequence[Comparison]) -> None:
         for ax in axes[::3]:
             ax.set_ylabel("error, rms (%)")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
-        figure.savefig(temporary, dpi=160)
