@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from geometry.base import Plan
 from geometry.design import Design
-from geometry.mold import pours, sizes
+from geometry.mold import Mold, pours, sizes
 from studies.fabrication.fabrication_rows import Cure, Dowels, FabricationRow, Recipe
 
 if TYPE_CHECKING:
@@ -181,8 +181,25 @@ def _printing(design: Design, choices: FabricationChoices, plan: Plan | None) ->
 
 def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> list[str]:
     m = choices.mold
+    steps = [*_first_pour(m), *_second_pour(design), _demoulding(m)]
+    larger = 100 * (1 / (1 - m.shrink) - 1)
+    return [
+        *_mixes(design, m),
+        "",
+        *(f"{k}. {step}" for k, step in enumerate(steps, 1)),
+        "",
+        *_temperatures(recipe),
+        (
+            f"Cavity and pin are {larger:.3g} % larger than the part, for {100 * m.shrink:g} % of linear shrinkage; the "
+            "fit of A on B is not scaled."
+        ),
+        "",
+    ]
+
+
+def _mixes(design: Design, m: Mold) -> list[str]:
+    """Return the table of what to mix for each pour."""
     count = m.columns * m.rows
-    volumes = [count * volume for volume in pours(design, m)]
     lines = [
         "## Cast",
         "",
@@ -192,65 +209,68 @@ def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> lis
         "| pour | stays in the parts (mL) | mix (mL) | mix (g) |",
         "|---|---:|---:|---:|",
     ]
-    for name, volume in zip(("first: the beam round the pin", "second: over the magnet"), volumes, strict=True):
+    for name, one in zip(("first: the beam round the pin", "second: over the magnet"), pours(design, m), strict=True):
+        volume = count * one
         if volume > 0:
             mix = (1 + WASTE) * volume + CUP
             lines.append(f"| {name} | {volume / 1e3:.3f} | {mix / 1e3:.2f} | {mix * design.density / 1e6:.2f} |")
-    mixing = (
-        "Mix the silicone's parts by its data sheet (Dragon Skin 30: 1 to 1), degas until it has risen and fallen."
-    )
-    release = "Spray release agent into B and onto A's underside and pin; let it dry."
-    steps = [release, mixing]
-    steps.append(
-        "Fill B to its rim, then press A on slowly, until the lid lies on the rim: air and surplus leave by the "
-        f"{m.vents} vents of each cavity."
-    )
-    steps.append("Degas again in the vacuum chamber; top up through the vents.")
-    steps.append("First cure: 16 h at room temperature, or in the oven at no more than the table below allows.")
-    opening = "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B."
-    if design.shape.has_magnet:
-        steps.append(opening)
-        steps.append(
+    return lines
+
+
+def _first_pour(m: Mold) -> list[str]:
+    """Return the steps from the empty mould to the cured beam, still in part B."""
+    return [
+        "Spray release agent into B and onto A's underside and pin; let it dry.",
+        "Mix the silicone's parts by its data sheet (Dragon Skin 30: 1 to 1), degas until it has risen and fallen.",
+        (
+            "Fill B to its rim, then press A on slowly, until the lid lies on the rim: air and surplus leave by the "
+            f"{m.vents} vents of each cavity."
+        ),
+        "Degas again in the vacuum chamber; top up through the vents.",
+        "First cure: 16 h at room temperature, or in the oven at no more than the table below allows.",
+        "Lift A straight up, a blade in the slot between skirt and foot. Leave the cast in B.",
+    ]
+
+
+def _second_pour(design: Design) -> list[str]:
+    """Return the steps that put the magnet into its pocket; none without a magnet."""
+    if not design.shape.has_magnet:
+        return []
+    # the mould holds the sensor upside down
+    down = design.magnet_north == "down"
+    north = "up, out of the mould: it points to the base" if down else "down, into the mould: it points to the tip"
+    return [
+        (
             "Wipe release agent out of the pocket with isopropanol. Degrease the magnet, coat it with a silane "
             "primer for platinum (addition-cure) silicone, and let it dry: silicone does not bond to nickel plating "
             "by itself, and the finite elements take magnet and silicone as bonded all round."
-        )
-        # the mould holds the sensor upside down
-        down = design.magnet_north == "down"
-        north = (
-            "up, out of the mould: it points to the base" if down else "down, into the mould: it points to the tip"
-        )
-        steps.append(
+        ),
+        (
             f"Glue the magnet ({design.magnet_diameter:g} x {design.magnet_height:g} mm) to the bottom of the "
             f"pocket with a drop of the same silicone, its north pole {north} later. Glues of tin-cured silicone or "
             "amine-cured epoxy keep platinum silicone from curing."
-        )
-        steps.append(
+        ),
+        (
             "Second pour: mix afresh, fill the pocket over the magnet, degas, and strike it off flush with B's rim, "
             "which is the base plane."
-        )
-        steps.append(
+        ),
+        (
             "Second cure, with the magnet: 16 h at room temperature, or in the oven at no more than the table below "
             "allows."
-        )
-    else:
-        steps.append(opening)
+        ),
+    ]
+
+
+def _demoulding(m: Mold) -> str:
+    """Return the step that takes the cast out of part B."""
     out = "take the halves of B apart sideways" if m.split else "pull the cast straight up out of B"
-    steps.append(
-        f"Cut the nubs of the vents, and {out}" + (" (first cut the nub of the tip)." if m.tip_vent else ".")
+    step = f"Cut the nubs of the vents, and {out}" + (" (first cut the nub of the tip)." if m.tip_vent else ".")
+    if m.split:
+        return step
+    return (
+        f"{step} The cavity has no draft, for it is the beam: pulled, silicone thins and lets go of the wall. Where "
+        "it sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
     )
-    if not m.split:
-        steps[-1] += (
-            " The cavity has no draft, for it is the beam: pulled, silicone thins and lets go of the wall. Where it "
-            "sticks, soapy water or air down the wall helps, or a mould made with `--mold split=1`."
-        )
-    lines += ["", *(f"{k}. {step}" for k, step in enumerate(steps, 1)), ""]
-    lines += _temperatures(recipe)
-    shrink = (
-        f"Cavity and pin are {100 * (1 / (1 - m.shrink) - 1):.3g} % larger than the part, for {100 * m.shrink:g} %"
-    )
-    lines += [f"{shrink} of linear shrinkage; the fit of A on B is not scaled.", ""]
-    return lines
 
 
 def _temperatures(recipe: Recipe) -> list[str]:

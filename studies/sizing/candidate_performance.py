@@ -105,42 +105,35 @@ def performance(
     moduli = (low,) if (low == high).all() else (low, high)
     poses = [_poses(variants, press, shear, E, force_z, force_x, grid, sheared=sheared) for E in moduli]
     reader = NominalReader(variants) if reader is None else reader
-    figures = [decoding(reader, each, len(variants)) for each in poses]
-    resolution = np.max([each[0] for each in figures], axis=0)
-    signed_det, distinct = (np.min([each[i] for each in figures], axis=0) for i in (1, 2))
-    rails = [reader.rail_margin(each.shift, each.tilt).reshape(len(D), -1).min(axis=1) for each in poses]
+    figures = _reading_figures(reader, poses, len(variants))
     bounds = _Bounds(D, reader, press, lower(critical.value, critical.half_width, caution), requirements, caution)
     deepest, range_z = bounds.range(low * unit)
     end = ends[:, :1]
     pressed = press.at("strain", end)[:, 0], press.half_width("strain", end)[:, 0]
     strain, strain_width = _largest_strain(shear, *pressed, sheared=sheared)
     width = press.half_width("force", deepest[:, None])[:, 0] * low * unit
-    modes = np.array(
-        [frequency_unit(*values) for values in zip(D.tolist(), low.tolist(), density.tolist(), strict=True)]
-    )
+    frequency = np.array([frequency_unit(*row) for row in np.stack([D, low, density], axis=1).tolist()])
     size, total, wall = lengths(variants, requirements)
-    reached = shear.values["force_x"][:, -1, -1] * low * unit
-    capped = shear.shear[:, -1, -1] >= 0.999 * farthest
     result = Performance(
         range_z=range_z,
         range_z_half_width=width,
         reach=press.at("force", press.deepest[:, None])[:, 0] * low * unit,
-        range_x=np.where(capped, np.minimum(reached, force_x), force_x),
+        range_x=_range_x(shear, low * unit, farthest, force_x),
         depth=ends[:, 0],
         depth_stiff=ends[:, 1],
         range_depth=deepest,
         shears=shear.shear[:, :, -1],
-        resolution_z=resolution[:, 2],
-        resolution_x=np.maximum(resolution[:, 0], resolution[:, 1]),
+        resolution_z=figures.resolution[:, 2],
+        resolution_x=figures.resolution[:, :2].max(axis=1),
         strain=strain,
         strain_half_width=strain_width,
         critical=critical.value,
         critical_half_width=critical.half_width,
-        first_mode=mode.value * modes,
-        first_mode_half_width=mode.half_width * modes,
-        saturation=np.min(rails, axis=0),
-        decoding=signed_det,
-        distinct=distinct,
+        first_mode=mode.value * frequency,
+        first_mode_half_width=mode.half_width * frequency,
+        saturation=figures.rail_margin,
+        decoding=figures.signed_det,
+        distinct=figures.distinct,
         clearance=_clearance(variants, poses[0], ends[:, 0] * D),
         outer_size=size,
         height=total,
@@ -148,6 +141,31 @@ def performance(
         margins={},
     )
     return dataclasses.replace(result, margins=margins(result, requirements, caution))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReadingFigures:
+    """Figures of the readings of n variants at the worst pose and modulus, see `Performance`.
+
+    Attributes
+    ----------
+    resolution : along x, y and z, N, shape (n, 3).
+    signed_det, distinct, rail_margin : `decoding`, `distinct` and `saturation`, shape (n,).
+    """
+
+    resolution: Array
+    signed_det: Array
+    distinct: Array
+    rail_margin: Array
+
+
+def _reading_figures(reader: Reader, poses: Sequence[Loaded], count: int) -> _ReadingFigures:
+    """Return the figures of the readings at poses for each modulus."""
+    resolution, signed_det, distinct = zip(*(decoding(reader, each, count) for each in poses), strict=True)
+    rails = [reader.rail_margin(each.shift, each.tilt).reshape(count, -1).min(axis=1) for each in poses]
+    return _ReadingFigures(
+        np.max(resolution, axis=0), np.min(signed_det, axis=0), np.min(distinct, axis=0), np.min(rails, axis=0)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,6 +266,13 @@ def _poses(
         (aside * D[:, None]).ravel(),
         np.tile(np.radians(azimuth), len(D)),
     )
+
+
+def _range_x(shear: ShearCurves, unit: Array, farthest: Array, force_x: Array) -> Array:
+    """Return the required sideways force, or the reached one where a shear ends at the farthest that is known, N."""
+    reached = shear.values["force_x"][:, -1, -1] * unit
+    capped = shear.shear[:, -1, -1] >= 0.999 * farthest
+    return np.where(capped, np.minimum(reached, force_x), force_x)
 
 
 def _largest_strain(shear: ShearCurves, pressed: Array, width: Array, *, sheared: bool) -> tuple[Array, Array]:
