@@ -38,6 +38,16 @@ class Branches:
         """Long-term over instantaneous modulus."""
         return 1 - float(self.shares.sum())
 
+    @property
+    def long_term(self) -> float:
+        """Long-term modulus over E."""
+        return self.instantaneous * self.rest
+
+    @property
+    def moduli(self) -> Array:
+        """Moduli of the branches over E, (b,)."""
+        return self.instantaneous * self.shares
+
 
 @dataclass(frozen=True, slots=True)
 class PointState:
@@ -76,29 +86,27 @@ class LinearHistory:
         """Return what a step of length dt, s, adds."""
         own = self.branches
         e, w = laws.decay(dt / own.times)
-        H = np.tensordot(e, self.Q, axes=1) - own.instantaneous * float(own.shares @ w) * self.S
-        return Overstress(own.instantaneous * (own.rest + float(own.shares @ w)), H)
+        risen = float(own.moduli @ w)
+        return Overstress(own.long_term + risen, np.tensordot(e, self.Q, axes=1) - risen * self.S)
 
     def advance(self, now: PointState, dt: float) -> LinearHistory:
         """Return the history after a step to a state."""
         own = self.branches
         e, w = laws.decay(dt / own.times)
-        gained = np.multiply.outer(own.instantaneous * own.shares * w, now.S - self.S)
+        gained = np.multiply.outer(own.moduli * w, now.S - self.S)
         gained += e[:, None, None, None, None] * self.Q
         return replace(self, Q=gained, S=now.S)
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
-        own = self.branches
-        energy = own.instantaneous * own.rest * now.W
-        for share, Q in zip(own.shares, self.Q, strict=True):
-            energy = energy + laws.overstress_energy(Q, now.C, own.instantaneous * share * now.mu)
+        energy = self.branches.long_term * now.W
+        for modulus, Q in zip(self.branches.moduli, self.Q, strict=True):
+            energy = energy + laws.overstress_energy(Q, now.C, modulus * now.mu)
         return now.integral(energy)
 
     def stress(self, now: PointState) -> Array:
         """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
-        elastic = self.branches.instantaneous * self.branches.rest * now.S
-        return np.asarray(elastic + self.Q.sum(axis=0))
+        return np.asarray(self.branches.long_term * now.S + self.Q.sum(axis=0))
 
     def revolve(self, angles: int) -> LinearHistory:
         """Return the history of a section without angles at several angles."""
@@ -115,45 +123,41 @@ class FiniteHistory:
 
     def overstress(self, dt: float) -> Overstress:
         """Return what a step of length dt, s, adds."""
-        own = self.branches
-        steps = (laws.viscous_step(Ci, self.Cbar, dt / tau) for Ci, tau in zip(self.viscous, own.times, strict=True))
         branches = tuple(
-            ViscousBranch(A, b, own.instantaneous * float(share))
-            for (A, b), share in zip(steps, own.shares, strict=True)
+            ViscousBranch(A, b, float(modulus))
+            for (A, b), modulus in zip(self._steps(dt), self.branches.moduli, strict=True)
         )
-        return Overstress(own.instantaneous * own.rest, branches=branches)
+        return Overstress(self.branches.long_term, branches=branches)
 
     def advance(self, now: PointState, dt: float) -> FiniteHistory:
         """Return the history after a step to a state."""
-        Cbar, own = now.J ** (-2 / 3) * now.C, self.branches
-        viscous = [
-            laws.viscous_strain(*laws.viscous_step(Ci, self.Cbar, dt / tau), Cbar)
-            for Ci, tau in zip(self.viscous, own.times, strict=True)
-        ]
+        Cbar = now.J ** (-2 / 3) * now.C
+        viscous = [laws.viscous_strain(A, b, Cbar) for A, b in self._steps(dt)]
         return replace(self, viscous=np.array(viscous).reshape(self.viscous.shape), Cbar=Cbar)
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
-        own = self.branches
-        energy = own.instantaneous * own.rest * now.W
-        for share, Ci in zip(own.shares, self.viscous, strict=True):
+        energy = self.branches.long_term * now.W
+        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
             stretch = laws.contract(self.Cbar, laws.inverse(Ci)) - 3
-            energy = energy + own.instantaneous * share * now.mu / 2 * stretch
+            energy = energy + modulus * now.mu / 2 * stretch
         return now.integral(energy)
 
     def stress(self, now: PointState) -> Array:
         """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""
-        own = self.branches
-        S = own.instantaneous * own.rest * now.S
-        for share, Ci in zip(own.shares, self.viscous, strict=True):
+        S, still = self.branches.long_term * now.S, np.zeros(now.J.shape)
+        for modulus, Ci in zip(self.branches.moduli, self.viscous, strict=True):
             # a step of length 0 leaves C_i as it is
-            S = (
-                S
-                + laws.branch_stress(
-                    Ci, np.zeros(now.J.shape), now.C, now.J, own.instantaneous * share * now.mu, tangent=False
-                )[1]
-            )
+            _, own, _ = laws.branch_stress(Ci, still, now.C, now.J, modulus * now.mu, tangent=False)
+            S = S + own
         return S
+
+    def _steps(self, dt: float) -> list[tuple[Array, Array]]:
+        """Return A and b of each branch after a step of length dt, s, as `viscoelasticity.viscous_step`."""
+        return [
+            laws.viscous_step(Ci, self.Cbar, dt / tau)
+            for Ci, tau in zip(self.viscous, self.branches.times, strict=True)
+        ]
 
     def revolve(self, angles: int) -> FiniteHistory:
         """Return the history of a section without angles at several angles."""

@@ -190,8 +190,8 @@ def _casting(design: Design, choices: FabricationChoices, recipe: Recipe) -> lis
         "",
         *_temperatures(recipe),
         (
-            f"Cavity and pin are {larger:.3g} % larger than the part, for {100 * m.shrink:g} % of linear shrinkage; the "
-            "fit of A on B is not scaled."
+            f"Cavity and pin are {larger:.3g} % larger than the part, for {100 * m.shrink:g} % of linear shrinkage; "
+            "the fit of A on B is not scaled."
         ),
         "",
     ]
