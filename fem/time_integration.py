@@ -157,38 +157,58 @@ def march(path: TimedPath, segment: Segment, limits: Limits) -> Iterator[Stop]:
     longest = min(_longest_motion(path, segment) / speed if speed else math.inf, limits.longest)
     while path.state.time < segment.end:
         increment_watch.report(0.0)
-        state, left = path.state, segment.end - path.state.time
+        left = segment.end - path.state.time
         # equal last steps are better than one long and one tiny step
-        dt = left / math.ceil(left / min(path.next_step, longest) * (1 - 1e-9))
-        target = segment.goal + (dt - left) * segment.velocity if dt < left else segment.goal
-        tried = time_steps.advance(path.solver, state, target, dt, path.stiffness)
+        count = math.ceil(left / min(path.next_step, longest) * (1 - 1e-9))
+        # the error of a first step is known after the second one, so both are tried before the first one is accepted
+        pair = not path.state.past and len(path.state.errors) > 0
+        dt = left / max(count, 2 if pair else 1)
+        tried = _tried(path, segment, dt, 2 if pair else 1)
         if isinstance(tried, str):
-            path.state, path.next_step = replace(state, past=()), dt / 2
+            path.state, path.next_step = replace(path.state, past=()), dt / 2
             if path.next_step < limits.shortest:
                 yield tried
                 return
             continue
-        path.iterations += tried.iterations
-        if not _choose_next_step(path, tried, dt, limits):
+        if pair:
+            tried[0] = time_steps.with_error_of_first(path.state, *tried)
+        if not _choose_next_step(path, tried[0] if pair else path.state, tried[-1], dt, limits):
             continue
-        path.state = replace(tried, time=segment.end) if dt >= left * (1 - 1e-12) else tried
-        path.steps += 1
-        yield ""
+        for state in tried:
+            last = segment.end - state.time <= dt * 1e-9
+            path.state = replace(state, time=segment.end) if last else state
+            path.steps += 1
+            yield ""
 
 
-def _choose_next_step(path: TimedPath, tried: ViscousState, dt: float, limits: Limits) -> bool:
+def _tried(path: TimedPath, segment: Segment, dt: float, count: int) -> list[ViscousState] | Stop:
+    """Return the states after each of some equal steps, or why there are none."""
+    states: list[ViscousState] = []
+    for _ in range(count):
+        state = states[-1] if states else path.state
+        left = segment.end - state.time - dt
+        target = segment.goal - left * segment.velocity if left > dt * 1e-9 else segment.goal
+        tried = time_steps.advance(path.solver, state, target, dt, path.stiffness)
+        if isinstance(tried, str):
+            return tried
+        path.iterations += tried.iterations
+        states.append(tried)
+    return states
+
+
+def _choose_next_step(path: TimedPath, before: ViscousState, tried: ViscousState, dt: float, limits: Limits) -> bool:
     """Set the length of the next step after one of length dt, and return whether that one is accurate enough."""
-    state = path.state
-    decayed = np.exp(-dt / state.history.branches.times) * state.errors
+    decayed = np.exp(-dt / before.history.branches.times) * before.errors
     gained = float(np.abs(tried.errors - decayed).sum())
     whole = limits.error / time_steps.CERTAINTY * max(tried.largest, path.least_force)
     allowed = max(LEAST_BUDGET * whole, BUDGET * (whole - float(np.abs(decayed).sum())))
     ratio = GROWTH if gained == 0 else (SAFETY * allowed / gained) ** (1 / 3)
-    known = len(state.past) > 1
-    if gained > allowed and known and dt / 2 > limits.shortest:
+    if gained > allowed and dt / 2 > limits.shortest:
         path.next_step = max(LEAST, min(ratio, 0.9)) * dt
         return False
-    path.next_step = min(GROWTH, max(LEAST, ratio)) * dt if known else max(path.next_step, dt)
+    # after the first two steps of a motion a third one of their length, from which the energies are integrated well
+    growth = GROWTH if len(before.past) > 1 else 1.0
+    path.next_step = min(growth, max(LEAST, ratio)) * dt
     return True
 
 

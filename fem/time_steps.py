@@ -174,6 +174,13 @@ def advance(solver: Solver, state: ViscousState, position: Array, dt: float, sti
     return _accept(state, after, points, dt, other, iterations)
 
 
+def with_error_of_first(before: ViscousState, first: ViscousState, second: ViscousState) -> ViscousState:
+    """Return the first state of a smooth motion with its error, which only a second, equal step can tell."""
+    kept = np.exp((before.time - first.time) / before.history.branches.times)
+    gained = (second.errors - kept**2 * before.errors) / (1 + kept)
+    return replace(first, errors=kept * before.errors + gained)
+
+
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:
     """Return first guesses of the unknowns and of the points in contact: extrapolated in time, and the last state."""
     path = state.path

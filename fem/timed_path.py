@@ -2,7 +2,8 @@
 
 The plate moves linearly in time from load to load. The silicone has the branches of its design
 (`geometry.relaxation`), by one of the two laws of `fem.viscoelasticity`; a step is described in `fem.time_steps`. The
-steps are chosen so that the estimated error of the force stays near or below `tolerance` of the largest force so far.
+steps are chosen so that the estimated error of the force stays below `tolerance` of the largest force so far; the
+first two steps of a motion are equal and accepted together, as their error is known after the second one.
 Beside the steps, the errors of the mesh remain, and with Coulomb friction those of slip within an increment, which is
 bounded as in a static path. Sheared at the default steps, the paper's sensor with friction 0.3 is within 2e-4 of the
 largest force of a path with four times as many steps, two other designs (a softer one with friction 0.15, one of loss

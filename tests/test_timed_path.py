@@ -54,6 +54,13 @@ def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw) -> None:
         assert error < state.time_error + 2e-6
 
 
+def test_errors_stay_below_the_tolerance_from_the_first_step_on() -> None:
+    states = list(follow(SOFT, [TimedLoad(1, Load(0.5))], COARSE, tolerance=1e-4, every_step=True))
+    errors = [state.time_error for state in states]
+    assert 0 < errors[0] < 1e-4
+    assert max(errors) < 1e-4
+
+
 def test_shorter_steps_have_errors_of_second_order() -> None:
     def at_shear(step: float) -> float:
         accuracy = replace(COARSE, harmonics=1)
