@@ -51,6 +51,8 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
         (["--speed", "0"], "--speed must be above 0 mm/s"),
         (["--frequency", "1e6"], "the branches speak for"),
         (["--speed", "1", "--hold", "100"], "not for 100 s"),
+        (["--speed", "1", "--shear", "0.5", "--friction", "0"], "give stick or a coefficient above 0; got 0"),
+        (["--speed", "1", "--shear", "1000"], "got 1000 mm"),
         (["--speed", "1", "--tolerance", "2"], "--tolerance must be above 0 and below 1"),
         (["--speed", "1", "--gap", "0"], "--gap must be above 0 and below 100 percent of full scale; got 0"),
         (["--speed", "1", "--gap", "5", "--set", "prony=0:0.01 0.2:1 0:100"], "the design has measured branches"),

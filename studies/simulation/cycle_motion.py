@@ -59,8 +59,8 @@ class Motion:
             raise BadInput(f"--hold must be a time of 0 s or more; got {self.hold:g}")
         if not math.isfinite(self.shear):
             raise BadInput(f"--shear must be a finite number of mm; got {self.shear:g}")
-        if self.shear and self.friction == "none":
-            raise BadInput("a shear needs friction: leave out --friction none, or give stick or a coefficient")
+        if self.shear and self.friction in ("none", 0):
+            raise BadInput(f"a shear needs friction: give stick or a coefficient above 0; got {self.friction}")
 
     @property
     def stroke(self) -> float:

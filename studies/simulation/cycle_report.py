@@ -346,7 +346,7 @@ def difference(first: Cycles, second: Cycles) -> str:
 
 
 def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:
-    """Write the states and loops of all laws, and a picture of the first one."""
+    """Write the states and loops of all laws, and their picture."""
     from studies.simulation import cycle_plot
 
     write_table(
@@ -357,4 +357,4 @@ def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:
     write_table(
         folder / "loops.csv", [{"law": one.law} | row.row() for one in results for row in one.loops], digits=9
     )
-    cycle_plot.draw(folder / "cycle.png", motion, results[0].states)
+    cycle_plot.draw(folder / "cycle.png", motion, *(one.states for one in results))

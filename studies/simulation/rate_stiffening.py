@@ -93,14 +93,15 @@ def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | No
         return "no press was solved, so the force at this rate is not known"
     last = solved[-1]
     change, depth = last["fem_force_at_rate_change_percent"], last["depth_mm"]
+    beside = f"{abs(change):.1f} % {'above' if change >= 0 else 'below'}"
     which = "at rest" if design.modulus == "long-term" else "with the instantaneous modulus"
     if frequency is not None:
         loss = float(relaxation.loss_factor(2 * math.pi * frequency))
         return (
-            f"in small vibrations at {frequency:g} Hz the forces in phase are {change:+.1f} % off those {which}, and "
+            f"in small vibrations at {frequency:g} Hz the forces in phase are {beside} those {which}, and "
             f"the loss factor is {loss:.3g} (columns at_rate, without inertia; magtip response has it)"
         )
     return (
         f"pressed at {speed:g} mm/s to {depth:g} mm the force is {last['fem_force_at_rate_N']:.4g} N, "
-        f"{change:+.1f} % off that {which} (columns at_rate, by superposition; magtip cycle solves for it)"
+        f"{beside} that {which} (columns at_rate, by superposition; magtip cycle solves for it)"
     )
