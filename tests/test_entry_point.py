@@ -141,6 +141,9 @@ def test_bad_input_is_one_sentence(run, tmp_path, tokens):
         (("design", "paper", "--set", "magnet_hieght=3"), "did you mean magnet_height?"),
         (("solve", "paper", "--depth", 1, "--accuracy", "best"), '"quick", "standard", "fine"'),
         (("solve", "paper", "--depth", 7.5), "less than 7 mm, the silicone"),
+        (("solve",), "solve needs DESIGN: add it behind the verb"),
+        (("analytic", "paper"), "analytic needs --depth: add --depth and its value"),
+        (("cad", "paper", "--axis", "--out", "m"), "cad: --axis needs a value"),
     ],
 )
 def test_remedies(run, tokens, part):

@@ -291,6 +291,7 @@ def test_a_count_may_be_written_as_any_whole_number():
         (("--mold", "vents=2.5"), "vents must be a whole number"),
         (("--mold", "process=sla"), "give --process"),
         (("--base", "thickness=2"), "thickness must be at least 3.27 mm"),
+        (("--base", "outer=3"), "outer must be at least 17.7"),
         (("--process", "cnc"), '"fdm"'),
         (("--tolerance", "0"), "tolerance must lie between"),
         (("--tolerance", "1e-5"), "tolerance must be at least D/100000 = 8e-05 mm"),

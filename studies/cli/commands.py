@@ -13,7 +13,15 @@ import os
 import re
 import sys
 
-from cyclopts import App, CycloptsError, Group, Parameter, UnknownOptionError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from geometry.design import BadInput
 from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
@@ -118,6 +126,15 @@ def _unknown(error: UnknownOptionError) -> str:
     return f"there is no option {option}{f': {remedy}' if known else ''}"
 
 
+def _missing(error: MissingArgumentError) -> str:
+    """Return the message for a required argument that is missing, or for an option without its value."""
+    verb = " ".join(error.command_chain or ())
+    if error.keyword is not None or error.argument is None:
+        return f"{verb}: {error.keyword} needs a value: add it behind the option"
+    name = error.argument.name
+    return f"{verb} needs {name}: add {f'{name} and its value' if name.startswith('--') else 'it behind the verb'}"
+
+
 def _unused(error: UnusedCliTokensError) -> str:
     """Return the message for values that belong to no option and are not the verb's positional argument."""
     verb, chain = app, error.command_chain or ()
@@ -145,6 +162,9 @@ def run(tokens: list[str] | None = None) -> int:
             sys.stdout.flush()
     except UnknownOptionError as error:
         console.say(f"magtip: {_unknown(error)}")
+        return BAD
+    except MissingArgumentError as error:
+        console.say(f"magtip: {_missing(error)}")
         return BAD
     except UnusedCliTokensError as error:
         console.say(f"magtip: {_unused(error)}")

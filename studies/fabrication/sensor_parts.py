@@ -62,12 +62,14 @@ def build(
     BadInput
         A choice is impossible for this design, or the folder cannot be used.
     """
-    from geometry import mold
+    from geometry import base, mold
     from geometry.fabrication import hall_bodies
     from studies.fabrication import assembly_picture
 
-    # impossible choices are refused before the folder is made
+    # impossible choices are refused before the folder is made and the CAD kernel is loaded
     mold.sizes(design, choices.mold)
+    if choices.base != base.Base():
+        base.plan(design, choices.base, choices.mold.process)
     facet_tolerance(design, choices)
     with atomic_files.filled(out) as folder, atomic_files.staged(folder) as stage, contextlib.ExitStack() as stack:
         refuse_foreign(folder / RECIPE)
