@@ -15,6 +15,7 @@ from fem.discretisation.viscous_history import Branches
 from fem.scene import Scene
 from fem.solvers import increment_watch, load_increments
 from fem.solvers.direct_solver import Solver
+from fem.solvers.kept_tangent import KeptTangent
 from fem.solvers.load_case_models import PathModels, path_models
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import Stop
@@ -81,7 +82,7 @@ class TimedPath:
         # the mesh is that of the deepest load; states that carry less are read on the same mesh
         loads = tuple(load for load in scene.loads if load.depth == deepest)
         models = path_models(replace(scene, loads=loads))
-        self.scene, self.models, self.solver = scene, models, Solver()
+        self.scene, self.models, self.kept = scene, models, KeptTangent(Solver())
         self._path = _static_path(scene, models, kappa)
         state = self._path.state
         R, depth = scene.shape.R, deepest / scene.design.D
@@ -102,14 +103,15 @@ class TimedPath:
         self._path.restart(self.state.path)
         self._path.begin_shear()
         after = self._path.state
+        self.kept.drop()
         if after.d is not self.state.path.d:
-            self.solver.close()
-            self.solver = Solver()
+            self.kept.solver.close()
+            self.kept = KeptTangent(Solver())
         self.state = time_steps.raised(self.state, replace(after, reduced=None))
 
     def close(self) -> None:
         """Free the memory of the factorisations."""
-        self.solver.close()
+        self.kept.solver.close()
         self._path.close()
 
     def reached_load(self, load: Load) -> Load:
@@ -188,7 +190,7 @@ def _tried(path: TimedPath, segment: Segment, dt: float, count: int) -> list[Vis
         state = states[-1] if states else path.state
         left = segment.end - state.time - dt
         target = segment.goal - left * segment.velocity if left > dt * 1e-9 else segment.goal
-        tried = time_steps.advance(path.solver, state, target, dt, path.stiffness)
+        tried = time_steps.advance(path.kept, state, target, dt, path.stiffness)
         if isinstance(tried, str):
             return tried
         path.iterations += tried.iterations
@@ -220,7 +222,7 @@ def _jump(path: TimedPath, segment: Segment) -> Iterator[Stop]:
         increment_watch.report(0.0)
         ahead = 1.0 if 1 - place <= 1.001 * step else place + step
         target = segment.start + ahead * (segment.goal - segment.start) if ahead < 1 else segment.goal
-        tried = time_steps.advance(path.solver, path.state, target, 0.0, path.stiffness)
+        tried = time_steps.advance(path.kept, path.state, target, 0.0, path.stiffness)
         if isinstance(tried, str):
             step = (ahead - place) / 2
             if step < SHORTEST_SHARE:

@@ -9,6 +9,7 @@ that touch within a step.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +49,7 @@ class TimeIntegral:
         products[-1] = [np.vdot(x, one) for one in Y]
         products[:-1, -1] = [np.vdot(one, y) for one in X[:-1]]
         whole = self.base is not None and len(self.times) < SAMPLES
-        weights = product_weights(np.array(times), 0 if whole else len(times) - 2)
+        weights = product_weights(times, 0 if whole else len(times) - 2)
         before = self.base if whole and self.base is not None else self.total
         return TimeIntegral(
             times, X, Y, products, self.base if whole else None, before + float(np.vdot(weights, products))
@@ -60,23 +61,23 @@ def begin(time: float, x: Array, y: Array, total: float = 0.0) -> TimeIntegral:
     return TimeIntegral((time,), (x,), (y,), np.array([[np.vdot(x, y)]]), total, total)
 
 
-def product_weights(times: Array, first: int) -> Array:
+@functools.lru_cache(maxsize=4)
+def product_weights(times: tuple[float, ...], first: int) -> Array:
     """Return w_ab = int L_a dL_b/dt dt from sample `first` to the last one, with Lagrange's polynomials of the times.
 
     Parameters
     ----------
-    times : (k,) increasing.
+    times : k times, increasing.
 
     Returns
     -------
     Array
         (k, k); exact for polynomials of degree k - 1.
 
-    >>> product_weights(np.array([0.0, 2.0]), 0).tolist()
+    >>> product_weights((0.0, 2.0), 0).tolist()
     [[-0.5, 0.5], [-0.5, 0.5]]
     """
-    length = times[-1] - times[0]
-    at = (times - times[0]) / length
+    at = (np.array(times) - times[0]) / (times[-1] - times[0])
     # coefficients (power, a) of the polynomials
     lagrange = np.linalg.inv(np.vander(at, increasing=True))
     points, weights = np.polynomial.legendre.leggauss(len(at))

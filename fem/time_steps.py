@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from fem import time_quadrature, viscoelasticity
 from fem.contact import coulomb_friction, plate_contact
+from fem.contact.plate_contact import Plate
 from fem.discretisation import viscous_history
 from fem.discretisation.nonlinear_system import System
 from fem.discretisation.viscous_history import History, PointState
 from fem.results.postprocess import tip_force
-from fem.solvers.direct_solver import Solver
+from fem.solvers.kept_tangent import KeptTangent, newton_near
 from fem.solvers.load_increments import find_equilibrium, least_J
-from fem.solvers.newton import Stop
+from fem.solvers.newton import Equilibrium, Stop
 from fem.solvers.path_state import FIRST_TOUCH, PathState
 from fem.time_quadrature import TimeIntegral
 from geometry.arrays import Array
@@ -95,9 +96,15 @@ def measure(system: System, u: Array) -> PointState:
     return viscous_history.measure(system.elements, system.law, system.mu, u)
 
 
+def _first_measure(path: PathState) -> PointState:
+    """Return `measure` of the first state of a system, which prepares the compiled loops that all steps share."""
+    path.d.system.admissible(path.q)
+    return measure(path.d.system, path.u)
+
+
 def at_rest(path: PathState, history: History) -> ViscousState:
     """Return the state at time 0 of a path at rest."""
-    points = measure(path.d.system, path.u)
+    points = _first_measure(path)
     errors, none = np.zeros(len(history.branches.times)), time_quadrature.begin(0.0, np.zeros(3), np.zeros(3))
     return ViscousState(path, history, points, 0.0, np.zeros(3), errors, work=none, absorbed=none)
 
@@ -106,7 +113,7 @@ def raised(state: ViscousState, path: PathState) -> ViscousState:
     """Return the state with the path state of a model that may have harmonics, before a shear."""
     angles, before = len(path.d.elements.angles.theta), state.points.J.shape[0]
     history = state.history if angles == before else state.history.revolve(angles)
-    return replace(state, path=path, history=history, points=measure(path.d.system, path.u), past=(), strain=None)
+    return replace(state, path=path, history=history, points=_first_measure(path), past=(), strain=None)
 
 
 def with_stiffness(path: PathState, stiffness: float) -> PathState:
@@ -127,11 +134,14 @@ def begin_motion(state: ViscousState, direction: Array) -> ViscousState:
     return replace(state, axis=axis, strain=None, errors=np.zeros_like(state.errors), largest=0.0)
 
 
-def advance(solver: Solver, state: ViscousState, position: Array, dt: float, stiffness: float) -> ViscousState | Stop:
+def advance(
+    kept: KeptTangent, state: ViscousState, position: Array, dt: float, stiffness: float
+) -> ViscousState | Stop:
     """Return the state at a position (3,) after a time dt, s, or why there is none.
 
     Parameters
     ----------
+    kept : tangent of an earlier step.
     stiffness : of the plate's springs, over E / D.
     """
     path = state.path
@@ -145,7 +155,7 @@ def advance(solver: Solver, state: ViscousState, position: Array, dt: float, sti
         if path.friction is not None:
             moved = plate_contact.displacements_along_plate(path.skin, system.state(guess).u, plate)
             plate = replace(plate, friction=coulomb_friction.expect_motion(path.friction, moved))
-        answer = find_equilibrium(solver, stepped, guess, plate, pressed)
+        answer = _solve(kept, stepped, guess, plate, pressed, near=bool(state.past))
         iterations += answer.iterations
         if answer.converged:
             break
@@ -179,6 +189,19 @@ def with_error_of_first(before: ViscousState, first: ViscousState, second: Visco
     kept = np.exp((before.time - first.time) / before.history.branches.times)
     gained = (second.errors - kept**2 * before.errors) / (1 + kept)
     return replace(first, errors=kept * before.errors + gained)
+
+
+def _solve(
+    kept: KeptTangent, path: PathState, guess: Array, plate: Plate, pressed: NDArray[np.bool_] | None, *, near: bool
+) -> Equilibrium:
+    """Return the equilibrium of a step; `near`: the step before, of the same motion, had nearly its tangent."""
+    # under a grip nothing touches, and friction keeps a stiffness of its own
+    if near and pressed is not None and plate.friction is None and not path.unstable:
+        answer = newton_near(kept, path.d.system, guess, plate, pressed)
+        if answer is not None:
+            return answer
+    kept.drop()
+    return find_equilibrium(kept.solver, path, guess, plate, pressed, near=near)
 
 
 def _guesses(state: ViscousState, position: Array, dt: float) -> list[tuple[Array, NDArray[np.bool_] | None]]:

@@ -192,15 +192,22 @@ def dissipation_rate(viscous: Array, C: Array, J: Array, mu: Array, tau: float) 
     return np.asarray(mu / (2 * tau) * (square - np.einsum("ii...->...", M) ** 2 / 3))
 
 
-def overstress_energy(Q: Array, C: Array, mu: Array) -> Array:
-    """Return the energy per volume that an overstress Q (6, ...) of the law "prony" stores, |dev F Q F^T|^2 / (4 mu).
+def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
+    """Return the energy per volume (...) that the overstresses Q_i of the law "prony" store.
 
-    This is exact at small strain.
+    It is the sum of |dev F Q_i F^T|^2 / (4 mu_i), exact at small strain. Since |dev F Q F^T|^2 is a quadratic form
+    that all branches share, Q : (C Q C) - (Q : C)^2 / 3, only the sum of Q_i Q_i / mu_i enters.
 
     Parameters
     ----------
-    mu : g_i mu0.
+    Q : (b, 6, ...).
+    mu, shares : modulus (...), and mu_i over it (b,).
     """
-    M = np.einsum("ij...,jk...->ik...", full(Q), full(C))
-    square = np.einsum("ij...,ji...->...", M, M)
-    return np.asarray((square - np.einsum("ii...->...", M) ** 2 / 3) / (4 * mu))
+    weighted = Q / (4 * shares.reshape(-1, *(1,) * (Q.ndim - 1)))
+    form = sandwich(C) - dyad(C, C) / 3
+    energy = np.zeros(C.shape[1:])
+    for a in range(6):
+        for b in range(a, 6):
+            pairs = np.einsum("b...,b...->...", weighted[:, a], Q[:, b])
+            energy += (1 if a == b else 2) * TWICE[a] * TWICE[b] * form[a, b] * pairs
+    return np.asarray(energy / mu)

@@ -93,15 +93,20 @@ class LinearHistory:
         """Return the history after a step to a state."""
         own = self.branches
         e, w = laws.decay(dt / own.times)
-        gained = np.multiply.outer(own.moduli * w, now.S - self.S)
-        gained += e[:, None, None, None, None] * self.Q
-        return replace(self, Q=gained, S=now.S)
+        gained = now.S - self.S
+        Q = np.empty_like(self.Q)
+        # branch by branch, for all at once would need another array as large as Q
+        for after, before, decayed, share in zip(Q, self.Q, e, own.moduli * w, strict=True):
+            np.multiply(before, decayed, out=after)
+            after += share * gained
+        return replace(self, Q=Q, S=now.S)
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
-        energy = self.branches.long_term * now.W
-        for modulus, Q in zip(self.branches.moduli, self.Q, strict=True):
-            energy = energy + laws.overstress_energy(Q, now.C, modulus * now.mu)
+        own = self.branches
+        energy = own.long_term * now.W
+        if len(own.times):
+            energy = energy + laws.overstress_energy(self.Q, now.C, now.mu, own.moduli)
         return now.integral(energy)
 
     def stress(self, now: PointState) -> Array:

@@ -23,7 +23,7 @@ With friction the tangential springs depend on the pressure; plain steps are the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ def settle_contact(
     step: Array,
     plate: Plate | None,
     pressed: NDArray[np.bool_] | None = None,
+    known: Switches | None = None,
 ) -> Array:
     """Return a step (n,) from the state q to q - step with its contact settled.
 
@@ -61,6 +62,7 @@ def settle_contact(
     solver : holds the factorised tangent at the state, with springs at the points `pressed`.
     step : the plain step.
     pressed : (k, q) mask; default: the points with a positive overlap.
+    known : points whose compliance is known for this factorisation; those that are needed are added.
     """
     if plate is None or plate.height is None or plate.friction is not None:
         return step
@@ -72,25 +74,28 @@ def settle_contact(
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
     plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
-    points, compliance = np.empty(0, dtype=np.int64), None
+    known = known or Switches()
     settled, now = step, plain
     most = MOST_SOLID if system.elements.dim == 3 else MOST_TILTED if plate.tilt else MOST_POINTS
-    for _ in range(MOST_ROUNDS):
+    for turn in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
         flips = loose & ((now > 0) != acting)
-        flips[points] = False
+        switched = turn == 0 and bool(flips[known.points].any())
+        flips[known.points] = False
         new = np.flatnonzero(flips)
-        if not len(new):
+        if not len(new) and not switched:
             break
-        points = np.append(points, new)
-        if len(points) > most:
+        if len(known.points) + len(new) > most:
             return step
-        compliance = _extend(compliance, system, solver, points, plate)
-        S, C = compliance.S, compliance.C
+        if len(new):
+            known.points = np.append(known.points, new)
+            known.compliance = _extend(known.compliance, system, solver, known.points, plate)
+        assert known.compliance is not None
+        points, S, C = known.points, known.compliance.S, known.compliance.C
         force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points], now[points] > 0)
         if force is None:
             return step
-        settled = step - compliance.Z @ force
+        settled = step - known.compliance.Z @ force
         now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
     return settled
 
@@ -128,6 +133,14 @@ class _Compliance:
     Z: Array
     S: Array
     C: Array
+
+
+@dataclass(slots=True)
+class Switches:
+    """Points (m,) of the skin that may switch, in the order in which they were added, and their compliance."""
+
+    points: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    compliance: _Compliance | None = None
 
 
 def _extend(before: _Compliance | None, system: System, solver: Solver, points: Ints, plate: Plate) -> _Compliance:

@@ -81,6 +81,7 @@ class Solver:
     ----------
     band : factors of the last matrix by compiled loops; None where a library has them.
     kept : numbers of the unknowns that `condense` kept the last time; empty before the first.
+    schur : their Schur complement, for which `forward` and `backward` solve; None where there is none.
     """
 
     def __init__(self, *, pardiso: bool | None = None) -> None:
@@ -93,6 +94,7 @@ class Solver:
         self._order: Ints | None = None
         self._inner_order: Ints | None = None
         self.kept: Ints = np.zeros(0, dtype=np.int64)
+        self.schur: Array | None = None
         self._condensing: _Pardiso | None = None
 
     def factorise(
@@ -130,6 +132,7 @@ class Solver:
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr() if symmetric else matrix
         if self._order is None:
             self._order = nested_dissection(full)
+        self.schur = None
         self._lu = _superlu(full[self._order][:, self._order])
 
     def _factorise_band(self, matrix: sp.csr_matrix) -> bool:
@@ -157,7 +160,7 @@ class Solver:
         """
         if not np.isfinite(matrix.data).all():
             raise SingularMatrixError("the stiffness has entries that are not finite")
-        same, self.kept = np.array_equal(kept, self.kept), kept
+        same, self.kept, self.schur = np.array_equal(kept, self.kept), kept, None
         if self._use_pardiso:
             if self._condensing is None or not same:
                 if self._condensing is not None:
@@ -168,7 +171,8 @@ class Solver:
             if self._condensing.iparm[13] > 0:  # pivots were perturbed
                 return None
             upper = np.triu(schur)
-            return upper + np.triu(upper, 1).T
+            self.schur = upper + np.triu(upper, 1).T
+            return self.schur
         full = (matrix + sp.triu(matrix, 1, format="csr").T).tocsr()
         inner = np.setdiff1d(np.arange(full.shape[0]), kept)
         if self._inner_order is None or not same:
@@ -176,7 +180,9 @@ class Solver:
         order = self._inner_order
         self._lu = _superlu(full[order][:, order])
         self._coupling = full[order][:, kept]
-        return np.asarray(full[kept][:, kept].toarray() - self._coupling.T @ self._lu.solve(self._coupling.toarray()))
+        inside = self._coupling.T @ self._lu.solve(self._coupling.toarray())
+        self.schur = np.asarray(full[kept][:, kept].toarray() - inside)
+        return self.schur
 
     def forward(self, b: Array) -> Array:
         """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""

@@ -44,6 +44,8 @@ RINGS = 3
 """Facets on each side of the contact whose unknowns are kept, so that the contact can grow; one is the least."""
 MOST_SETTLING, SETTLED = 60, 1e-12
 """Most iterations of the condensed problem, and its tolerance over the forces on its unknowns."""
+MOST_KEPT = 4
+"""Steps with the stiffness of an earlier state that cost as much as its condensation."""
 PATIENCE = 6
 """Full steps of the condensed problem before steps that do not halve its residual are compared with shorter ones."""
 
@@ -118,16 +120,28 @@ def newton_with_friction(
     *,
     most: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
+    near: bool = False,
 ) -> Equilibrium | None:
     """Solve residual(q) = 0 on a section under a plate with Coulomb friction, as `fem.solvers.newton.newton` does.
 
     None where Newton's method does not solve a condensed problem, or its body needs other pivots: plain steps may
     still succeed.
+
+    Parameters
+    ----------
+    near : start with the stiffness that the solver condensed for an earlier state near this one, and keep it while
+        MOST_KEPT more steps at the same rate reach the tolerance.
     """
     state = system.admissible(q)
     if state is None:
         return Equilibrium(system.state(q), assemble_at_rest(system), 0, "guess_inverted")
-    now, zone, schur, rate = _assemble(system, state, plate), None, np.zeros((0, 0)), 1.0
+    zone, schur, rate = None, np.zeros((0, 0)), 1.0
+    if near and solver.schur is not None:
+        known = _choose_zone(system, solver, state, plate, pressed)
+        if np.array_equal(known.unknowns, solver.kept):
+            zone, schur = known, solver.schur
+    near = zone is not None
+    now = _assemble(system, state, plate, tangent=not near)
     for iteration in range(most):
         size = reference_size(system, state, now.whole)
         left, before = size.share(now.whole), size.merit(now.whole)
@@ -150,10 +164,13 @@ def newton_with_friction(
         if trial is None:
             return Equilibrium(state, now.whole, iteration, "step_inverted")
         # as in the plain method, the stiffness is computed only where the last one is not good enough
-        fresh = not keeps_factorisation(rate**2, rate**2 * left, tolerance) or not _covers(system, zone, trial, plate)
+        near = near and now.whole.matrix is None
+        keeps = keeps_longer if near else keeps_factorisation
+        likely = 0.0 if near else rate**2
+        fresh = not keeps(likely, likely * left, tolerance) or not _covers(system, zone, trial, plate)
         state, now = trial, _assemble(system, trial, plate, tangent=fresh)
         rate = size.merit(now.whole) / before if before else 0.0
-        if not fresh and not keeps_factorisation(rate, rate * left, tolerance):
+        if not fresh and not keeps(rate, rate * left, tolerance):
             now = _assemble(system, state, plate)
     return Equilibrium(state, now.whole, most, "no_convergence")
 
@@ -237,6 +254,11 @@ def _choose_zone(system: System, solver: Solver, state: State, plate: Plate, pre
     if known[contact_zone(system, touching, rings=1).facets].all() and len(solver.kept) <= 2 * len(wanted.unknowns):
         return contact_zone(system, known, rings=0)
     return wanted
+
+
+def keeps_longer(rate: float, left: float, tolerance: float) -> bool:
+    """Return whether to keep the stiffness of an earlier state, see `newton_with_friction`."""
+    return rate**MOST_KEPT * left <= tolerance
 
 
 def _covers(system: System, zone: ContactZone, state: State, plate: Plate) -> bool:

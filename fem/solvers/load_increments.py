@@ -167,11 +167,16 @@ def find_equilibrium(
     plate: Plate,
     pressed: NDArray[np.bool_] | None = None,
     tolerance: float = TOLERANCE,
+    *,
+    near: bool = False,
 ) -> Equilibrium:
-    """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step."""
+    """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step.
+
+    near : see `newton_with_friction`.
+    """
     system = state.d.system
     if plate.friction is not None and state.d.revolved:
-        answer = newton_with_friction(system, solver, guess, plate, pressed, tolerance=tolerance)
+        answer = newton_with_friction(system, solver, guess, plate, pressed, tolerance=tolerance, near=near)
         # plain steps are damped, and reach some states that settled steps do not
         if answer is not None and answer.converged:
             return answer
