@@ -54,8 +54,9 @@ BETWEEN = 200
 """Frequencies between the lowest and the highest one for which a solution holds beside those requested."""
 LOST_AREA = 0.25
 """Share of the contact area that loses its pressure at the kept amplitude. At the edge of the contact the pressure at
-rest falls to 0 and its change with frozen contact is largest, so every amplitude opens some of the area; half of the
-area would be lost at twice this amplitude."""
+rest falls to 0 and its change with frozen contact is largest, so every amplitude opens some of the area. In Hertz's
+contact p_0 ~ (1 - r^2/a^2)^(1/2) and dp ~ (1 - r^2/a^2)^(-1/2): the open share is amplitude / (2 depth), and any
+other share follows in proportion. The first element opens at an amplitude that falls to 0 with its size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

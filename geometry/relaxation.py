@@ -82,6 +82,13 @@ def range_sentence(relaxation: Relaxation, *, times: Iterable[float] = (), frequ
     return f"the branches speak for {range_text(relaxation)}, not for {' and '.join(outside)}" if outside else ""
 
 
+def range_remedy(design: Design) -> str:
+    """Return what widens the range for which the branches of a design speak."""
+    if not design.prony:
+        return "change loss_low or loss_high"
+    return "measure further, and mark the shortest and the longest time of the test in prony by entries 0:LOW 0:HIGH"
+
+
 def range_text(relaxation: Relaxation) -> str:
     """Return the covered range in words, as times and as frequencies."""
     (short, long), (low, high) = relaxation.speaks_for, relaxation.speaks_for_frequencies
@@ -122,6 +129,7 @@ def check_range(
     """
     sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
     if sentence and not beyond:
-        remedy = "measure further" if design.prony else "change loss_low or loss_high"
-        raise BadInput(f"{sentence}: {remedy}, or allow such values with --extrapolate, which marks the results")
+        raise BadInput(
+            f"{sentence}: {range_remedy(design)}, or allow such values with --extrapolate, which marks the results"
+        )
     return [f"{sentence}: the results are an extrapolation"] if sentence else []

@@ -14,8 +14,9 @@ def test_measured_branches_refuse_what_their_data_do_not_cover():
     with pytest.raises(BadInput) as raised:
         check_range(MEASURED, times=[5.0, 20.0, 40.0], frequencies=[600.0])
     assert str(raised.value) == (
-        "the branches speak for 0.1 to 10 s (0.0159 to 1.59 Hz), not for 20 to 40 s and 600 Hz: measure further, or "
-        "allow such values with --extrapolate, which marks the results"
+        "the branches speak for 0.1 to 10 s (0.0159 to 1.59 Hz), not for 20 to 40 s and 600 Hz: measure further, and "
+        "mark the shortest and the longest time of the test in prony by entries 0:LOW 0:HIGH, or allow such values "
+        "with --extrapolate, which marks the results"
     )
 
 

@@ -11,6 +11,7 @@ from fem.equilibrium import trace
 from fem.vibration import vibrating_sensor
 from geometry.design import paper
 from geometry.loads import Load
+from geometry.prony import Relaxation
 from studies.simulation import bode_plot, oscillator_ladder, response_curves
 
 BAND = (0.1, 100.0)
@@ -60,3 +61,15 @@ def test_a_prony_oscillator_without_branches_is_the_undamped_one():
     rungs = oscillator_ladder.rungs("x", models, one, BAND)
     assert [rung.natural_Hz for rung in rungs] == [natural, natural, None]
     assert all(rung.peak_Hz is None for rung in rungs)  # an undamped resonance has no height
+
+
+def test_an_oscillator_takes_its_loss_factor_where_the_branches_speak():
+    measured = Relaxation((0.2, 0.1), (0.1, 1.0), (0.01, 10.0))
+    end = 1 / (2 * np.pi * 0.01)
+    models = oscillator_ladder.oscillators(paper(), "x", 1.0, measured)
+    name = next(iter(models))
+    natural, response = models[name]
+    assert natural > end
+    assert name.endswith("as at 15.9 Hz")
+    loss = float(measured.loss_factor(2 * np.pi * end))
+    assert np.abs(response(np.array([natural]))) == pytest.approx([1 / loss], rel=1e-12)

@@ -69,6 +69,7 @@ def response(
     design = design_of(source, sets, magnet)
     from fem.vibration_blocks import NoStateError
     from geometry.relaxation import check_range
+    from studies.simulation import motion_lines
     from studies.simulation import vibration_report as study
     from studies.simulation.load_cases import friction_of
 
@@ -103,13 +104,13 @@ def response(
         console.report([motion.row() | shared for motion in report.motions], as_json=True)
     else:
         for motion in report.motions:
-            moved = "base" if not depth else "plate"
-            console.report([motion.row()], as_json=False, title=f"The {moved} moves along {motion.motion}", wide=wide)
+            moved = "grip" if grip is not None else "plate" if depth else "base"
+            console.lines(f"The {moved} moves along {motion.motion}", motion_lines.lines(motion))
         if report.ladder:
             console.report(
                 [rung.row() for rung in report.ladder],
                 as_json=False,
-                title="One mass on one spring, per N",
+                title=f"Shift per N: relative to that at {band[0]:g} Hz, and accurate within 5 % of it",
                 wide=wide,
             )
         for note in report.notes:

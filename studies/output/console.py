@@ -242,6 +242,11 @@ def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> No
     _print_lines(title, lines)
 
 
+def lines(title: str, rows: Sequence[tuple[str, str]]) -> None:
+    """Print names and their values below a title, one to a line."""
+    _print_lines(title, text_tables.named(rows, room()))
+
+
 def note(text: str) -> None:
     """Print a sentence on standard output, wrapped to the width of the terminal."""
     print("\n".join(text_tables.wrapped(text, room())), flush=True)

@@ -61,13 +61,13 @@ def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relax
     from fem.modes import spring_mass
 
     own = natural_frequency(stiffness, moving_mass(design))
-    loss = float(relaxation.loss_factor(2 * np.pi * own))
+    name, loss = _loss_at(own, relaxation)
 
     def prony(f: Array) -> NDArray[np.complex128]:
         return receptance(f, own, relaxation.complex_modulus(2 * np.pi * f) / relaxation.rest)
 
     chosen: Models = {
-        f"mass on a spring, loss factor {loss:.3g}": (own, lambda f: receptance(f, own, 1 + 1j * loss)),
+        name: (own, lambda f: receptance(f, own, 1 + 1j * loss)),
         "mass on a spring with the silicone's branches": (own, prony),
     }
     if motion == "x":  # the paper's formula is that of a column
@@ -78,6 +78,18 @@ def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relax
         "the paper's formula with the magnet's mass": (whole, lambda f: receptance(f, whole)),
         **chosen,
     }
+
+
+def _loss_at(frequency: float, relaxation: Relaxation) -> tuple[str, float]:
+    """Return the name of the oscillator with a constant loss factor, and that factor: the silicone's at a frequency.
+
+    Where the branches do not speak for the frequency, Hz, it is the factor at the nearest one for which they do.
+    """
+    low, high = relaxation.speaks_for_frequencies
+    nearest = min(max(frequency, low), high)
+    loss = float(relaxation.loss_factor(2 * np.pi * nearest))
+    name = f"mass on a spring, loss factor {loss:.3g}"
+    return name if nearest == frequency else f"{name} as at {nearest:.3g} Hz", loss
 
 
 def rungs(

@@ -19,7 +19,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.relaxation import range_sentence, relaxation_of
+from geometry.relaxation import range_remedy, range_sentence, relaxation_of
 from studies.output.records import FlatRow
 
 TABLES = {"press": ("depth_mm", "fem_force_N"), "shear": ("shear_mm", "fem_force_x_N")}
@@ -37,7 +37,7 @@ def check_rate(design: Design, travel: float, frequency: float | None, speed: fl
     frequencies = [] if frequency is None else [frequency]
     sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
     if sentence:
-        raise BadInput(f"{sentence}: measure further" + ("" if design.prony else ", or change loss_low or loss_high"))
+        raise BadInput(f"{sentence}: {range_remedy(design)}")
 
 
 def factors(design: Design, travel: Array, force: Array, frequency: float | None, speed: float | None) -> Array:

@@ -1,0 +1,69 @@
+"""Lines of a motion on the screen."""
+
+import dataclasses
+
+import pytest
+
+from studies.simulation.motion_lines import lines
+from studies.simulation.motion_report import MotionReport
+
+PRESS = MotionReport(
+    status="ok",
+    message="at 600 Hz S1 reads half as much",
+    motion="z",
+    depth_mm=1.0,
+    shear_mm=0.0,
+    force_N=[0.0, 0.0, 4.2],
+    lowest_Hz=1.0,
+    highest_Hz=1000.0,
+    stiffness_N_per_mm=11.0,
+    undamped_Hz=[1294.0, 2627.0],
+    resonance_per_mm_Hz=[],
+    resonance_per_mm_Q=[],
+    resonance_per_N_Hz=[559.0, 900.0],
+    resonance_per_N_Q=[8.23, None],
+    element=["S1", "S2"],
+    reading_per_mm=("V", [0.08, None]),
+    reading_per_N=("V", [0.007, None]),
+    bandwidth_per_mm_Hz=[None, None],
+    bandwidth_per_N_Hz=[812.0, None],
+    accurate_per_N_Hz=[2.2, None],
+    relative_reading_at_600=[0.5, None],
+    phase_at_600_deg=[-7.0, None],
+    kept_amplitude_mm=0.2,
+    kept_amplitude_Hz=330.0,
+    lift_amplitude_mm=None,
+    lift_amplitude_Hz=None,
+    mesh_difference=0.001,
+    largest_mesh_difference=0.002,
+    factorisations=18,
+    reduced_error=1e-10,
+)
+
+
+def test_each_line_has_a_name_of_its_own_and_no_bare_unit():
+    names = [name for name, _ in lines(PRESS)]
+    assert len(set(names)) == len(names)
+    assert all(any(letter.isalnum() for letter in value.removesuffix("Hz")) for _, value in lines(PRESS))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("resonances, plate of fixed amplitude", "none in the band"),
+        ("resonances, force of fixed amplitude", "559 Hz (Q = 8.23), 900 Hz"),
+        ("readings per mm at 1 Hz", "0.08, - V/mm"),
+        ("readings per mm are 3 dB lower at", "above 1000, - Hz"),  # - for an element that reads nothing
+        ("readings per N are 5 % off at", "2.2, - Hz"),
+        ("amplitude that opens a quarter of the contact", "0.2 mm, the least, at 330 Hz"),
+    ],
+)
+def test_values_say_what_is_missing(name, value):
+    assert dict(lines(PRESS))[name] == value
+
+
+def test_a_free_sensor_has_no_lines_of_a_force():
+    free = dataclasses.replace(PRESS, stiffness_N_per_mm=None, resonance_per_N_Hz=[], resonance_per_N_Q=[])
+    text = " ".join(name for name, _ in lines(free))
+    assert "base of fixed amplitude" in text
+    assert not any(word in text for word in ("force", "contact", "per N"))
