@@ -19,7 +19,7 @@ from geometry.arrays import Array
 SWEEPS = 12
 """Largest number of Jacobi sweeps for the eigenvalues of a 3 x 3 matrix; four to six are enough for all digits."""
 
-compiled = njit(cache=True, error_model="numpy")
+compiled = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 
 
 @compiled

@@ -60,3 +60,18 @@ def test_uncompiled_switches_compiled_functions_off():
         assert not compiled.worthwhile(10)
         assert not compiled.prepare()
     assert compiled.worthwhile(0)
+
+
+def test_garbage_is_collected_again_after_compiling():
+    code = (
+        "import gc, numba\ncompiled._announce_compilation()\nduring = []\n"
+        "from numba.core import event\n"
+        "class Within(event.Listener):\n"
+        "    def on_start(self, event):\n        during.append(gc.isenabled())\n"
+        "    def on_end(self, event):\n        pass\n"
+        "event.register('numba:compile', Within())\n"
+        "inner = numba.njit(lambda x: x + 1)\n"
+        "outer = numba.njit(lambda x: inner(x) + 1)\n"
+        "print(outer(1), *during, gc.isenabled())"
+    )
+    assert in_new_process(code) == ["3", "False", "False", "True"]

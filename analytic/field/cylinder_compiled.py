@@ -21,7 +21,7 @@ for _module in (cylinder_pointwise, cylinder_batches):
         if isinstance(_plain, FunctionType) and _plain.__module__ == _module.__name__:
             # error_model: a check of every divisor would keep the loops from computing several points at a time
             _function = FunctionType(_plain.__code__, _scope, _name)
-            _scope[_name] = njit(cache=True, nogil=True, error_model="numpy")(_function)
+            _scope[_name] = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(_function)
 
 POINTS = cylinder_batches.POINTS
 fill, meridian, at = _scope["fill"], _scope["meridian"], _scope["at"]

@@ -22,14 +22,14 @@ ROUNDING = 1e-13
 """Relative size of the in-circle determinant below which a side counts as Delaunay: `repair` then always ends."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def turn(x: Array, i: int, j: int, k: int) -> float:
     """Return twice the area of the triangle i, j, k, positive if it is counter-clockwise."""
     area: float = (x[j, 0] - x[i, 0]) * (x[k, 1] - x[i, 1]) - (x[j, 1] - x[i, 1]) * (x[k, 0] - x[i, 0])
     return area
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def encloses(x: Array, i: int, j: int, k: int, other: int) -> bool:
     """Return whether a point lies inside the circle through the counter-clockwise triangle i, j, k."""
     ar, az = x[i, 0] - x[other, 0], x[i, 1] - x[other, 1]
@@ -41,14 +41,14 @@ def encloses(x: Array, i: int, j: int, k: int, other: int) -> bool:
     return inside
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def link(twin: Ints, e: int, other: int) -> None:
     twin[e] = other
     if other >= 0:
         twin[other] = e
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def flip(corner: Ints, twin: Ints, e: int) -> None:
     """Replace side e, whose triangles form a convex quadrangle, by the other diagonal.
 
@@ -62,14 +62,14 @@ def flip(corner: Ints, twin: Ints, e: int) -> None:
     link(twin, before, past)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def illegal(x: Array, corner: Ints, twin: Ints, e: int) -> bool:
     """Return whether the point beyond side e, which is not on the hull, lies in the circle of e's triangle."""
     b, k = twin[e], e - e % 3
     return encloses(x, corner[k], corner[k + 1], corner[k + 2], corner[b - b % 3 + (b + 2) % 3])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def repair(x: Array, corner: Ints, twin: Ints) -> bool:
     """Flip sides until all are Delaunay; return False if points moved so far that a triangle is inverted."""
     for e in range(0, len(corner), 3):
@@ -96,7 +96,7 @@ def repair(x: Array, corner: Ints, twin: Ints) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _legalise(x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, e: int) -> None:
     """Flip sides until they are Delaunay, from side e of a new triangle, opposite to the new point.
 
@@ -121,7 +121,7 @@ def _legalise(x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, e: in
         count += 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _first_triangle(x: Array) -> tuple[int, int, int]:
     """Return three points near the middle, counter-clockwise, that have a small circle through them."""
     r, z = 0.0, 0.0
@@ -138,7 +138,7 @@ def _first_triangle(x: Array) -> tuple[int, int, int]:
     return (i, j, k) if turn(x, i, j, k) > 0 else (i, k, j)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _nearest_other(x: Array, but: int, r: float, z: float) -> int:
     """Return the point that is nearest to a place, except one point."""
     i, least = -1, np.inf
@@ -149,7 +149,7 @@ def _nearest_other(x: Array, but: int, r: float, z: float) -> int:
     return i
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _by_distance(x: Array, r: float, z: float) -> Ints:
     """Return the numbers of the points in order of their distance from a place (Shell's sort)."""
     n = len(x)
@@ -169,7 +169,7 @@ def _by_distance(x: Array, r: float, z: float) -> Ints:
     return order
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def circumcentre(x: Array, i: int, j: int, k: int) -> tuple[float, float]:
     """Return the centre of the circle through three points, relative to the first; infinite if they are in line."""
     br, bz, cr, cz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[k, 0] - x[i, 0], x[k, 1] - x[i, 1]
@@ -179,14 +179,14 @@ def circumcentre(x: Array, i: int, j: int, k: int) -> tuple[float, float]:
     return (cz * b - bz * c) / area, (br * c - cr * b) / area
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _bin(r: float, z: float, bins: int) -> int:
     """Return the index of a direction, which grows with the angle from -pi to pi."""
     p = r / (abs(r) + abs(z))
     return int(bins * (3 - p if z > 0 else 1 + p) / 4) % bins
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def triangulate(x: Array) -> tuple[Ints, Ints]:
     """Return the Delaunay triangulation of points, shape (n, 2), as `corner` and `twin`.
 
@@ -229,7 +229,7 @@ def triangulate(x: Array) -> tuple[Ints, Ints]:
     return corner[:sides], twin[:sides]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _add(
     x: Array, corner: Ints, twin: Ints, stack: Ints, hull: Ints, sides: int, i: int, e: int, backwards: bool
 ) -> tuple[int, int]:

@@ -18,7 +18,7 @@ SPACING = 0.85
 """As in `geometry.section`."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def fill(tree: Tree, node: Array, tip: float) -> Array:
     """Return the points inside, shape (n, 2).
 
@@ -56,7 +56,7 @@ def fill(tree: Tree, node: Array, tip: float) -> Array:
     return kept[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _distances(cells: Array, child: Ints, node: Array) -> Array:
     """Return the distance of all leaves from the next node of the border over the edge length; 0 for other cells.
 
@@ -90,7 +90,7 @@ def _distances(cells: Array, child: Ints, node: Array) -> Array:
     return far
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _binned(far: Array) -> tuple[Ints, Ints]:
     """Return the leaves farther than SPACING in bins of ascending distance, and the first one of each bin."""
     most, bins = SPACING, len(far) // 16 + 1
@@ -112,7 +112,7 @@ def _binned(far: Array) -> tuple[Ints, Ints]:
     return order, first[: bins + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _exclude(cells: Array, child: Ints, reach: Array, stack: Ints, r: float, z: float, roots: int) -> None:
     """Set the reach of all leaves to 0 that are nearer to a point than their reach.
 
@@ -143,7 +143,7 @@ def _exclude(cells: Array, child: Ints, reach: Array, stack: Ints, r: float, z: 
                         count += 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def thinned(x: Array) -> Array:
     """Return those points (r, z), in order, that keep the least distance from all points returned before them.
 

@@ -19,7 +19,7 @@ BLOCK = 16
 """Number of successive fractions of a curve that have one list of sources."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def cuts(curves: Array, fractions: Array, turns: Array, tree: Tree, size: float) -> tuple[Array, Ints]:
     """Return the fractions that divide all curves into steps of the target edge length, and the first one of each.
 
@@ -54,7 +54,7 @@ def cuts(curves: Array, fractions: Array, turns: Array, tree: Tree, size: float)
     return fine[: first[len(curves)], 0].copy(), first
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def numbered(curves: Array, t: Array, first: Ints) -> tuple[Array, Ints, Array]:
     """Number the nodes at fractions t of the curves; curves that meet share the node of their common end.
 
@@ -86,7 +86,7 @@ def numbered(curves: Array, t: Array, first: Ints) -> tuple[Array, Ints, Array]:
     return place[:count], segment[:segments], middle[:segments]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def place_points(x: Array, curves: Array, place: Array) -> None:
     """Write the points, shape (n, 2), at places (curve, fraction of its length), shape (n, 2)."""
     for k in range(len(place)):

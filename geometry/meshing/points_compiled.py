@@ -22,7 +22,7 @@ STEPS = 10
 """As in `geometry.section`."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _project(image: Array, x: Array, pole: Array) -> None:
     """Write the logarithm of positions relative to a pole, a conformal image of the plane."""
     for i in range(len(x)):
@@ -30,7 +30,7 @@ def _project(image: Array, x: Array, pole: Array) -> None:
         image[i, 0], image[i, 1] = math.log(r * r + z * z) / 2, math.atan2(z, r)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def upright(x: Array, a: int, b: int, c: int) -> bool:
     """Return whether a triangle is counter-clockwise and not flat in the plane of the section."""
     br, bz, cr, cz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[c, 0] - x[b, 0], x[c, 1] - x[b, 1]
@@ -39,7 +39,7 @@ def upright(x: Array, a: int, b: int, c: int) -> bool:
     return br * cz - bz * cr > 1e-6 * longest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _bars(x: Array, corner: Ints, twin: Ints) -> Ints:
     """Return the sides of upright triangles, each once, in ascending order of both ends.
 
@@ -68,7 +68,7 @@ def _bars(x: Array, corner: Ints, twin: Ints) -> Ints:
     return bars
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def ordered(rows: Ints, count: int, most: int) -> Ints:
     """Return the first rows in ascending order of their first two numbers, which are below `most`."""
     for column in (1, 0):
@@ -86,7 +86,7 @@ def ordered(rows: Ints, count: int, most: int) -> Ints:
     return rows
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _select(values: Array, rank: int) -> float:
     """Return the number of a rank (Hoare's selection); reorder the numbers."""
     low, high = 0, len(values) - 1
@@ -107,7 +107,7 @@ def _select(values: Array, rank: int) -> float:
     return values[rank]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float, cell: Ints) -> tuple[Array, int]:
     """Return the sum of the forces of the springs on each point, shape (n, 2), and the number of springs.
 
@@ -145,7 +145,7 @@ def _push(x: Array, fixed: int, bars: Ints, tree: Tree, size: float, cell: Ints)
     return push, n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def triangulation(image: Array, fixed: int, corner: Ints, twin: Ints) -> tuple[Ints, Ints]:
     """Return the Delaunay triangulation of points, from that of the same points in other places if possible.
 
@@ -157,7 +157,7 @@ def triangulation(image: Array, fixed: int, corner: Ints, twin: Ints) -> tuple[I
     return (corner, twin) if known and repair(image, corner, twin) else triangulate(image)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def sprung(beam: Array, fixed: int, x: Array, tree: Tree, size: float, pole: Array) -> tuple[Ints, Ints, Ints]:
     """Move the points inside as if edges were springs; return the last edges and triangulation before the last step.
 
@@ -185,7 +185,7 @@ def sprung(beam: Array, fixed: int, x: Array, tree: Tree, size: float, pole: Arr
     return bars, corner, twin
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: Tree, size: float) -> Array:
     """Return the middles (r, z, edge length) of edges from the magnet to the skin or the base, shape (n, 3)."""
     outer, core = np.zeros(fixed, np.bool_), np.zeros(fixed, np.bool_)
@@ -203,7 +203,7 @@ def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: T
     return found[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def clear_of(segment: Ints, fixed: int, x: Array) -> NDArray[np.bool_]:
     """Return which points are nodes of the border, or outside all circles that have a segment as diameter."""
     n = len(x) - fixed
@@ -223,7 +223,7 @@ def clear_of(segment: Ints, fixed: int, x: Array) -> NDArray[np.bool_]:
     return clear
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def triangles(x: Array, fixed: int, corner: Ints, twin: Ints, pole: Array) -> Ints:
     """Return the upright triangles of the Delaunay triangulation of the points' image, shape (n, 3)."""
     image = np.empty((len(x), 2))

@@ -25,7 +25,7 @@ ROUNDING = 1 + 1e-9
 Tree = tuple[Array, Ints, Array]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def grown(array: Array, count: int) -> Array:
     """Return an array with at least `count` rows that begins with the given rows."""
     if count <= len(array):
@@ -37,7 +37,7 @@ def grown(array: Array, count: int) -> Array:
     return longer
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def quadtree(beam: Array, source: Array, size: float) -> Tree:
     """Divide the plane into cells that are small against the edge length.
 
@@ -82,7 +82,7 @@ def quadtree(beam: Array, source: Array, size: float) -> Tree:
     return cells[:last], child[:last, 0].copy(), entries[:used]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def finest(entries: Array, r: float, z: float) -> tuple[float, int]:
     """Return the least edge length that sources require at a point, and that source."""
     wanted, best = np.inf, 0
@@ -94,7 +94,7 @@ def finest(entries: Array, r: float, z: float) -> tuple[float, int]:
     return wanted, best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def relevant(
     entries: Array, best: int, wanted: float, size: float, square: tuple[float, float, float], into: Array
 ) -> int:
@@ -128,7 +128,7 @@ def relevant(
     return used
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def cell_of(tree: Tree, r: float, z: float) -> int:
     """Return the cell without children that holds a point, which lies inside the roots of a tree."""
     child = tree[1]
@@ -143,7 +143,7 @@ def cell_of(tree: Tree, r: float, z: float) -> int:
     return c
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
     """Return the target edge length at a point of a cell."""
     cells, entries = tree[0], tree[2]
@@ -154,7 +154,7 @@ def length_in(tree: Tree, c: int, size: float, r: float, z: float) -> float:
     return wanted
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def edge_lengths(tree: Tree, size: float, x: Array, first: int, last: int, near: Array, wanted: Array) -> None:
     """Write the target edge length at points from `first` to `last`, which lie in the rectangle between these two.
 

@@ -24,7 +24,7 @@ SAMPLES, FEW_SAMPLES = 41, 5
 """Number of points on each curve of the magnet, and on each other curve, that may be sources."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def room(beam: Array, r: float, z: float) -> float:
     """Return the least distance of a point from base, skin and magnet; negative outside the silicone."""
     R, H, a, b, rho, hollow = beam[0], beam[1], beam[2], beam[3], beam[4], beam[5]
@@ -36,7 +36,7 @@ def room(beam: Array, r: float, z: float) -> float:
     return min(space, math.sqrt(out_r * out_r + out_z * out_z) + min(max(dr, dz), 0.0) - rho)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def point(curve: Array, t: float, sine: float, cosine: float) -> tuple[float, float]:
     """Return the point of a curve at a fraction t of its length; sine and cosine are those of its angle on an arc."""
     if t == 0:
@@ -48,7 +48,7 @@ def point(curve: Array, t: float, sine: float, cosine: float) -> tuple[float, fl
     return curve[4] + curve[6] * sine, curve[5] + curve[6] * cosine
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def sources(
     curves: Array, fractions: Array, turns: Array, beam: Array, size: float, fillet: float, meshed: bool, dome: Array
 ) -> Array:
@@ -82,7 +82,7 @@ def sources(
     return _reduced(found[:count])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _append(found: Array, count: int, r: float, z: float, least: float, growth: float) -> int:
     """Write one source; return the number of sources."""
     found[count, 0], found[count, 1], found[count, 2], found[count, 3] = r, z, least, growth
@@ -90,7 +90,7 @@ def _append(found: Array, count: int, r: float, z: float, least: float, growth: 
     return count + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _magnet_length(curve: Array, beam: Array, size: float, fillet: float, r: float, z: float) -> float:
     """Return the edge length that a fillet or a sharp edge of the magnet requires at a point of its outline."""
     if curve[6] > 0:
@@ -102,7 +102,7 @@ def _magnet_length(curve: Array, beam: Array, size: float, fillet: float, r: flo
     return np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _reduced(found: Array) -> Array:
     """Return the sources, shape (m, 5), that determine the edge length somewhere, and the first one."""
     used, count = np.empty((len(found), 5)), 0

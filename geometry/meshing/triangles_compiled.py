@@ -14,7 +14,7 @@ from geometry.meshing.points_compiled import ordered
 from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _within(node: Array, segment: Ints, name: Ints, magnet: bool, r: float, z: float) -> bool:
     """Return whether a point lies inside the outline of base and skin, or inside that of the magnet."""
     inside = False
@@ -27,7 +27,7 @@ def _within(node: Array, segment: Ints, name: Ints, magnet: bool, r: float, z: f
     return inside
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def parts(x: Array, t: Ints, fixed: int, segment: Ints, name: Ints, meshed: bool) -> tuple[Ints, Ints]:
     """Return the triangles of the silicone and, if the magnet is meshed, of the magnet, both of shape (n, 3).
 
@@ -54,7 +54,7 @@ def parts(x: Array, t: Ints, fixed: int, segment: Ints, name: Ints, meshed: bool
     return ordered(silicone, counts[0], len(x)), ordered(core, counts[1], len(x))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def second_order(
     x: Array, t: Ints, segment: Ints, middle: Array
 ) -> tuple[Array, Ints, Ints, NDArray[np.int32], Ints]:
@@ -107,7 +107,7 @@ def second_order(
     return doflocs, facets, t2f, f2t, facet
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def _search(facets: Ints, i: int, j: int) -> int:
     """Return the facet with nodes i and j, of facets in ascending order, or -1."""
     low, high = 0, facets.shape[1] - 1
@@ -122,7 +122,7 @@ def _search(facets: Ints, i: int, j: int) -> int:
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def boundaries(f2t: NDArray[np.int32], facet: Ints, name: Ints, meshed: bool) -> tuple[Ints, Ints]:
     """Return the facets of the segments of each name, in ascending order, and the first one of each name.
 
@@ -149,7 +149,7 @@ def boundaries(f2t: NDArray[np.int32], facet: Ints, name: Ints, meshed: bool) ->
     return order, first
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def unfolded(doflocs: Array, n: int, t: Ints, t2f: Ints, slopes: Array) -> bool:
     """Return whether all triangles are counter-clockwise at all quadrature points.
 
