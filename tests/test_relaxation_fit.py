@@ -72,8 +72,8 @@ def test_what_a_relaxation_test_leaves_open_is_said(run, step):
     assert "no ramp time is stated: the stretch is taken to rise at once" in err
     assert "no held stretch: E is unknown" in err
     assert "E = " not in out
-    late = run("fit", step, "--ramp", 0.1, "--stretch", 1.2)[2]
-    assert "the first time, 0.01 s, is shorter than the ramp of 0.1 s" in late
+    late = run("fit", step, "--ramp", 0.0105, "--stretch", 1.2)[2]
+    assert "the first time, 0.01 s, is shorter than the ramp of 0.0105 s" in late
 
 
 def test_a_branch_beyond_the_test_is_said(run, tmp_path):
@@ -92,6 +92,44 @@ def test_without_relaxation_or_with_an_impossible_E_there_is_no_design(run, tmp_
     status, _, err = run("fit", stiff, "--ramp", 0)
     assert status == 3
     assert "check that the column youngs_modulus_MPa is in the unit of its name" in err
+
+
+def ramped(ramp):
+    """Modulus of SERIES at TIMES after a linear rise of the stretch: the mean of G(t - s) over the elapsed ramp."""
+    s = (np.arange(400) + 0.5) / 400
+    elapsed = np.minimum(TIMES, ramp)
+    return elapsed / ramp * SERIES.modulus(TIMES[:, None] - s * elapsed[:, None]).mean(axis=1)
+
+
+def test_a_forgotten_ramp_is_named(run, tmp_path):
+    file = table(tmp_path / "ramp.csv", "time_s,youngs_modulus_MPa", TIMES, ramped(0.5))
+    status, out, err = run("fit", file)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert "the values rise from 0.01 s to 0.5" in err
+    assert "state the time of the rise by --ramp" in err
+    assert run("fit", file, "--ramp", 0.5)[0] == 0
+
+
+def test_branches_of_a_ramp_that_is_too_long_are_no_design(run, tmp_path):
+    file = table(tmp_path / "ramp.csv", "time_s,youngs_modulus_MPa", TIMES, ramped(0.5))
+    status, out, err = run("fit", file, "--ramp", 1)
+    assert (status, "Lines for a design file" in out) == (3, False)
+    assert "a wrong --ramp does so" in err
+
+
+def test_a_ramp_that_the_values_contradict_is_refused(run, step):
+    status, out, err = run("fit", step, "--stretch", 1.2, "--ramp", 0.5)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert "cannot within the ramp of 0.5 s" in err
+
+
+def test_branches_that_miss_the_test_are_no_design(run, tmp_path):
+    jumping = 0.5 + 0.15 * (-1.0) ** np.arange(40)
+    file = table(tmp_path / "jumping.csv", "time_s,youngs_modulus_MPa", TIMES, jumping)
+    status, out, err = run("fit", file, "--ramp", 0)
+    assert status == 3
+    assert "Lines for a design file" not in out
+    assert "no relaxation above its noise of 23 % (rms)" in err
 
 
 def test_bad_input_is_one_sentence(run, tmp_path):

@@ -138,12 +138,15 @@ def _fit_branches(
             console.note("Lines for a design file:")
             for line in study.design_lines(chosen, nu):
                 console.note(f"  {line}")
-        console.note(f"The branches speak for {range_text(chosen.fit.relaxation)}.")
+        if chosen.fit.count:
+            console.note(f"The branches speak for {range_text(chosen.fit.relaxation)}.")
     for warning in chosen.warnings:
         console.warn(warning)
     if usable:
         return GOOD
-    reason = "E is outside the range of a design" if chosen.fit.count else "no branches were found"
+    reason = "E is outside the range of a design" if chosen.fit.count else "the test has no branches"
+    if chosen.fit.count and chosen.fit.rms > study.WRONG:
+        reason = f"the branches miss the test by more than {100 * study.WRONG:g} %"
     console.say(f"magtip: {reason}: no design.toml is written")
     return FAILED
 
@@ -167,4 +170,5 @@ def _print_branches(rows: Sequence[BranchRow], chosen: BranchRow, *, wide: bool)
         console.table("Young's modulus", ["modulus", "E (MPa)", "95 %: +- (MPa)"], lines)
     pairs = zip(each.relaxation.shares, each.relaxation.times, strict=True)
     branches = [[f"{g:.4g}", f"{tau:.4g}"] for g, tau in pairs]
-    console.table("Branches", ["share g", "tau (s)"], branches)
+    if branches:
+        console.table("Branches", ["share g", "tau (s)"], branches)

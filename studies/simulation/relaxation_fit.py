@@ -20,6 +20,9 @@ from studies.simulation.relaxation_test import Test, read
 STILL_FALLING = 3.0
 """A branch longer than the longest time over this has not relaxed by the end of the test."""
 
+WRONG = 0.05
+"""Rms residual from which on branches do not describe the test, and are no design."""
+
 
 @dataclass(frozen=True, slots=True)
 class BranchRow:
@@ -131,7 +134,9 @@ def run(
 
 
 def is_usable(row: BranchRow) -> bool:
-    """Return whether a design can have the branches and the E of a row."""
+    """Return whether a design can have the branches and the E of a row, and these describe the test."""
+    if row.fit.rms > WRONG:
+        return False
     spec = Design.__dataclass_fields__["E"].metadata
     return row.fit.count > 0 and (not row.test.has_modulus or spec["low"] <= row.fit.long_term <= spec["high"])
 
@@ -172,8 +177,9 @@ def _remarks(test: Test) -> list[str]:
 def _warnings(each: BranchFit, test: Test) -> list[str]:
     """Return warnings about the use of fitted branches."""
     texts = []
-    if each.rms > MISFIT:
-        texts.append(f"the branches miss the test by {100 * each.rms:.2g} % (rms)")
+    if each.rms > MISFIT and each.count:
+        ramp = "; a wrong --ramp does so" if test.ramp else ""
+        texts.append(f"the branches miss the test by {100 * each.rms:.2g} % (rms){ramp}")
     times = each.relaxation.times
     if times and times[-1] > test.covered[1] / STILL_FALLING:
         texts.append(
@@ -181,7 +187,7 @@ def _warnings(each: BranchFit, test: Test) -> list[str]:
             f"{test.covered[1]:.3g} s, so the long-term modulus is extrapolated"
         )
     if not times:
-        texts.append("the test shows no relaxation above its noise")
+        texts.append(f"the test shows no relaxation above its noise of {100 * each.rms:.2g} % (rms)")
     if test.has_modulus and not SILICONE_E[0] <= each.long_term <= SILICONE_E[1]:
         texts.append(
             f"E = {each.long_term:.3g} MPa is outside the range of silicones, {SILICONE_E[0]:g} to "

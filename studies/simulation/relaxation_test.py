@@ -40,6 +40,10 @@ FEWEST = 6
 HELD = 0.01
 """Largest relative variation of a strain that counts as held."""
 
+RISE, NOISE = 0.05, 6.0
+"""A rise after the ramp, or a fall within it, is refused if it exceeds this share of the largest value, and this many
+standard deviations of the noise: the largest and the least of 100 readings of noise differ by five."""
+
 
 @dataclass(frozen=True, slots=True)
 class Test:
@@ -175,14 +179,37 @@ def _relaxation(table: _Table, nu: float, stretch: float | None, ramp: float | N
         if stretch is not None:
             raise BadInput(f"{table.path!r} has the modulus, which needs no held stretch: leave --stretch out")
         table.refuse(stress <= 0, column, "a modulus must be more than 0", stress)
+        _check_ramp(table, at, stress, ramp)
         return Test("relaxation", at, _youngs(column, nu) * stress, column, ramp=ramp)
     held = _held_stretch(table, stretch)
     sign = float(np.sign(stress[0])) if held is None else math.copysign(1.0, held - 1)
     table.refuse(sign * stress <= 0, column, "tension must be positive and compression negative throughout", stress)
+    _check_ramp(table, at, np.abs(stress), ramp)
     if held is None:
         return Test("relaxation", at, np.abs(stress), column, has_modulus=False, ramp=ramp)
     factor = 2 * (1 + nu) / float(nominal_stress("neo-hookean", (), np.array(held)))
     return Test("relaxation", at, factor * stress, column, ramp=ramp)
+
+
+def _check_ramp(table: _Table, at: Array, values: Array, ramp: float | None) -> None:
+    """Refuse values (n,) that rise after the ramp, or fall within it: no relaxation does so."""
+    noise = 1.4826 / math.sqrt(6) * float(np.median(np.abs(np.diff(values, 2))))
+    margin, T = max(RISE * float(values.max()), NOISE * noise), ramp or 0.0
+    first = int(np.searchsorted(at, T))
+    top = first + int(np.argmax(values[first:]))
+    if values[top] - values[first] > margin:
+        stated = f"the ramp of {T:g} s" if T else "a stretch that rises at once"
+        remedy = "state the time of the rise by --ramp" if not T else "state a longer --ramp"
+        raise BadInput(
+            f"{table.path!r}: the values rise from {at[first]:.4g} s to {at[top]:.4g} s, as they cannot after "
+            f"{stated}: {remedy}, or leave out the rows before {at[top]:.4g} s"
+        )
+    peak = int(np.argmax(values[:first])) if first else 0
+    if first and values[peak] - values[peak:first].min() > margin:
+        raise BadInput(
+            f"{table.path!r}: the values fall from {at[peak]:.4g} s on, as they cannot within the ramp of {T:g} s: "
+            "state the time in which the stretch rose, or --ramp 0 if it rose at once"
+        )
 
 
 def _youngs(column: str, nu: float) -> float:
