@@ -15,7 +15,7 @@ from studies.training.state_errors import StateError, recalibrated
 from studies.training.surrogate_fit import press_outputs, shear_outputs
 from studies.training.surrogate_study import Extent, widest_points
 
-ROUGH = replace(QUICK, name="rough", section_size=0.35, section_patch=0.12, harmonics=1)
+ROUGH = replace(QUICK, name="rough", section_size=0.5, section_patch=0.12, harmonics=1)
 # of 400 seeds the one whose first beams lie in the range, are short and have blunt edges: their meshes are small
 SEED = 181
 EXTENT = Extent(first=9, rounds=(1,), calibration=1, test=1, critical=0, accuracy=ROUGH, seed=SEED)
