@@ -26,6 +26,8 @@ from geometry.arrays import Array, Ints
 
 FEW = 10_000
 """Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
+SINGLE = 2_000
+"""Unknowns from which single precision is worth its check."""
 LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
@@ -102,9 +104,10 @@ class Solver:
     ) -> None:
         """Factorise an upper triangle, or a whole unsymmetric matrix; raises SingularMatrixError.
 
-        order : returns the order (n,) in which PARDISO eliminates the unknowns of a large symmetric matrix; called
-            at most once. Its factors are then in single precision, in two thirds of the time, if that is accurate
-            enough for steps of Newton's method. Default: PARDISO's own order, and double precision.
+        order : for steps of Newton's method, which need no more than single precision: factors of all but small
+            symmetric matrices are then computed in it, in two thirds of the time, if it is accurate enough. Returns
+            the order (n,) in which PARDISO eliminates the unknowns of a large matrix; called at most once. Default:
+            PARDISO's own order, and double precision.
         """
         self._symmetric = symmetric
         # the band refuses pivots that are not finite
@@ -115,8 +118,10 @@ class Solver:
         if self._use_pardiso:
             handle = self._handles.get(symmetric)
             if handle is None:
-                own = None if order is None or not symmetric or matrix.shape[0] < FEW else order()
-                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own, single=own is not None)
+                size = matrix.shape[0]
+                own = None if order is None or not symmetric or size < FEW else order()
+                single = order is not None and symmetric and size >= SINGLE
+                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own, single=single)
                 self._handles[symmetric] = handle
             handle.factorise(matrix)
             if handle.single and not handle.error(matrix) <= LARGEST_ERROR:
