@@ -9,57 +9,80 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.output.table_plots import COLOURS, canvas, label
+from studies.output.table_plots import COLOURS, FEM, label, sheet
 from studies.simulation.response_curves import Curves
 
 DASHES = ("-", "--", "-.", ":")
+FORMULAS = (("#999999", "--"), ("#000000", ":"), ("#D55E00", "-."), ("#009E73", "--"))
+"""Colours and dashes of the oscillators, in their order from the last: the plots along x have the last two only."""
+HIGHEST = 2.0
+"""Height of the panel of oscillators over the largest damped gain: an undamped one has no largest gain."""
 
 
 def draw(path: Path, curves: Curves, ladder: Mapping[str, NDArray[np.complex128]]) -> None:
-    """Draw readings per N, per mm, and phases; without a force only per mm.
+    """Draw readings per N, per mm, their phases, and the largest one beside the oscillators.
 
     Parameters
     ----------
-    ladder : responses of the oscillators at the curves' frequencies, which are scaled to the largest reading per N
-        at the lowest frequency.
+    ladder : responses of the oscillators at the curves' frequencies; empty where there is no force.
     """
-    readers = curves.readers
-    first = readers[0]
-    per_N = curves.per_N
-    with canvas(path, 2 if per_N is None else 3, 1) as (figure, axes):
-        panels = iter(zip(axes, "abc", strict=False))
-        if per_N is not None:
+    first, per_N, unit = curves.readers[0], curves.per_N, curves.units[curves.readers[0]]
+    beside = per_N is not None and bool(ladder)
+    rows = ("ab",) if per_N is None else ("ab", "cc", "dd") if beside else ("ab", "cc")
+    with sheet(path, 7.0, 2.3 * len(rows) + 0.4) as figure:
+        by_letter = figure.subplot_mosaic("\n".join(rows), sharex=True)
+        panels = iter((axis, letter) for letter, axis in by_letter.items())
+        for values, per in ((per_N, "N"), (curves.per_mm, "mm")):
+            if values is not None:
+                axis, letter = next(panels)
+                _draw_gains(axis, curves, values)
+                axis.set_ylim(*_limits(np.abs(values[:, curves.readers])))
+                label(axis, letter, f"reading ({unit}/{per})")
+        if beside:
             axis, letter = next(panels)
-            _draw_gains(axis, curves, per_N)
-            scale = abs(per_N[0, first])
-            for (name, response), dashes in zip(ladder.items(), ("--", "-.", ":", (0, (1, 3))), strict=False):
-                gain = scale * np.abs(response) / abs(response[0])
-                axis.plot(curves.frequency, gain, color="#777777", linestyle=dashes, linewidth=1.1, label=name)
-            axis.set_ylim(*_limits(np.abs(per_N[:, readers])))
-            label(axis, letter, f"reading ({curves.units[first]}/N)")
+            assert per_N is not None
+            _draw_ladder(axis, curves.frequency, per_N[:, first], ladder, curves.names[first])
+            label(axis, letter, "reading per N, relative")
         axis, letter = next(panels)
-        _draw_gains(axis, curves, curves.per_mm)
-        axis.set_ylim(*_limits(np.abs(curves.per_mm[:, readers])))
-        label(axis, letter, f"reading ({curves.units[first]}/mm)")
-        axis, letter = next(panels)
-        phases = (
-            {"per mm": (curves.per_mm, "-")}
-            if per_N is None
-            else {"per N": (per_N, "-"), "per mm": (curves.per_mm, "--")}
-        )
-        for name, (values, dashes) in phases.items():
-            axis.plot(
-                curves.frequency,
-                relative_phase(values[:, first]),
-                color=COLOURS[first % len(COLOURS)],
-                linestyle=dashes,
-                label=f"{curves.names[first]} {name}",
-            )
-        axis.legend(frameon=False)
+        for values, name, dashes in (
+            (per_N, "per N", "-"),
+            (curves.per_mm, "per mm", "--" if per_N is not None else "-"),
+        ):
+            if values is not None:
+                look = {"color": COLOURS[first % len(COLOURS)], "linestyle": dashes}
+                axis.plot(
+                    curves.frequency,
+                    relative_phase(values[:, first]),
+                    label=f"{curves.names[first]} {name}",
+                    **look,
+                )
+        axis.legend(frameon=False, fontsize=9)
         label(axis, letter, "phase (degrees)")
-        axis.set_xlabel("frequency (Hz)")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=1 if ladder else len(labels), frameon=False)
+        handles, names = by_letter["a"].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
+        for letter in set(rows[-1]):
+            by_letter[letter].set_xlabel("frequency (Hz)")
+
+
+def _draw_ladder(
+    axis: Any,
+    frequency: NDArray[np.float64],
+    reading: NDArray[np.complex128],
+    ladder: Mapping[str, NDArray[np.complex128]],
+    name: str,
+) -> None:
+    """Draw a reading per N and the oscillators over their values at the lowest frequency."""
+    gain = np.abs(reading / reading[0])
+    axis.plot(frequency, gain, color=FEM, label=f"{name}, finite elements")
+    highest = float(gain.max())
+    for (text, response), (colour, dashes) in zip(ladder.items(), FORMULAS[-len(ladder) :], strict=True):
+        values = np.abs(response / response[0])
+        if np.iscomplex(response).any():
+            highest = max(highest, float(values.max()))
+        axis.plot(frequency, values, color=colour, linestyle=dashes, linewidth=1.2, label=text)
+    axis.set_yscale("log")
+    axis.set_ylim(min(0.5, 0.7 * float(gain.min())), HIGHEST * highest)
+    axis.legend(frameon=False, fontsize=9, loc="upper left", handlelength=2.2)
 
 
 def relative_phase(values: NDArray[np.complex128]) -> NDArray[np.float64]:
