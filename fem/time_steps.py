@@ -27,7 +27,7 @@ from fem.discretisation.nonlinear_system import System
 from fem.discretisation.viscous_history import History, PointState
 from fem.results.postprocess import tip_force
 from fem.solvers.kept_tangent import KeptTangent, newton_near
-from fem.solvers.load_increments import find_equilibrium, least_J
+from fem.solvers.load_increments import find_equilibrium, path_at
 from fem.solvers.newton import Equilibrium, Stop
 from fem.solvers.path_state import FIRST_TOUCH, PathState
 from fem.time_quadrature import TimeIntegral
@@ -161,23 +161,7 @@ def advance(
             break
     if not answer.converged:
         return answer.reason
-    friction, dissipated = path.friction, path.dissipated
-    if friction is not None:
-        friction, lost = plate_contact.advance_friction(path.skin, answer.state.u, plate)
-        dissipated += lost
-    after = with_stiffness(
-        replace(
-            path,
-            position=position,
-            q=answer.state.q,
-            energy=answer.assembly.energy,
-            least_J=least_J(answer),
-            unstable=answer.unstable,
-            friction=friction,
-            dissipated=dissipated,
-        ),
-        stiffness,
-    )
+    after = with_stiffness(path_at(path, answer, position, plate), stiffness)
     points = measure(path.d.system, answer.state.u)
     own, _, _ = overstress.stress(points.C, points.J, points.mu, tangent=False)
     other = answer.assembly.energy - points.integral(overstress.factor * points.W + own)

@@ -185,7 +185,7 @@ def find_equilibrium(
     return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm)
 
 
-def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
+def path_at(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
     """Return the path's state at a position (3,), from the converged equilibrium with the plate there."""
     friction, dissipated = state.friction, state.dissipated
     if friction is not None:
@@ -200,8 +200,13 @@ def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate
         unstable=answer.unstable,
         friction=friction,
         dissipated=dissipated,
-        past=(*state.past[-1:], PastState(state.position, state.q, state.overlap)),
     )
+
+
+def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
+    """Return the path's state at a position (3,), with the state before for extrapolation."""
+    past = (*state.past[-1:], PastState(state.position, state.q, state.overlap))
+    return replace(path_at(state, answer, position, plate), past=past)
 
 
 def least_J(answer: Equilibrium) -> float:
