@@ -1,6 +1,10 @@
 """Verb cycle: its measures against a linear spring, its files, and exit status 2."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +14,7 @@ from analytic.relaxation_loops import loop
 from geometry.design import paper
 from geometry.relaxation import relaxation_of
 from studies.cli import entry_point
+from studies.inputs import exit_status
 
 QUICK = ["--accuracy", "quick", "--magnet", "ignored"]
 
@@ -84,3 +89,27 @@ def test_a_fast_cycle_is_warned_of_inertia_and_begins_at_rest(capsys: pytest.Cap
     printed = capsys.readouterr()
     assert "1.2 times the lowest natural frequency of the free sensor, 342 Hz" in printed.err
     assert "the loop of cycle 1, which begins at rest and is not yet steady" in printed.err + printed.out
+
+
+def test_an_interrupt_prints_the_complete_cycles(tmp_path: Path) -> None:
+    code = "import sys; from studies.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = ["cycle", "paper", "--depth", "0.1", "--speed", "0.5", "--cycles", "1000", "--out", "o", *QUICK]
+    paths = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths},
+        text=True,
+    ) as process:
+        assert process.stderr is not None
+        while "cycle 2 of" not in (line := process.stderr.readline()):
+            assert line
+        process.send_signal(signal.SIGINT)
+        printed, errors = process.communicate()
+    assert process.returncode == exit_status.INTERRUPTED
+    assert printed.startswith("Loops, linear overstresses")
+    assert "largest" in printed
+    assert "of 1000 cycles are complete, and no file is written" in errors
+    assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,6 +23,7 @@ from studies.output.records import FlatRow
 if TYPE_CHECKING:
     from fem.timed_path import ViscousLaw
     from studies.simulation.cycle_motion import Motion
+    from studies.simulation.cycle_report import Cycles
 
 FLAG = Parameter(negative="")
 
@@ -104,15 +106,23 @@ def cycle(
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=extrapolate)
     atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
-    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
-        progress(0.0, "the curve of slow loading")
-        static = study.static_curve(design, motion, accuracy, magnet)
-        laws: tuple[ViscousLaw, ...] = ("prony", "finite") if second_law else ("prony",)
-        results = [study.run(design, motion, law, static, accuracy, magnet, tolerance, progress) for law in laws]
-        answer = _search(design, motion, gap, static, accuracy, magnet, tolerance, progress)
-        if folder is not None:
-            study.write(folder, motion, results)
-            run_record.write(folder, command_line, dataclasses.asdict(design))
+    laws: tuple[ViscousLaw, ...] = ("prony", "finite") if second_law else ("prony",)
+    results: list[Cycles] = []
+    try:
+        with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+            progress(0.0, "the curve of slow loading")
+            static = study.static_curve(design, motion, accuracy, magnet)
+            for law in laws:
+                results.append(study.run(design, motion, law, static, accuracy, magnet, tolerance, progress))
+            answer = _search(design, motion, gap, static, accuracy, magnet, tolerance, progress)
+            if folder is not None:
+                study.write(folder, motion, results)
+                run_record.write(folder, command_line, dataclasses.asdict(design))
+    except KeyboardInterrupt as stop:
+        # a run of the search for a gap has another loss factor: its loops are not those of the design
+        if isinstance(stop, study.Interrupted) and len(results) < len(laws):
+            results.append(stop.cycles)
+        raise KeyboardInterrupt(_report_complete(results, motion, as_json=as_json, wide=wide)) from None
     lowest = study.lowest_frequency(design, magnet)
     warnings += study.inertia_warnings(motion, lowest)
     notes = study.notes(design, motion, static, results[0], lowest)
@@ -124,14 +134,32 @@ def cycle(
         shared = {"frequency_Hz": motion.frequency, "warnings": warnings, "notes": notes}
         console.report([record | ({"second_law": others[0]} if others else {}) | shared], as_json=True)
     else:
-        for one in results:
-            title = "Loops, linear overstresses" if one.law == "prony" else "Loops, law for large rates"
-            console.report([row.row() for row in one.loops], as_json=False, title=title, wide=wide)
+        _report_loops(results, wide=wide)
         for note in [*study.findings(results[0]), *([answer["sentence"]] if answer else []), *notes]:
             console.note(f"{note}.")
     for warning in warnings:
         console.warn(warning)
     return report_failures([*(one.row() for one in results), *([answer] if answer else [])])
+
+
+def _report_loops(results: Sequence[Cycles], *, wide: bool) -> None:
+    """Print a table of the loops by each law."""
+    for one in results:
+        title = "Loops, linear overstresses" if one.law == "prony" else "Loops, law for large rates"
+        console.report([row.row() for row in one.loops], as_json=False, title=title, wide=wide)
+
+
+def _report_complete(results: Sequence[Cycles], motion: Motion, *, as_json: bool, wide: bool) -> str:
+    """Print the loops of the cycles that were complete before Ctrl-C; return their number in words."""
+    complete = [one for one in results if one.loops]
+    if as_json:
+        console.report(
+            [{"law": one.law, "loops": [row.row() for row in one.loops]} for one in complete], as_json=True
+        )
+    else:
+        _report_loops(complete, wide=wide)
+    reached = len(results[-1].loops) if results else 0
+    return f"{reached} of {motion.cycles} cycles are complete, and no file is written"
 
 
 def _search(

@@ -92,6 +92,17 @@ class Cycles:
         }
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a motion, with the results of the states that were reached."""
+
+    def __init__(self, cycles: Cycles) -> None:
+        super().__init__(cycles)
+        self.cycles = cycles
+
+    def __str__(self) -> str:
+        return ""
+
+
 @dataclass(frozen=True, slots=True)
 class Static:
     """The slow, fully relaxed sensor: its curve, and the estimated error of the mesh at the end of the stroke."""
@@ -145,9 +156,33 @@ def run(
     tolerance: float,
     progress: Progress,
 ) -> Cycles:
-    """Follow a motion; the states that were reached are returned even if the path ends early."""
+    """Follow a motion; the states that were reached are returned even if the path ends early.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C, with the same results of the states that were reached.
+    """
     begin = time.process_time()
-    passed = list(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
+    passed: list[tuple[Stop, TimedState, bool]] = []
+    try:
+        passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
+    except KeyboardInterrupt:
+        if not passed:
+            raise
+        raise Interrupted(_results(design, motion, law, static, passed, begin)) from None
+    return _results(design, motion, law, static, passed, begin)
+
+
+def _results(
+    design: Design,
+    motion: Motion,
+    law: ViscousLaw,
+    static: Static,
+    passed: list[tuple[Stop, TimedState, bool]],
+    begin: float,
+) -> Cycles:
+    """Return readings, loops and status of states; `begin` is the processor time before the first one, s."""
     states = with_readings(design, passed, static.curve)
     failed = [state for _, state, _ in passed if state.status == "not_converged"]
     unstable = [state for _, state, _ in passed if state.status == "unstable"]
@@ -307,7 +342,7 @@ def findings(cycles: Cycles) -> list[str]:
         return []
     last = cycles.loops[-1]
     lost = last.material_mJ + last.friction_mJ
-    share = f" ({last.friction_mJ / lost:.1%} by friction)" if lost and last.friction_mJ else ""
+    share = f" ({100 * last.friction_mJ / lost:.1f} % by friction)" if lost and last.friction_mJ else ""
     begin = ", which begins at rest and is not yet steady (--cycles)," if last.gap_N else ""
     change = ""
     if len(cycles.loops) > 1:
