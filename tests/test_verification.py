@@ -61,7 +61,8 @@ def test_the_full_run_has_the_same_targets_and_some_more_on_finer_meshes():
     assert [name for name, target in full.items() if target.quick] == list(QUICK)
     assert all(full[name].meshes[-1] >= target.meshes[-1] for name, target in QUICK.items())
     # test_timed_path.py has energy and order at a reduced size
-    balances = {f"energy of {name}" for name in ("a sheared beam", "a press in contact", "a sliding plate")}
+    contact = ("a press in contact", "a glued plate", "a sliding plate")
+    balances = {f"energy of {name}" for name in ("a sheared beam", *contact)}
     in_time = {*balances, "order of the time steps"}
     assert all("Reese" in name for name in set(full) - set(QUICK) - in_time)
 
