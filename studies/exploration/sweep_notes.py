@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from studies.exploration import sweep_lines, sweep_maps
 from studies.exploration.sweep_axes import symbol
-from studies.exploration.sweep_cube import Cube, failed
+from studies.exploration.sweep_cube import Cube, effect, failed
 from studies.exploration.sweep_views import Section
 
 MOST_NOTED = 100
@@ -39,6 +39,11 @@ def of_picture(sections: Sequence[Section]) -> list[str]:
             )  # fmt: skip
             names = _list([symbol(name) for name in section.view.folded])
             notes.append(f"{section.subject} over all values of {names}: {how}.")
+    notes += [
+        f"{section.subject} is the same for every {symbol(section.view.x)}."
+        for section in sections
+        if not section.error and not section.view.maps and _is_flat(section)
+    ]
     for section in (s for s in sections if s.error):
         low, high = sweep_maps.error_limits(section) if section.view.maps else sweep_lines.error_limits(section)
         beyond = section.numbers[(section.numbers < low) | (section.numbers > high)]
@@ -54,6 +59,13 @@ def of_picture(sections: Sequence[Section]) -> list[str]:
         if same:
             notes.append(f"The error of {section.label} is the same for every {_list([symbol(n) for n in same])}.")
     return list(dict.fromkeys(notes))
+
+
+def _is_flat(section: Section) -> bool:
+    """Return whether the horizontal axis changes no value of a section of lines, of which each model has several."""
+    # a bandwidth outside the band is no number: one number alone cannot be compared
+    several = all((np.isfinite(values).sum(axis=-1) > 1).any() for values in section.values)
+    return several and all(effect(values, values.ndim - 1) == 0 for values in section.values)
 
 
 def failures(columns: Mapping[str, NDArray[Any]]) -> list[str]:

@@ -66,24 +66,20 @@ def run(
     BadInput
         A value is out of range, or the state is not reached or not stable.
     """
-    from fem.accuracy import LEVELS, coarser
+    from fem.accuracy import LEVELS
     from fem.vibration import check_vibration, vibrating_sensor
 
     check_load(design, load, magnet)
     level = LEVELS[accuracy]
     check_vibration(design, load, band, level)
-    progress(0.0, "the state and its vibrations")
-    sensor = vibrating_sensor(design, load, band, level, magnet=magnet)
-    progress(0.4, "the same on a coarser mesh")
     frequencies = np.geomspace(*band, count)
     # geomspace rounds its ends
     frequencies[[0, -1]] = band
-    coarse: Mapping[str, Curves] = {}
-    try:
-        other = vibrating_sensor(design, load, band, coarser(level), magnet=magnet, check=False)
-        coarse = response_curves.evaluator(design, other)(frequencies)
-    except BadInput:  # the path may stop earlier on the coarser mesh
-        pass
+    progress(0.0, "the state and its vibrations on a coarser mesh")
+    # the coarser mesh comes first, and is released before the finer one needs its memory
+    coarse = _coarse_curves(design, load, band, level, magnet, frequencies)
+    progress(0.3, "the state and its vibrations")
+    sensor = vibrating_sensor(design, load, band, level, magnet=magnet)
     progress(0.7, "resonances")
     at = response_curves.evaluator(design, sensor)
     curves = at(frequencies)
@@ -98,6 +94,20 @@ def run(
         _write(folder, curves, coarse, ladder, models)
     notes = [*_notes(design, load), _free_note(sensor.scene.design, magnet, level)]
     return Report(motions, ladder, notes)
+
+
+def _coarse_curves(
+    design: Design, load: Load, band: tuple[float, float], level: Accuracy, magnet: Magnet, frequencies: Array
+) -> Mapping[str, Curves]:
+    """Return the curves of each motion on a coarser mesh; none if the path stops earlier on it."""
+    from fem.accuracy import coarser
+    from fem.vibration import vibrating_sensor
+
+    try:
+        sensor = vibrating_sensor(design, load, band, coarser(level), magnet=magnet, check=False)
+    except BadInput:
+        return {}
+    return response_curves.evaluator(design, sensor)(frequencies)
 
 
 def _per_force(at: At, motion: str) -> oscillator_ladder.Response:
