@@ -30,7 +30,7 @@ from types import ModuleType
 IMPORT_S = 0.4
 """CPU time for importing numba and for reading compiled functions, s."""
 COMPILE_S = 60.0
-"""Bound of the CPU time for compiling all functions once after an installation, s: measured 34 to 53."""
+"""Bound of the CPU time for compiling all functions once after an installation, s: measured 30 to 51."""
 
 _uncompiled: ContextVar[bool] = ContextVar("uncompiled", default=False)
 """Whether `uncompiled` is in effect."""

@@ -3,10 +3,11 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_nonlinear_system import SCENES, plate, smooth
+from test_nonlinear_system import RNG, SCENES, plate, smooth
 
 from fem import material
 from fem.discretisation import element_loops
@@ -126,3 +127,13 @@ def test_without_a_writable_folder_numpy_computes(tmp_path):
         [sys.executable, "-c", READ_ONLY], capture_output=True, text=True, env=environment, check=True
     )
     assert run.stdout.split() == ["True", "False"]
+
+
+def test_neighbouring_tetrahedra_follow_each_other():
+    """The steps between tetrahedra in order are far shorter than between tetrahedra in random order."""
+    e = SCENES["half ball"]().elements
+    shuffled = replace(e, cells=RNG.permutation(e.cells))
+    order = np.argsort(element_loops.places_on_curve(shuffled), kind="stable")
+    centres = shuffled.nodes[shuffled.corners].mean(axis=1)
+    before, after = (np.linalg.norm(np.diff(x, axis=0), axis=1).mean() for x in (centres, centres[order]))
+    assert after < before / 2

