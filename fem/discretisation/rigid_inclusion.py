@@ -44,6 +44,8 @@ class RigidBody:
 
     def curvature(self, q: Array, force: Array) -> Array:
         """Return the sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
+        if not force.any():  # as at rest
+            return np.zeros((self.size, self.size))
         return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
 
 

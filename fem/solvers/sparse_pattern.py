@@ -21,6 +21,9 @@ from geometry.arrays import Array, Ints
 CHUNK = 1 << 16
 """Entries of element matrices whose positions are computed at a time, so that they stay in the processor's cache."""
 
+MOST_LISTED = 3000
+"""Blocks up to which all their pairs are listed, in up to 45 MB."""
+
 
 @dataclass(frozen=True, slots=True)
 class Side:
@@ -94,7 +97,7 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     """Return the layout of a matrix whose coupled pairs of blocks are `keys`, see `_pair_keys`."""
     count, first = len(sizes), np.cumsum(sizes) - sizes
     # sorted keys are rows of blocks, and in each row the columns in rising order
-    unique, inverse = np.unique(keys, return_inverse=True)
+    unique, inverse = _number(keys, count)
     rows, columns = np.divmod(unique, count)
     begin, width = np.searchsorted(rows, np.arange(count)), sizes[columns]
     start = np.cumsum(width) - width
@@ -110,6 +113,19 @@ def _build_layout(keys: Ints, sizes: Ints) -> _Layout:
     indices, pointers = shared[place].astype(np.int32), np.append(0, ends).astype(np.int32)
     empty = sp.csr_matrix((np.zeros(len(indices)), indices, pointers), shape=(len(block), len(block)))
     return _Layout(empty, offset, inside, ends - length - inside, unique)
+
+
+def _number(keys: Ints, count: int) -> tuple[Ints, Ints]:
+    """Return the different keys in rising order, and the number of each key among them."""
+    if count > MOST_LISTED:
+        return np.unique(keys, return_inverse=True)
+    # a list of all pairs takes less time than sorting those that occur
+    occurs = np.zeros(count**2, dtype=np.bool_)
+    occurs[keys] = True
+    unique = np.flatnonzero(occurs)
+    number = np.empty(count**2, dtype=np.int32)
+    number[unique] = np.arange(len(unique))
+    return unique, number[keys].astype(np.int64)
 
 
 class Pattern:
