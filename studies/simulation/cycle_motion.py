@@ -60,7 +60,7 @@ class Motion:
         if not math.isfinite(self.shear):
             raise BadInput(f"--shear must be a finite number of mm; got {self.shear:g}")
         if self.shear and self.friction in ("none", 0):
-            raise BadInput(f"a shear needs friction: give stick or a coefficient above 0; got {self.friction}")
+            raise BadInput(f"a shear needs friction: give stick or a coefficient above 0; got {self.friction or 0}")
 
     @property
     def stroke(self) -> float:
@@ -85,7 +85,8 @@ def frequency_of(speed: float | None, frequency: float | None, stroke: float) ->
     0.25
     """
     if (speed is None) == (frequency is None):
-        raise BadInput("a cycle needs either --speed or --frequency")
+        both = "only one of them: leave out --speed or --frequency" if speed is not None else "one: add --speed, mm/s"
+        raise BadInput(f"a cycle needs either --speed or --frequency, and {both}")
     if speed is None:
         assert frequency is not None
         return frequency

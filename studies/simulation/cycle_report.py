@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.relaxation_loops import loop
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
@@ -28,8 +29,8 @@ FILES = ("cycle.csv", "loops.csv", "cycle.png")
 """Files that a folder of results holds, beside run.json."""
 STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
-CURVE = 24
-"""States of the static curve."""
+CURVE, BEYOND = 24, 0.25
+"""States of the static curve, and the share of its way by which it goes on straight beyond its end."""
 FAST = 0.1
 """Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
 SEARCHES, GAP_TOLERANCE = 6, 0.05
@@ -141,9 +142,21 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
             np.concatenate([mirror, shift]),
             np.concatenate([-tilt[:0:-1], tilt]),
         )
+    force, shift, tilt = (_extended(one, both=bool(motion.shear)) for one in (force, shift, tilt))
     outputs = outputs_of(design, shift, tilt)
     known = bool(np.isfinite(outputs).all())
     return Static(StaticCurve(force, outputs) if known else None, error)
+
+
+def _extended(values: Array, *, both: bool) -> Array:
+    """Return values (n, ...) along a curve that goes on straight beyond its end, or both of its ends.
+
+    In a fast motion the magnet can go a little further than in slow loading to the same end.
+    """
+    beyond = values[-1] + BEYOND * CURVE * (values[-1] - values[-2])
+    if not both:
+        return np.concatenate([values, [beyond]])
+    return np.concatenate([[values[0] + BEYOND * CURVE * (values[0] - values[1])], values, [beyond]])
 
 
 def run(
@@ -325,7 +338,7 @@ def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest
             f"inertia is neglected; the lowest natural frequency of the free sensor is {lowest:.0f} Hz"
         ),
         (
-            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2f} % from the time steps; at most "
+            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2g} % from the time steps; at most "
             f"{cycles.balance_error:.2g} of the largest work is neither stored nor dissipated, by errors of the time "
             "steps and of their integrals"
         ),
