@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE, RESPONSE, TYPE
-from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, percentile, random_moves, rest, server
+from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, other_value, random_moves, rest, server
 
 from geometry.design import BadInput, Design
 from studies.inputs import user_input
@@ -88,16 +88,10 @@ def test_pictures_are_drawn(page, selector):
 
 
 def test_every_control_changes_the_request(start):
-    page = start()
+    page = start("&shear=0.5")
     for field in page.run("Explorer.fields()"):
         before = request(page)
-        if "choices" in field:
-            value = next(one for one in reversed(field["choices"]) if one != field["value"])
-        elif field["kind"] == "text":
-            value = "0.1:1"
-        else:
-            value = 400 if field["kind"] == "logarithmic" else 0.3 * field["slider"][0] + 0.7 * field["slider"][1]
-        move(page, field["name"], value)
+        move(page, field["name"], other_value(field))
         assert request(page) != before, field["name"]
 
 
@@ -162,8 +156,7 @@ def test_newest_state_is_drawn_after_a_drag(start):
     assert all(a < b for a, b in pairwise(asked))
     assert len(asked) <= 32
     assert page.run("Explorer.answers.a.state.data.load.depth") == pytest.approx(1.5)
-    totals = [one["total"] for one in times]
-    assert 0 < percentile(totals, 0.5) <= percentile(totals, 0.95)
+    assert all(one["total"] > 0 for one in times)
 
 
 def test_plate_follows_pointer_and_keys(start):
@@ -220,9 +213,7 @@ def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, 
 
 
 def test_unknown_parts_of_the_address_are_named(start):
-    notice = text(start("&depht=2&view.field=torque"), "#notice")
-    assert "depht" in notice
-    assert "view.field" in notice
+    assert "leaves out: depht, view.field." in text(start("&depht=2&view.field=torque"), "#notice")
 
 
 def test_two_designs_side_by_side(start):
@@ -260,7 +251,7 @@ def test_speed_and_frequency_fill_their_panels(start):
     assert [line.split()[1] for line in lines] == ["solve", "response", "cycle"]
     move(page, "speed", 0)
     page.wait("Explorer.complete()")
-    assert "A speed above 0 mm/s" in text(page, "#loop-note")
+    assert "A speed above 0 mm/s" in text(page, "[data-table=loop]")
 
 
 @pytest.mark.parametrize("width", [1400, 900, 390])

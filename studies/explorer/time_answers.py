@@ -97,7 +97,7 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
         {"name": name, "unit": unit, "value": value, "half_width": _distance(value, coarse.get((name, unit)))}
         for (name, unit), value in fine.items()
     ]
-    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion)}
+    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion, fine)}
 
 
 def _values(at: At, motion: str, frequency: float, band: tuple[float, float]) -> dict[tuple[str, str], float | None]:
@@ -144,14 +144,16 @@ def _distance(value: float | None, other: float | None) -> float | None:
     return None if value is None or other is None else abs(value - other)
 
 
-def _message(vibrating: Vibrating, motion: str) -> str:
+def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], float | None]) -> str:
     """Say what moves, and what the numbers assume."""
+    none = f" There is no resonance below {vibrating.band[1]:.4g} Hz, where the vibration is known."
+    none = none if values["first resonance", "Hz"] is None else ""
     if not vibrating.sensor.state.load.depth:
-        return "The base of the free sensor is shaken along x; shift is relative to the base."
+        return f"The base of the free sensor is shaken along x; shift is relative to the base.{none}"
     way = "z" if motion == "z" else "the shear"
     return (
         f"The plate moves along {way} about this state, which is at rest; contact is frozen, amplitudes are small. "
-        "The resonance is that under a force. Half widths are differences to a coarser mesh."
+        f"The resonance is that under a force. Half widths are differences to a coarser mesh.{none}"
     )
 
 

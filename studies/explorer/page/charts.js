@@ -64,7 +64,7 @@ const Charts = (() => {
 
     function tell(u) {
       const k = u.cursor.idx, side = sides[0];
-      if (k === null || k === undefined || !side) return Format.put(readout, "Move over the chart, or use the arrow keys, to read values.");
+      if (k === null || k === undefined || !side) return Format.put(readout, "Press without friction. Move over the chart, or use the arrow keys, to read values.");
       const parts = u.series.slice(1).map((one, n) => [one.label, u.data[n + 1][k]]).filter(([, v]) => v !== null && v !== undefined);
       Format.put(readout, `depth ${Format.number(u.data[0][k], 3)} mm: ${parts.map(([name, v]) => `${name} ${Format.number(v)} ${unit}`).join("; ")}`);
     }

@@ -132,7 +132,7 @@ const Explorer = (() => {
       Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
     }
     for (const panel of document.querySelectorAll(".panel[data-part]")) {
-      const waits = shownSides().some((side) => requests.behind(side, panel.dataset.part));
+      const waits = shownSides().some((side) => !refusals[side] && requests.behind(side, panel.dataset.part));
       Format.put($(".state", panel), waits ? "updating" : "");
     }
   }
@@ -172,7 +172,8 @@ const Explorer = (() => {
     }
     const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
-    Format.put($("#formula-note"), state(view.edit)?.formula_level?.message || "");
+    const beyond = state(view.edit)?.formula_level?.message;
+    Format.put($("#formula-note"), beyond ? `Formula ${view.formula}: ${beyond}` : "");
     views.readings.show(list, rows("readings"), { none: state(view.edit)?.readings?.message || "This sensor has no magnet to read." });
     views.decoded.show(list, rows("decoded"));
     Format.put($("#decoded-note"), state(view.edit) ? Numbers.decoding(state(view.edit)) : "");
@@ -188,7 +189,7 @@ const Explorer = (() => {
     const refusal = refusals[side], answer = answers[side].state, share = answers[side].progress;
     const last = answer ? "The last picture is shown in grey" : "There is no picture";
     if (refusal) return { chip: "stopped", time: "", text: `${last}: ${refusal.error}` };
-    if (!answer) return { chip: "", time: "", text: notice ? "" : "Solving the first state." };
+    if (!answer) return { chip: "", time: "", text: notice ? "" : first() };
     const { status, message: text, seconds } = answer.data, waits = requests.behind(side, "state");
     const own = share?.number === requests.newest(side) && share.progress.share > 0 && (waits || answer.level !== level);
     const part = own ? `, ${Math.round(100 * share.progress.share)} %` : "";
@@ -196,6 +197,9 @@ const Explorer = (() => {
     const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
     return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
   }
+
+  // The server compiles at its first start only; the single file has no such wait.
+  const first = () => `Solving the first state.${engine.replaces ? " The first start after an installation compiles functions, which takes a minute or more." : ""}`;
 
   function drawSensor(changed) {
     const list = shownSides().filter((side) => answers[side].sensor3d);
@@ -229,18 +233,18 @@ const Explorer = (() => {
   function drawInTime(part) {
     const list = shownSides(), data = list.map((side) => answers[side][part]?.data);
     const linear = list.some((side) => answers[side][part]?.level === "linear");
-    views[part].show(list, data.map(Numbers.listed), { none: "None.", first: linear ? "linear spring" : engine.model });
     const name = (side) => (sides.b ? `${side.toUpperCase()}: ` : ""), mode = (side) => answers[side].stability?.data.first_mode_hz;
     const rates = part === "vibration" ? list.map((side) => rateText(name(side), answers[side].state?.data.rate, mode(side))) : [];
-    const notes = list.map((side, k) => (data[k]?.message ? name(side) + data[k].message : ""));
-    Format.put($(`#${part}-note`), [...notes, ...rates].filter(Boolean).join(" "));
+    const notes = Format.once(list.map((side, k) => [name(side), data[k]?.message || ""]));
+    const empty = !data.some((one) => one?.rows?.length);
+    views[part].show(list, data.map(Numbers.listed), { none: (empty && notes) || " ", first: linear ? "linear spring" : engine.model });
+    Format.put($(`#${part}-note`), [empty ? "" : notes, ...rates].filter(Boolean).join(" "));
   }
 
   function drawStability() {
     const list = shownSides(), stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
     views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
-    const notes = stability.map((one, k) => (one.message ? `${sides.b ? `${list[k].toUpperCase()}: ` : ""}${one.message}` : ""));
-    Format.put($("#stability-note"), notes.filter(Boolean).join(" "));
+    Format.put($("#stability-note"), Format.once(stability.map((one, k) => [sides.b ? `${list[k].toUpperCase()}: ` : "", one.message || ""])));
     const texts = list.filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth).map((side) => {
       const beyond = sides[side].depth > answers[side].stability.data.critical_depth, name = sides.b ? `${side.toUpperCase()}: the` : "The";
       return `${name} depth of ${Format.plain(sides[side].depth)} mm is ${beyond ? "beyond" : "near"} the critical depth: the press may buckle sideways.`;

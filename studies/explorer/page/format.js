@@ -48,6 +48,12 @@ const Format = (() => {
   // A text that is set only where it differs: a reader of the screen is not told the same twice.
   function put(node, text) { if (node.textContent !== text) node.textContent = text; }
 
+  // Notes of several sides as one text, [name, note] each; a note that all of them share stands once, without a name.
+  function once(notes) {
+    const same = notes.every(([, note]) => note === notes[0][1]);
+    return same ? notes[0]?.[1] || "" : notes.filter(([, note]) => note).map(([name, note]) => name + note).join(" ");
+  }
+
   // Colours of the style sheet, read once for each theme.
   let colours = new Map();
   function colour(name) {
@@ -66,5 +72,5 @@ const Format = (() => {
     return true;
   }
 
-  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, colour, recolour, pixels, fit };
+  return { VIRIDIS, SIGNED, number, width, plain, round, mix, make, put, once, colour, recolour, pixels, fit };
 })();
