@@ -198,7 +198,8 @@ class Live(tornado.websocket.WebSocketHandler):
     def send(self, text: str | bytes) -> None:
         """Send a text unless the page has been closed."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-            self.write_message(text)
+            # a page may also close while the text is on its way; its loss needs no trace on the terminal
+            self.write_message(text).add_done_callback(lambda sent: sent.cancelled() or sent.exception())
 
     def on_close(self) -> None:
         self.shared.pages.discard(self)
