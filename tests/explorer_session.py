@@ -19,6 +19,8 @@ from urllib.parse import urlencode
 from browser import Browser
 from explorer_scripts import DRAG, GO, REST, SET, SETTLED
 
+from fem import preparation
+
 ROOT = Path(__file__).resolve().parent.parent
 NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded", "Network.loadingFailed")
 """Events of a page that has something to complain of."""
@@ -27,6 +29,8 @@ NOISE = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"
 @contextlib.contextmanager
 def server(port=0, design="paper"):
     """Start `magtip explore`; yields its process and the address of the page."""
+    # a page waits for a minute at most, and both workers would compile the same functions at once
+    preparation.prepare()
     line = [sys.executable, "-m", "studies.cli", "explore", design, "--no-browser", "--port", str(port)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(line, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as process:

@@ -255,12 +255,12 @@ def test_speed_and_frequency_fill_their_panels(start):
 
 
 @pytest.mark.parametrize("width", [1400, 900, 390])
-@pytest.mark.parametrize("state", ["", "&b.preset=paper&b.D=10&view.edit=b"])
+@pytest.mark.parametrize("state", ["", "&frequency=300&b.preset=paper&b.D=10&b.frequency=300&view.edit=b"])
 def test_panels_fit_and_do_not_overlap(start, width, state):
     page = start(state)
     page.size(width, 900)
     try:
-        rest(page)
+        page.wait("Explorer.complete()")
         boxes = page.run(BOXES)
         assert page.run("document.documentElement.scrollWidth") <= width
         assert all(0 <= left < right <= width for left, _, right, _ in boxes)

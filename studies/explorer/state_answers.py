@@ -112,8 +112,10 @@ def half_widths(solution: Solution) -> Data:
     """Return the half widths that the error estimates give the response: None where there is no estimate.
 
     The estimates of force and shift are relative to the length of the vector, so every component along the load has
-    the same half width; the force along the shear has its own.
+    the same half width; the force along the shear has its own. A free sensor has no error.
     """
+    if not solution.load.depth:
+        return {"force": [0.0] * 3, "shift": [0.0] * 3, "tilt": 0.0, "contact_radius": None}
     estimates, response = solution.estimates, solution.response
     c, s = solution.load.direction
     aside = solution.load.shears_tip or bool(solution.load.plate_tilt)

@@ -30,7 +30,7 @@ const SectionDrawing = (() => {
   function range(section, name) {
     const values = section.fields[name], { signed, from } = FIELDS[name];
     const sizes = Float64Array.from(values, (v) => (signed ? Math.abs(v) : v - from)).sort();
-    const most = Format.round(Math.max(sizes[Math.floor(0.99 * (sizes.length - 1))] || 0, 1e-6)), largest = sizes[sizes.length - 1];
+    const most = Format.round(Math.max(sizes[Math.floor(0.99 * (sizes.length - 1))] || 0, 1e-2)), largest = sizes[sizes.length - 1];
     return { low: signed ? -most : from, high: from + most, beyond: largest > most * 1.001 };
   }
 
