@@ -60,8 +60,11 @@ def draw(path: Path, curves: Curves, ladder: Mapping[str, NDArray[np.complex128]
         label(axis, letter, "phase (degrees)")
         handles, names = by_letter["a"].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside upper center", ncols=len(names), frameon=False)
-        for letter in set(rows[-1]):
-            by_letter[letter].set_xlabel("frequency (Hz)")
+        for letter, axis in by_letter.items():
+            # panels of half the width have other positions than those below them
+            axis.tick_params(labelbottom=letter in rows[-1] or letter in "ab")
+            if letter in rows[-1] or letter in "ab":
+                axis.set_xlabel("frequency (Hz)")
 
 
 def _draw_ladder(
