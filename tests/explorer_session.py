@@ -338,13 +338,13 @@ STAGES = {
 }
 """Stages of the time from slider to picture, in their order."""
 SCREENS = (
-    ("explorer", 1400, "#preset=paper&depth=1.2&shear=1.5&view.lines=yes"),
+    ("explorer", 1400, "#preset=paper&depth=1.2&shear=1.5&frequency=100&speed=2&view.lines=yes"),
     (
         "compare",
         1400,
         "#preset=paper&depth=1.5&view.field=pressure&view.edit=b&b.preset=paper&b.depth=1.5&b.D=10&b.L=12",
     ),
-    ("narrow", 390, "#preset=paper&depth=1.5"),
+    ("narrow", 390, "#preset=paper&depth=1.5&frequency=100&speed=2"),
 )
 """Screenshots: name, width in pixels, state of the address."""
 

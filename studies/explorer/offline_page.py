@@ -118,7 +118,8 @@ def _details() -> str:
     return (
         '<details id="about-model" class="soft"><summary>Without a server: numbers by the surrogate of the finite '
         "elements, with half widths of 90 % intervals; pictures from stored sections, all at rest: "
-        "vibrations and loading cycles need magtip explore. Its errors</summary>"
+        "vibrations and loading cycles need magtip explore, and relaxation changes commands and exports only. "
+        "Its errors</summary>"
         f"<p>{html.escape(about())}</p></details>"
     )
 
