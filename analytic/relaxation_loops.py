@@ -73,8 +73,8 @@ def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangl
     hold : rest at each end of the stroke, s.
 
     >>> half = Relaxation((0.5,), (1.0,))
-    >>> round(loop(half, 0.5 / np.pi, "sine").hysteresis, 12) == round(np.sin(np.arctan(0.25 / 0.75)), 12)
-    True
+    >>> round(loop(half, 0.5 / np.pi, "sine").hysteresis, 6), round(float(np.sin(np.arctan(0.25 / 0.75))), 6)
+    (0.316228, 0.316228)
     """
     g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     half = 1 / (2 * frequency)
