@@ -120,7 +120,8 @@ class _Basis:
         projected = (
             _bordered(old, V.T @ product) for old, product in zip((self.K, self.R, self.M), products, strict=True)
         )
-        return _Basis(V, *projected, W=np.hstack([self.W, _refined(at_rest, whole[0], loads)[sample]]))
+        K, R, M = projected
+        return _Basis(V, K, R, M, np.hstack([self.W, _refined(at_rest, whole[0], loads)[sample]]))
 
     def system(self, b: Array, rounds: int, unstable: int | None) -> ReducedSystem:
         """Return the system for right-hand sides b (n, k) on the span of the basis."""
