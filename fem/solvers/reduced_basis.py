@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fem.solvers.direct_solver import Solver
-from geometry.arrays import Array, Ints
+from geometry.arrays import Array
 
 TOLERANCE, ACCEPTED = 1e-9, 1e-6
 """Largest error at any frequency, see the module docstring, and largest one where rounding errors end its fall."""
@@ -97,47 +97,37 @@ class ReducedSystem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Basis:
-    """Vectors, and the system on their span.
+    """Vectors and their products.
 
     Attributes
     ----------
-    V : (n, m) orthonormal vectors.
-    K, R, M : (m, m) projected matrices.
-    W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn.
+    V, KV, RV, MV : orthonormal vectors (n, m), and K, R and M times these.
+    W : (n, 2 m) columns of K^-1 R V and -K^-1 M V in turn.
     """
 
     V: Array
-    K: Array
-    R: Array
-    M: Array
+    KV: Array
+    RV: Array
+    MV: Array
     W: Array
 
-    def extend(self, vectors: Array, whole: Sequence[sp.csr_matrix], at_rest: Solver, sample: Ints) -> _Basis:
+    def extend(self, vectors: Array, whole: Sequence[sp.csr_matrix], at_rest: Solver) -> _Basis:
         """Return the basis with orthonormal vectors (n, j) added; `at_rest` has factorised K."""
-        products = [np.asarray(matrix @ vectors) for matrix in whole]
-        loads = np.stack([products[1], -products[2]], axis=2).reshape(len(vectors), -1)
-        V = np.hstack([self.V, vectors])
-        projected = (
-            _bordered(old, V.T @ product) for old, product in zip((self.K, self.R, self.M), products, strict=True)
-        )
-        K, R, M = projected
-        return _Basis(V, K, R, M, np.hstack([self.W, _refined(at_rest, whole[0], loads)[sample]]))
+        K, R, M = (np.asarray(matrix @ vectors) for matrix in whole)
+        answers = _refined(at_rest, whole[0], np.stack([R, -M], axis=2).reshape(len(R), -1))
+        new = (vectors, K, R, M, answers)
+        old = (self.V, self.KV, self.RV, self.MV, self.W)
+        return _Basis(*(np.hstack(pair) for pair in zip(old, new, strict=True)))
 
-    def system(self, b: Array, rounds: int, unstable: int | None) -> ReducedSystem:
+    def project(self, b: Array, rounds: int, unstable: int | None) -> ReducedSystem:
         """Return the system for right-hand sides b (n, k) on the span of the basis."""
-        return ReducedSystem(self.V, self.K, self.R, self.M, self.V.T @ b, rounds + 1, unstable)
+        V = self.V
+        return ReducedSystem(V, V.T @ self.KV, V.T @ self.RV, V.T @ self.MV, V.T @ b, rounds + 1, unstable)
 
-
-def _bordered(old: Array, columns: Array) -> Array:
-    """Return a symmetric matrix (m + j, m + j) from its first part (m, m) and its last columns (m + j, j)."""
-    m = len(old)
-    return np.block([[old, columns[:m]], [columns[:m].T, columns[m:]]])
-
-
-def _residual(b: Array, whole: Sequence[sp.csr_matrix], x: Complex, c: complex, eigenvalue: float) -> Array:
-    """Return real and imaginary parts (n, 2 k) of b - A x."""
-    r = b - whole[0] @ x - c * (whole[1] @ x) + eigenvalue * (whole[2] @ x)
-    return np.hstack([r.real, r.imag])
+    def residual(self, b: Array, y: Complex, c: complex, eigenvalue: float) -> Array:
+        """Return real and imaginary parts (n, 2 k) of b - A V y."""
+        r = b - self.KV @ y - c * (self.RV @ y) + eigenvalue * (self.MV @ y)
+        return np.hstack([r.real, r.imag])
 
 
 def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = TOLERANCE) -> ReducedSystem:
@@ -153,31 +143,30 @@ def reduce(problem: Problem, c: Complex, eigenvalues: Array, tolerance: float = 
     whole = [_whole(matrix) for matrix in (problem.K, problem.R, problem.M)]
     n, residual, worst = len(problem.b), problem.b, 0
     best: ReducedSystem | None = None
+    basis = _Basis(*(np.empty((n, 0)) for _ in range(5)))
     sample = np.unique(np.linspace(0, problem.moving - 1, SAMPLED).astype(np.int64))
-    none = np.empty((0, 0))
-    basis = _Basis(np.empty((n, 0)), none, none, none, np.empty((len(sample), 0)))
     at_rest, moving = Solver(), Solver()
     try:
         at_rest.factorise(problem.K)
         static, negative = _refined(at_rest, whole[0], problem.b), at_rest.negative()
         unstable = None if negative is None else negative - (n - problem.moving)
         # with the static solutions the slow limit is exact
-        basis = basis.extend(_orthonormal(static, basis.V), whole, at_rest, sample)
+        basis = basis.extend(_orthonormal(static, basis.V), whole, at_rest)
         for rounds in range(1, MOST_ROUNDS + 1):
             moving.factorise((problem.K + c[worst].real * problem.R - eigenvalues[worst] * problem.M).tocsr())
             shifted = whole[0] + c[worst].real * whole[1] - eigenvalues[worst] * whole[2]
             vectors = _orthonormal(_local_vectors(moving, shifted, whole, residual), basis.V)
             if vectors.size:
-                basis = basis.extend(vectors, whole, at_rest, sample)
-            system = basis.system(problem.b, rounds, unstable)
+                basis = basis.extend(vectors, whole, at_rest)
+            system = basis.project(problem.b, rounds, unstable)
             y = system.solve(c, eigenvalues)
-            errors = _errors(static[sample], basis.V[sample], basis.W, y, c, eigenvalues)
+            errors = _errors(static[sample], basis.V[sample], basis.W[sample], y, c, eigenvalues)
             worst = int(np.argmax(errors))
             if best is None or errors[worst] < best.error:
                 best = replace(system, error=float(errors[worst]))
             if not vectors.size or best.error < tolerance or rounds >= best.factorisations - 1 + PATIENCE:
                 break
-            residual = _residual(problem.b, whole, basis.V @ y[worst], complex(c[worst]), float(eigenvalues[worst]))
+            residual = basis.residual(problem.b, y[worst], complex(c[worst]), float(eigenvalues[worst]))
     finally:
         at_rest.close()
         moving.close()
