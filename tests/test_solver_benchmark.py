@@ -208,7 +208,7 @@ def test_a_solve_in_a_process_of_its_own_gives_the_same_force():
     here = trace(paper(), [Load(depth=0.5)], replace(STANDARD, **accuracy), magnet="ignored", estimate=False)
     assert found["status"] == "ok", found
     assert found["forces_N"][0] == pytest.approx(here[0].response.force, rel=1e-9)
-    assert 0.01 < found["cpu_s"] < 20
+    assert 0.001 < found["cpu_s"] < 20
     # the imports are a part of the life of the process
     assert found["import_s"] > 0.05
     assert found["import_s"] + found["cpu_s"] < whole
