@@ -6,6 +6,7 @@ import importlib
 import itertools
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +15,11 @@ from browser import Browser, executable
 
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
+
+# a shell starts programs in the background with Ctrl-C ignored, and these hand that on to the commands that tests
+# interrupt; a handler of their own is not handed on
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LONGEST = (
     "test_explorer_server",
