@@ -1,5 +1,6 @@
 """The packages of an earlier commit, unpacked from git."""
 
+import importlib.util
 import subprocess
 
 import pytest
@@ -25,3 +26,15 @@ def test_without_a_repository_or_the_commit_one_sentence_says_so(tmp_path):
             earlier_commit.unpacked(commit, repository),
         ):
             pass
+
+
+def test_another_solver_is_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(earlier_commit, "have_pardiso", lambda: True)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(BadInput, match="is left out: it finds PARDISO by the package pypardiso only"):
+        earlier_commit.check_solver()
+
+
+def test_one_solver_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(earlier_commit, "have_pardiso", lambda: False)
+    earlier_commit.check_solver()

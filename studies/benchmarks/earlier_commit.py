@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import subprocess
 import tarfile
@@ -10,12 +11,28 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from fem.solvers.direct_solver import have_pardiso
 from geometry.design import BadInput
 from studies.output.provenance import ROOT
 
 COMMIT = "f83a532"
 """The commit, before functions of the finite elements and of the mesher were compiled."""
 PACKAGES = ("geometry", "fem", "analytic")
+
+
+def check_solver() -> None:
+    """Refuse a comparison of two solvers: the commit finds PARDISO by the package pypardiso only.
+
+    Raises
+    ------
+    BadInput
+        magtip has PARDISO, and pypardiso is not installed.
+    """
+    if have_pardiso() and importlib.util.find_spec("pypardiso") is None:
+        raise BadInput(
+            f"the comparison with commit {COMMIT} is left out: it finds PARDISO by the package pypardiso only, and "
+            "would use a slower solver without it; install pypardiso beside magtip"
+        )
 
 
 @contextlib.contextmanager

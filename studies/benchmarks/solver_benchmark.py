@@ -110,6 +110,7 @@ def run(
     whole = sum(share for _, share, _ in chosen)
     with contextlib.ExitStack() as stack:
         try:
+            earlier_commit.check_solver()
             bench.earlier = stack.enter_context(earlier_commit.unpacked(earlier_commit.COMMIT))
         except BadInput as error:
             about["comparison"] = str(error)
