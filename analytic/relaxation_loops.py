@@ -76,17 +76,14 @@ def loop(relaxation: Relaxation, frequency: float, waveform: Waveform = "triangl
     >>> round(loop(half, 0.5 / np.pi, "sine").hysteresis, 6), round(float(np.sin(np.arctan(0.25 / 0.75))), 6)
     (0.316228, 0.316228)
     """
-    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     half = 1 / (2 * frequency)
-    parts = _triangle(g, half / (2 * tau), hold / tau) if waveform == "triangle" else _sine(g, tau, half, hold)
-    gap, end, area = (float(part.sum()) for part in parts)
-    if waveform == "triangle":
-        return Loop(gap, relaxation.rest + 2 * end, area)
-    return Loop(gap, _largest_of_sine(relaxation, half, hold) * 2, area)
+    return _triangle(relaxation, half, hold) if waveform == "triangle" else _sine(relaxation, half, hold)
 
 
-def _triangle(g: Array, z: Array, rest: Array) -> tuple[Array, Array, Array]:
-    """Return gap, force at the end of the stroke and area of each branch, over k0 X and k0 X^2."""
+def _triangle(relaxation: Relaxation, half: float, hold: float) -> Loop:
+    """Return the loop of strokes of constant speed."""
+    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
+    z, rest = half / (2 * tau), hold / tau
     held, whole = np.exp(-rest), np.exp(-2 * z - rest)
     moved = -np.expm1(-2 * z)
     gap = g / z * np.expm1(-z) * np.expm1(-z - rest) / (1 + whole)
@@ -94,17 +91,17 @@ def _triangle(g: Array, z: Array, rest: Array) -> tuple[Array, Array, Array]:
     # (1 - E) (1 + H) / (1 + E H) = (1 - E) + (1 - E)^2 H / (1 + E H)
     straight = np.where(z < SMALL, 2 * z**2 - 4 * z**3 / 3 + 2 * z**4 / 3 - 4 * z**5 / 15, 2 * z - moved)
     area = g / (2 * z**2) * (straight - moved**2 * held / (1 + whole))
-    return gap, end, area
+    return Loop(float(gap.sum()), relaxation.rest + 2 * float(end.sum()), float(area.sum()))
 
 
-def _sine(g: Array, tau: Array, half: float, hold: float) -> tuple[Array, Array, Array]:
-    """Return gap, force at the end of the stroke and area of each branch, over k0 X and k0 X^2."""
+def _sine(relaxation: Relaxation, half: float, hold: float) -> Loop:
+    """Return the loop of strokes that follow a sine."""
+    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
     s, whole = np.pi * tau / half, np.exp(-half / tau)
     kept = _kept(tau, half, hold)
     gap = g * s / (1 + s**2) * (1 + s * np.exp(-half / (2 * tau)) * kept)
-    end = g / 2 * s**2 / (1 + s**2) * (1 + whole * kept)
     area = g * np.pi / 4 * s / (1 + s**2) + g / 2 * (s**2 / (1 + s**2)) ** 2 * (1 + whole) * kept
-    return gap, end, area
+    return Loop(float(gap.sum()), 2 * _largest_of_sine(relaxation, half, hold), float(area.sum()))
 
 
 def _kept(tau: Array, half: float, hold: float) -> Array:

@@ -83,12 +83,12 @@ def test_an_elastic_sensor_has_loops_without_gap(capsys: pytest.CaptureFixture[s
     assert not any("overstresses" in note for note in record["notes"])
 
 
-def test_a_fast_cycle_is_warned_of_inertia_and_begins_at_rest(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["cycle", "paper", "--depth", "0.2", "--frequency", "400", "--cycles", "1", "--accuracy", "quick"]
     assert entry_point.main(words) == 0
     printed = capsys.readouterr()
     assert "1.2 times the lowest natural frequency of the free sensor, 342 Hz" in printed.err
-    assert "the loop of cycle 1, which begins at rest and is not yet steady" in printed.err + printed.out
+    assert "the loop of cycle 1, the first one and not yet steady" in printed.err + printed.out
 
 
 def test_an_interrupt_prints_the_complete_cycles(tmp_path: Path) -> None:

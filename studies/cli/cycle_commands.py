@@ -89,6 +89,7 @@ def cycle(
     design = design_of(source, sets, magnet)
     from geometry.loads import check_load
     from geometry.relaxation import check_range
+    from studies.simulation import cycle_findings
     from studies.simulation import cycle_report as study
     from studies.simulation.cycle_motion import Motion, frequency_of
     from studies.simulation.load_cases import friction_of
@@ -110,6 +111,9 @@ def cycle(
     results: list[Cycles] = []
     try:
         with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
+            progress(0.0, "the lowest natural frequency")
+            lowest = cycle_findings.lowest_frequency(design, magnet)
+            warnings += cycle_findings.inertia_warnings(motion, lowest)
             progress(0.0, "the curve of slow loading")
             static = study.static_curve(design, motion, accuracy, magnet)
             for law in laws:
@@ -123,19 +127,18 @@ def cycle(
         if isinstance(stop, study.Interrupted) and len(results) < len(laws):
             results.append(stop.cycles)
         raise KeyboardInterrupt(_report_complete(results, motion, as_json=as_json, wide=wide)) from None
-    lowest = study.lowest_frequency(design, magnet)
-    warnings += study.inertia_warnings(motion, lowest)
-    notes = study.notes(design, motion, static, results[0], lowest)
+    notes = cycle_findings.notes(design, motion, static, results[0], lowest)
     if second_law and results[0].loops and results[1].loops:
-        notes.append(study.difference(results[0], results[1]))
-    record: FlatRow = results[0].row() | answer
+        notes.append(cycle_findings.difference(results[0], results[1]))
     if as_json:
-        others = [one.row() for one in results[1:]]
+        record: FlatRow = results[0].row() | answer
+        if second_law:
+            record["second_law"] = results[1].row()
         shared = {"frequency_Hz": motion.frequency, "warnings": warnings, "notes": notes}
-        console.report([record | ({"second_law": others[0]} if others else {}) | shared], as_json=True)
+        console.report([record | shared], as_json=True)
     else:
         _report_loops(results, wide=wide)
-        for note in [*study.findings(results[0]), *([answer["sentence"]] if answer else []), *notes]:
+        for note in [*cycle_findings.findings(results[0]), *([answer["sentence"]] if answer else []), *notes]:
             console.note(f"{note}.")
     for warning in warnings:
         console.warn(warning)

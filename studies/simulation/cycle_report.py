@@ -1,4 +1,4 @@
-"""What `magtip cycle` computes: loops of a viscoelastic sensor in numbers, tables, pictures and sentences."""
+"""What `magtip cycle` computes: loops of a viscoelastic sensor in numbers, tables and pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import moduli, relaxation_notes, relaxation_of
+from geometry.relaxation import moduli, relaxation_of
 from studies.output.csv_tables import write_table
 from studies.output.records import FlatRow
 from studies.simulation.cycle_loops import CycleState, LoopRow, StaticCurve, loops, outputs_of, with_readings
@@ -31,8 +31,6 @@ STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
 CURVE, BEYOND = 24, 0.25
 """States of the static curve, and the share of its way by which it goes on straight beyond its end."""
-FAST = 0.1
-"""Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
 SEARCHES, GAP_TOLERANCE = 6, 0.05
 """Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
 points."""
@@ -283,114 +281,6 @@ def loss_factor_of_gap(
         (f0, g0), (f1, g1) = tried[-2:]
         factor = max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1)
     raise ArithmeticError(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
-
-
-def lowest_frequency(design: Design, magnet: Magnet) -> float:
-    """Return the lowest natural frequency of the free sensor, Hz, undamped, with the long-term modulus, at quick."""
-    from fem.accuracy import QUICK
-    from fem.modes import modes
-
-    return modes(replace(design, E=moduli(design)[1]), magnet, 1, accuracy=QUICK, estimate=False).frequency[0]
-
-
-def inertia_warnings(motion: Motion, lowest: float) -> list[str]:
-    """Return a sentence if the motion is too fast for a model without inertia.
-
-    Below a natural frequency inertia changes a response by about (frequency / natural frequency)^2.
-    """
-    if motion.frequency <= FAST * lowest:
-        return []
-    share = (motion.frequency / lowest) ** 2
-    change = f"its forces by about {100 * share:.0f} %" if share < 0.5 else "its forces completely"
-    return [
-        (
-            f"{motion.frequency:.4g} Hz is {motion.frequency / lowest:.2g} times the lowest natural frequency of the "
-            f"free sensor, {lowest:.0f} Hz; a cycle leaves out inertia, which changes {change}; magtip response has "
-            "it, for small amplitudes"
-        )
-    ]
-
-
-def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest: float) -> list[str]:
-    """Return what the numbers assume and how accurate they are, in sentences.
-
-    Parameters
-    ----------
-    lowest : lowest natural frequency of the free sensor, Hz.
-    """
-    relaxation = relaxation_of(design)
-    linear = loop(relaxation, motion.frequency, motion.waveform, motion.hold).hysteresis
-    slip = (
-        []
-        if isinstance(motion.friction, str)
-        else ["the error of the time steps leaves out slip within a step: up to 0.2 % of the force in three designs"]
-    )
-    dissipation = (
-        ["at large strain linear overstresses may gain energy for a while, but no closed cycle of verify does"]
-        if cycles.law == "prony" and relaxation.shares
-        else []
-    )
-    mesh = "not known" if static.mesh_error is None else f"about {100 * static.mesh_error:.1f} %"
-    return [
-        *relaxation_notes(design),
-        (
-            f"the motion has {motion.frequency:.4g} Hz and a stroke of {motion.stroke:g} mm in {motion.half:.4g} s; "
-            f"inertia is neglected; the lowest natural frequency of the free sensor is {lowest:.0f} Hz"
-        ),
-        (
-            f"error of the force: {mesh} from the mesh, {100 * cycles.time_error:.2g} % from the time steps; at most "
-            f"{cycles.balance_error:.2g} of the largest work is neither stored nor dissipated, by errors of the time "
-            "steps and of their integrals"
-        ),
-        *slip,
-        *dissipation,
-        f"a linear spring of this silicone has a gap of {100 * linear:.1f} % of full scale in steady cycles",
-        "the decoded force is read by the curve of slow loading, so it misses the part of the force that relaxes",
-    ]
-
-
-def findings(cycles: Cycles) -> list[str]:
-    """Return what the last loop says, in sentences."""
-    if not cycles.loops:
-        return []
-    last = cycles.loops[-1]
-    lost = last.material_mJ + last.friction_mJ
-    share = f" ({100 * last.friction_mJ / lost:.1f} % by friction)" if lost and last.friction_mJ else ""
-    begin = ", which begins at rest and is not yet steady (--cycles)," if last.gap_N else ""
-    change = ""
-    if len(cycles.loops) > 1:
-        begin, change = "", f" ({last.gap_percent - cycles.loops[-2].gap_percent:+.1f} from the cycle before)"
-    # one digit: levels of accuracy differ by some tenths of a percentage point
-    sentences = [
-        (
-            f"the loop of cycle {last.cycle}{begin} has a gap of {last.gap_percent:.1f} % of full scale at "
-            f"mid-stroke{change}, and dissipates {lost:.4g} mJ{share}"
-        )
-    ]
-    if any(row.material_mJ + row.friction_mJ > 1.01 * row.area_mJ for row in cycles.loops):
-        sentences.append(
-            "material and friction dissipate more than the area of a loop where energy stored before it is released"
-        )
-    if last.decoded_gap_percent is not None:
-        sentences.append(
-            f"the decoded force has a gap of {last.decoded_gap_percent:.1f} %, and is off by up to "
-            f"{last.decoded_error_percent:.1f} % of full scale"
-        )
-    if cycles.drift_percent is not None:
-        sentences.append(
-            f"the largest force drifts by {cycles.drift_percent:+.2f} % from the first to the last cycle"
-        )
-    return sentences
-
-
-def difference(first: Cycles, second: Cycles) -> str:
-    """Return how the last loops of both laws differ, in a sentence."""
-    one, other = first.loops[-1], second.loops[-1]
-    return (
-        f"by the law for large rates the last loop has a gap of {other.gap_percent:.2f} % in place of "
-        f"{one.gap_percent:.2f} %, an area of {other.area_mJ:.4g} in place of {one.area_mJ:.4g} mJ, and a largest "
-        f"force of {other.largest_N:.4g} in place of {one.largest_N:.4g} N"
-    )
 
 
 def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:

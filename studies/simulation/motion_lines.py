@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from studies.output.text_tables import shown
 from studies.simulation.modal_report import BAND
-from studies.simulation.motion_report import ACCURATE, MotionReport
+from studies.simulation.motion_report import MotionReport
+from studies.simulation.resonance_peaks import ACCURATE
 
 Line = tuple[str, str]
 """Name and value with its unit."""

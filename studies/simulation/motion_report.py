@@ -20,9 +20,6 @@ from studies.simulation.response_curves import At, Complex, Curves, mesh_differe
 if TYPE_CHECKING:
     from fem.vibration import VibratingSensor
 
-ACCURATE = 0.05
-"""Relative change of a reading that counts as accurate: the paper's limit for its force."""
-
 
 def _per(unit: str) -> Callable[[tuple[str, list[float | None]]], FlatRow]:
     """Return the function that names the column of readings over a unit by the unit of the readings."""
@@ -169,7 +166,7 @@ def _read_element(
     return _Element(
         resonance_peaks.bandwidth(per_mm, low, high),
         resonance_peaks.bandwidth(per_N, low, high),
-        resonance_peaks.flat_to(per_N, ACCURATE, low, high),
+        resonance_peaks.flat_to(per_N, resonance_peaks.ACCURATE, low, high),
     )
 
 

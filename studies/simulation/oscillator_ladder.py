@@ -17,8 +17,6 @@ from studies.output.records import FlatRow
 from studies.simulation import resonance_peaks
 from studies.simulation.modal_report import BAND
 
-ACCURATE = 0.05
-"""Relative change of a reading that counts as accurate: the paper's limit for its force."""
 Response = Callable[[Array], NDArray[np.complex128]]
 """Complex amplitude at frequencies (f,), Hz."""
 Models = dict[str, tuple[float, Response]]
@@ -125,5 +123,5 @@ def _rung(motion: str, name: str, natural: float | None, response: Response, ban
         peak_gain=None if peak is None else peak.gain,
         Q=None if peak is None else peak.Q,
         relative_at_600=float(gain(np.array([BAND]))[0]) if low <= BAND <= high else None,
-        accurate_to_Hz=resonance_peaks.flat_to(gain, ACCURATE, low, high),
+        accurate_to_Hz=resonance_peaks.flat_to(gain, resonance_peaks.ACCURATE, low, high),
     )

@@ -18,6 +18,8 @@ GRID = 600
 that still rises towards its place from both sides."""
 PROMINENCE = 1e-3
 """Height of a peak over the valleys beside it, relative: rounding errors and the mesh make smaller ones."""
+ACCURATE = 0.05
+"""Relative change of a reading that counts as accurate: the paper's limit for its force."""
 TO_HALF_POWER = math.sqrt(0.5)
 """Gain at half the power of a peak, and at the end of a bandwidth (-3 dB)."""
 
