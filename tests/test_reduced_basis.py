@@ -1,5 +1,7 @@
 """Solutions at many frequencies by a reduced basis, against full complex solutions."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -67,3 +69,60 @@ def test_unstable_directions_at_rest_are_counted():
     lowest = np.linalg.eigvalsh((soft + sp.triu(soft, 1).T).toarray())
     shifted = Problem(soft.tocsr(), problem.R, problem.M, problem.b, 20)
     assert reduce(shifted, C, EIGENVALUES).unstable == np.count_nonzero(lowest < 0) > 0
+
+
+def incompressible(n=30, pressures=5):
+    """A chain all of which relaxes, with constraints on its displacements: its tangent has a block of zeros."""
+    whole, rng = chain(n), np.random.default_rng(3)
+    B = rng.normal(size=(n, pressures))
+
+    def padded(matrix, constraints):
+        return sp.bmat([[matrix, constraints], [None, sp.csr_matrix((pressures, pressures))]], format="csr")
+
+    b = np.vstack([whole.b, np.zeros((pressures, 2))])
+    return Problem(padded(whole.K, B), padded(whole.K, 0 * B), padded(whole.M, 0 * B), b, n)
+
+
+def test_solutions_that_differ_in_their_pressures_only_are_one_vector():
+    # x = (u / (1 + c), p): the derivatives by c are pressures alone, about which the small system would say nothing
+    problem = incompressible()
+    system = reduce(problem, C, np.zeros(len(C)))
+    y = system.solve(C, np.zeros(len(C)))
+    assert system.V.shape[1] <= 4  # the static solutions, and their derivatives by lambda
+    assert np.linalg.cond(system.K) < 1e6
+    for i in range(len(C)):
+        u = full(problem, C[i], 0.0)[: problem.moving]
+        assert np.linalg.norm(system.V[: problem.moving] @ y[i] - u) < 1e-8 * np.linalg.norm(u)
+
+
+def test_an_incompressible_solid_with_mass_has_solutions_of_full_accuracy():
+    problem = incompressible()
+    system = reduce(problem, C, EIGENVALUES)
+    y = system.solve(C, EIGENVALUES)
+    for i in range(len(C)):
+        u = full(problem, C[i], EIGENVALUES[i])[: problem.moving]
+        assert np.linalg.norm(system.V[: problem.moving] @ y[i] - u) < 1e-7 * np.linalg.norm(u)
+
+
+def test_entries_that_cancel_at_the_first_frequency_have_places_at_the_others():
+    problem = chain()
+    # a coupling that R has, and K has not
+    R = (problem.R + sp.csr_matrix(([1e-2], ([3], [40])), shape=problem.R.shape)).tocsr()
+    coupled = Problem(problem.K, R, problem.M, problem.b, problem.moving)
+    c = np.append(0.0, C)
+    system = reduce(coupled, c, np.zeros(len(c)))
+    y = system.solve(c, np.zeros(len(c)))
+    for i in (0, 1, 40):
+        x = full(coupled, c[i], 0.0)
+        assert np.linalg.norm(system.V @ y[i] - x) < 1e-8 * np.linalg.norm(x)
+
+
+def test_the_small_systems_of_many_frequencies_are_never_held_together():
+    system = reduce(chain(), C, EIGENVALUES)
+    m, many = len(system.K), 4000
+    c, eigenvalues = np.resize(C, many), np.resize(EIGENVALUES, many)
+    tracemalloc.start()
+    system.solve(c, eigenvalues)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < many * m**2 * 16 / 4
