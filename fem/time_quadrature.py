@@ -80,10 +80,17 @@ def product_weights(times: tuple[float, ...], first: int) -> Array:
     at = (np.array(times) - times[0]) / (times[-1] - times[0])
     # coefficients (power, a) of the polynomials
     lagrange = np.linalg.inv(np.vander(at, increasing=True))
-    points, weights = np.polynomial.legendre.leggauss(len(at))
+    points, weights = _gauss(len(at))
     start, half = at[first], (1 - at[first]) / 2
     x = start + half * (1 + points)
     powers = np.vander(x, len(at), increasing=True)
     slopes = np.zeros_like(powers)
     slopes[:, 1:] = powers[:, :-1] * np.arange(1, len(at))
     return np.asarray((powers @ lagrange).T @ (half * weights[:, None] * (slopes @ lagrange)))
+
+
+@functools.cache
+def _gauss(count: int) -> tuple[Array, Array]:
+    """Return points and weights of Gauss's rule on (-1, 1)."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    return points, weights

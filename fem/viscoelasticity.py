@@ -204,10 +204,10 @@ def overstress_energy(Q: Array, C: Array, mu: Array, shares: Array) -> Array:
     mu, shares : modulus (...), and mu_i over it (b,).
     """
     weighted = Q / (4 * shares.reshape(-1, *(1,) * (Q.ndim - 1)))
-    form = sandwich(C) - dyad(C, C) / 3
     energy = np.zeros(C.shape[1:])
-    for a in range(6):
-        for b in range(a, 6):
+    for a, (I, J) in enumerate(PAIRS):
+        for b, (K, L) in enumerate(PAIRS[a:], a):
+            form = (C[PLACES[I, K]] * C[PLACES[J, L]] + C[PLACES[I, L]] * C[PLACES[J, K]]) / 2 - C[a] * C[b] / 3
             pairs = np.einsum("b...,b...->...", weighted[:, a], Q[:, b])
-            energy += (1 if a == b else 2) * TWICE[a] * TWICE[b] * form[a, b] * pairs
+            energy += ((1 if a == b else 2) * TWICE[a] * TWICE[b]) * form * pairs
     return np.asarray(energy / mu)
