@@ -90,9 +90,11 @@ def run(
         if stiffness > 0:  # the sensor is stable under a force too
             models[motion] = oscillator_ladder.oscillators(design, motion, stiffness, sensor.relaxation)
             ladder += oscillator_ladder.rungs(motion, models[motion], _per_force(at, motion), band)
+    at_rest = sensor.scene.design
+    del sensor, at  # their memory is free for the pictures
+    notes = [*_notes(design, load), _free_note(at_rest, magnet, level)]
     if folder is not None:
         _write(folder, curves, coarse, ladder, models)
-    notes = [*_notes(design, load), _free_note(sensor.scene.design, magnet, level)]
     return Report(motions, ladder, notes)
 
 
