@@ -87,6 +87,26 @@ def test_a_section_leads_tetrahedra_to_the_state_that_increments_lead_to(solvers
     np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
 
 
+def test_a_prediction_that_inverts_a_tetrahedron_is_made_in_two_halves(solvers):
+    solid = symmetry_models.solid(SHAPE, 0.4998, "ignored", 0.6, 0.3, half=True)
+    section = symmetry_models.section(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=1)
+    pressed, rest = np.array([0.05, 0.0, 0.0]), with_predictor(at_rest(solid), section)
+    raised: list[float] = []
+
+    def inverts_once(q):
+        raised.append(float(np.abs(q).max()))
+        guess = rest.raise_unknowns(q)
+        # the first call is for the start, the second one for the first guess
+        return guess + 0.5 * np.eye(1, len(guess), 100)[0] if len(raised) == 2 else guess
+
+    state, _ = predict(*solvers, replace(rest, raise_unknowns=inverts_once), pressed)
+    assert len(raised) == 6
+    assert raised[3] < raised[1]
+    in_steps = follow_segment(solvers[0], at_rest(solid), pressed).state
+    np.testing.assert_array_equal(state.position, pressed)
+    np.testing.assert_allclose(state.u, in_steps.u, atol=1e-8)
+
+
 def test_a_press_on_another_mesh_leads_to_the_state_that_increments_lead_to(solvers):
     rough, fine = (symmetry_models.section(SHAPE, 0.4998, "ignored", size, size / 2) for size in (0.3, 0.2))
     pressed = np.array([0.1, 0.0, 0.0])
