@@ -77,21 +77,38 @@ def test_a_matrix_that_is_not_finite_is_refused(solver):
         solver.factorise(upper(matrix))
 
 
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-@pytest.mark.parametrize(("foundation", "single"), [(0.1, True), (1e-10, False)])
-def test_large_matrices_have_factors_in_single_precision_where_these_are_accurate(foundation, single):
-    """A chain of springs on a foundation, in whose absence it is singular: 2 + 1e-10 is 2 in single precision."""
+def springs(foundation: float) -> sp.csr_matrix:
+    """A chain of 12 000 springs on a foundation, in whose absence it is singular, beside two negative unknowns."""
     n = 12_000
     chain = sp.diags([np.full(n, 2 + foundation), np.full(n - 1, -1.0)], [0, 1]).tolil()
     chain[0, 0] = chain[n - 1, n - 1] = 1 + foundation
-    matrix, b, solver = sp.block_diag([chain, -sp.eye(2)], format="csr"), RNG.normal(size=n + 2), Solver()
-    solver.factorise(matrix, order=lambda: np.arange(n + 2))
+    return sp.block_diag([chain, -sp.eye(2)], format="csr")
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+@pytest.mark.parametrize(("foundation", "single"), [(0.1, True), (1e-10, False)])
+def test_large_matrices_have_factors_in_single_precision_where_these_are_accurate(foundation, single):
+    """2 + 1e-10 is 2 in single precision."""
+    matrix, solver = springs(foundation), Solver()
+    n = matrix.shape[0]
+    b = RNG.normal(size=n)
+    solver.factorise(matrix, order=lambda: np.arange(n))
     x = solver.solve(b)
     residual = matrix @ x + matrix.T @ x - matrix.diagonal() * x - b
     negative, own = solver.negative(), solver._handles[True].single
     solver.close()
     assert np.linalg.norm(residual) < (1e-6 if single else 1e-14) * np.linalg.norm(x)
     assert (negative, own) == (2, single)
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+def test_a_path_that_becomes_too_stiff_for_single_precision_goes_on_in_double_precision():
+    solver, order = Solver(), lambda: np.arange(12_002)
+    for foundation in (0.1, *[1e-10] * direct_solver.CHECKED):
+        solver.factorise(springs(foundation), order=order)
+    single = solver._handles[True].single
+    solver.close()
+    assert not single
 
 
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")

@@ -22,6 +22,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from fem.solvers.band_factors import BandFactors, band_factors
+from fem.solvers.sparse_pattern import nested_dissection
 from geometry.arrays import Array, Ints
 
 FEW = 10_000
@@ -31,6 +32,8 @@ SINGLE = 2_000
 LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
+CHECKED = 4
+"""The error is computed for each of so many matrices of a path, whose condition changes slowly."""
 
 
 class SingularMatrixError(ArithmeticError):
@@ -124,7 +127,7 @@ class Solver:
                 handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own, single=single)
                 self._handles[symmetric] = handle
             handle.factorise(matrix)
-            if handle.single and not handle.error(matrix) <= LARGEST_ERROR:
+            if not handle.is_accurate(matrix):
                 handle.close()
                 handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=True, match=False, order=handle.order)
                 handle.factorise(matrix)
@@ -330,7 +333,7 @@ class _Pardiso:
         self._before = _address(memory), most, which, kind, phase, many
         self._between = *structure, _address(permutation), right, _address(self.iparm), talk
         self._error = error
-        self._values, self._known = matrix.data, False
+        self._values, self._known, self._negative, self._turn = matrix.data, False, -1, 0
         self._type = np.dtype(np.float32 if single else np.float64)
 
     def factorise(self, matrix: sp.csr_matrix, schur: Array | None = None) -> None:
@@ -351,14 +354,22 @@ class _Pardiso:
         self._call(phase, b, x)
         return np.asarray(x, dtype=np.float64)
 
-    def error(self, matrix: sp.csr_matrix) -> float:
-        """Return the root mean square error of the solution 1, 1, ... by the factors of an upper triangle; infinite
-        where pivots were perturbed.
+    def is_accurate(self, matrix: sp.csr_matrix) -> bool:
+        """Return whether the factors of an upper triangle serve Newton's method, by a known solution.
+
+        It is computed where the number of negative pivots has changed, and for each CHECKED-th matrix.
         """
-        if self.iparm[13] > 0:
-            return math.inf
+        if not self.single:
+            return True
+        self._turn, before, self._negative = self._turn + 1, self._negative, int(self.iparm[22])
+        known = self._negative == before and self._turn % CHECKED
+        return self.iparm[13] == 0 and bool(known or self.error(matrix) <= LARGEST_ERROR)
+
+    def error(self, matrix: sp.csr_matrix) -> float:
+        """Return the root mean square error of the solution 1, 1, ... by the factors of an upper triangle."""
         ones = np.ones(matrix.shape[0])
-        b = matrix @ ones + matrix.T @ ones - matrix.diagonal()
+        # the first entry of a row of an upper triangle is on the diagonal
+        b = matrix @ ones + matrix.T @ ones - matrix.data[matrix.indptr[:-1]]
         return float(np.linalg.norm(self.solve(b) - ones) / math.sqrt(len(b)))
 
     def close(self) -> None:
@@ -380,15 +391,3 @@ class _Pardiso:
 
 def _address(array: NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
-
-
-def nested_dissection(matrix: sp.csr_matrix) -> Ints:
-    """Return an order of the unknowns of a symmetric matrix, both triangles of it, that keeps its factors sparse."""
-    import pymetis
-
-    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    beside = rows != matrix.indices
-    starts = np.append(0, np.cumsum(np.bincount(rows[beside], minlength=matrix.shape[0])))
-    graph = pymetis.CSRAdjacency(starts.astype(np.int32), matrix.indices[beside].astype(np.int32))
-    order, _ = pymetis.nested_dissection(adjacency=graph)
-    return np.asarray(order, dtype=np.int64)

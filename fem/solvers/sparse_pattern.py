@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.solvers.direct_solver import nested_dissection
 from geometry.arrays import Array, Ints
 
 CHUNK = 1 << 16
@@ -268,3 +267,15 @@ def _place_entries(row: Side, column: Side, offset: Ints, layout: _Layout) -> tu
 def _pair_keys(a: Ints, b: Ints, count: int) -> Ints:
     """Return one number for each unordered pair of numbers below `count`."""
     return np.asarray(np.minimum(a, b) * count + np.maximum(a, b))
+
+
+def nested_dissection(matrix: sp.csr_matrix) -> Ints:
+    """Return an order of the unknowns of a symmetric matrix, both triangles of it, that keeps its factors sparse."""
+    import pymetis
+
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    beside = rows != matrix.indices
+    starts = np.append(0, np.cumsum(np.bincount(rows[beside], minlength=matrix.shape[0])))
+    graph = pymetis.CSRAdjacency(starts.astype(np.int32), matrix.indices[beside].astype(np.int32))
+    order, _ = pymetis.nested_dissection(adjacency=graph)
+    return np.asarray(order, dtype=np.int64)
