@@ -99,6 +99,22 @@ def test_slip_dissipates_while_the_plate_goes_down_and_up() -> None:
     assert up.balance == pytest.approx(0.0, abs=5e-3 * down.work)
 
 
+@pytest.mark.parametrize(("loss_factor", "mu"), [(0.1, 0.3), (0.25, 0.6)])
+def test_slip_within_a_step_changes_the_force_by_less_than_two_thousandths(loss_factor: float, mu: float) -> None:
+    # the docstring of fem.timed_path and the notes of `magtip cycle` state this bound
+    design = replace(paper(), loss_factor=loss_factor)
+    loads = [TimedLoad(t, Load(1.0, x, friction=mu)) for t, x in ((0.5, 0.0), (1.5, 1.0), (2.5, 0.0))]
+
+    def path(largest_step: float) -> tuple[list[float], list[float]]:
+        one = replace(COARSE, harmonics=1)
+        states = list(follow(design, loads, one, largest_step=largest_step, every_step=True))
+        return [state.time for state in states], [state.response.force[0] for state in states]
+
+    (times, forces), (short_times, short_forces) = path(1 / 12), path(1 / 48)
+    differences = np.abs(np.interp(times, short_times, short_forces) - forces)
+    assert 0 < differences.max() < 2e-3 * np.abs(short_forces).max()
+
+
 def test_shear_of_a_glued_plate_has_a_loop() -> None:
     loads = [TimedLoad(t, Load(0.8, x, friction="stick")) for t, x in ((1, 0.0), (2, 0.5), (3, 0.0))]
     _, sheared, back = follow(SOFT, loads, replace(COARSE, harmonics=1))
