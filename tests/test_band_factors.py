@@ -37,6 +37,15 @@ def test_solutions_and_signs_are_those_of_dense_algebra(name):
     assert factors.negative == np.count_nonzero(np.linalg.eigvalsh(whole(K)) < 0)
 
 
+@pytest.mark.parametrize(("n", "width"), [(1, 1), (5, 2), (8, 5), (11, 6), (12, 12), (13, 9)])
+def test_rows_of_any_number_and_width_are_eliminated(n, width):
+    rng = np.random.default_rng(n)
+    K = np.triu(np.tril(rng.normal(size=(n, n)), width - 1)) + 4 * n * np.diag(rng.choice([-1, 1], n))
+    factors, b = band_factors.band_factors(sp.csr_matrix(K)), rng.normal(size=n)
+    assert factors.factorise(sp.csr_matrix(K))
+    np.testing.assert_allclose(factors.solve(b), np.linalg.solve(K + np.triu(K, 1).T, b), rtol=1e-10)
+
+
 def test_an_unknown_that_is_coupled_with_all_others_lies_outside_the_band():
     n = 40
     K = sp.diags([np.full(n, 4.0), np.full(n - 1, -1.0)], [0, 1]).tolil()
@@ -80,7 +89,7 @@ def test_a_singular_matrix_is_refused():
 def test_large_matrices_are_left_to_the_library():
     n = band_factors.MOST_UNKNOWNS
     assert band_factors.band_factors(sp.eye(n + 1, format="csr")) is None
-    assert band_factors.band_factors(sp.csr_matrix(np.triu(np.ones((400, 400))))) is None
+    assert band_factors.band_factors(sp.csr_matrix(np.triu(np.ones((500, 500))))) is None
 
 
 def test_the_solver_takes_the_band_unless_a_library_is_named():

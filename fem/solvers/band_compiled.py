@@ -67,12 +67,21 @@ def factorise(entries, places, start, end, count, smallest, U, inverse, edge, so
                 for j in range(len(row)):
                     row[j] -= factor * source[j]
         d0, d1, d2, d3 = inverse[k], inverse[k + 1], inverse[k + 2], inverse[k + 3]
-        for i in range(PANEL, width):
+        # two rows at a time, which read the same four
+        for i in range(PANEL, width - 1, 2):
             a, b, c, d = first[i] * d0, second[i] * d1, third[i] * d2, fourth[i] * d3
-            row = U[start[k + i] : start[k + i] + width - i]
-            r0, r1, r2, r3 = first[i:], second[i:], third[i:], fourth[i:]
+            e, f, g, h = first[i + 1] * d0, second[i + 1] * d1, third[i + 1] * d2, fourth[i + 1] * d3
+            at, below = start[k + i], start[k + i + 1]
+            U[at] -= a * first[i] + b * second[i] + c * third[i] + d * fourth[i]
+            row, next_row = U[at + 1 : at + width - i], U[below : below + width - i - 1]
+            r0, r1, r2, r3 = first[i + 1 :], second[i + 1 :], third[i + 1 :], fourth[i + 1 :]
             for j in range(len(row)):
-                row[j] -= a * r0[j] + b * r1[j] + c * r2[j] + d * r3[j]
+                x0, x1, x2, x3 = r0[j], r1[j], r2[j], r3[j]
+                row[j] -= a * x0 + b * x1 + c * x2 + d * x3
+                next_row[j] -= e * x0 + f * x1 + g * x2 + h * x3
+        if (width - PANEL) % 2:
+            i = width - 1
+            U[start[k + i]] -= first[i] ** 2 * d0 + second[i] ** 2 * d1 + third[i] ** 2 * d2 + fourth[i] ** 2 * d3
     if len(edge) > 0:
         for k in range(n):
             solved[k] = edge[k]

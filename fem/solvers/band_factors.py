@@ -13,8 +13,9 @@ import scipy.sparse as sp
 from geometry import compiled
 from geometry.arrays import Array, Ints
 
-MOST_UNKNOWNS, MOST_WORK = 2000, 5e6
-"""Limits of matrices: unknowns, and multiplications of a factorisation, beyond which PARDISO is faster."""
+MOST_UNKNOWNS, MOST_WORK = 2500, 1.5e7
+"""Limits of matrices: unknowns, and multiplications of a factorisation, beyond which PARDISO is faster over the five
+or so matrices of a path."""
 SAVING_S = 1e-4
 """CPU time that a factorisation saves, s."""
 DENSE = 4
