@@ -89,7 +89,49 @@ def test_a_singular_matrix_is_refused():
 def test_large_matrices_are_left_to_the_library():
     n = band_factors.MOST_UNKNOWNS
     assert band_factors.band_factors(sp.eye(n + 1, format="csr")) is None
-    assert band_factors.band_factors(sp.csr_matrix(np.triu(np.ones((500, 500))))) is None
+    assert band_factors.band_factors(sp.csr_matrix(np.triu(np.ones((800, 800))))) is None
+
+
+@pytest.mark.parametrize("corner", [0.0, -0.5, 30.0])
+def test_two_unknowns_that_are_coupled_with_all_others_lie_outside_the_band(corner):
+    n = 60
+    K = sp.diags([np.full(n, 4.0), np.full(n - 1, -1.0)], [0, 1]).tolil()
+    for i, value in ((7, 0.3), (20, -0.2)):
+        K[i, i + 1 :] = value
+        K[:i, i] = value
+        K[i, i] = corner
+    K = K.tocsr()
+    factors = band_factors.BandFactors(K)
+    assert sorted(factors._order[-2:]) == [7, 20]
+    assert factors.factorise(K)
+    assert factors.negative == np.count_nonzero(np.linalg.eigvalsh(whole(K)) < 0)
+    b = np.random.default_rng(1).normal(size=(n, 2))
+    np.testing.assert_allclose(whole(K) @ factors.solve(b), b, atol=1e-13)
+    np.testing.assert_allclose(factors.solve(b[:, 0]), factors.solve(b)[:, 0], atol=1e-13)
+
+
+def test_a_singular_matrix_with_two_unknowns_outside_the_band_is_refused():
+    n = 60
+    K = sp.diags([np.full(n, 4.0)], [0]).tolil()
+    K[7, 8:] = K[20, 21:] = K[:7, 7] = K[:20, 20] = 1.0
+    K[7, 7], K[7, 20] = (n - 2) / 4, (n - 2) / 4
+    K[20, 20] = (n - 2) / 4
+    K = K.tocsr()
+    factors = band_factors.BandFactors(K)
+    assert sorted(factors._order[-2:]) == [7, 20]
+    assert not factors.factorise(K)
+
+
+def test_only_the_first_matrices_of_a_larger_pattern_are_factorised_in_a_band():
+    n = band_factors.SMALL_UNKNOWNS + 1
+    K = sp.diags([np.full(n, 4.0), np.full(n - 1, -1.0)], [0, 1]).tocsr()
+    solver, answers = Solver(), []
+    for turn in range(1, band_factors.MOST_TURNS + 2):
+        solver.factorise(K)
+        assert (solver.band is None) == (turn > band_factors.MOST_TURNS)
+        answers.append(solver.solve(np.ones(n)))
+    solver.close()
+    np.testing.assert_allclose(answers[-1], answers[0], rtol=1e-12)
 
 
 def test_the_solver_takes_the_band_unless_a_library_is_named():

@@ -68,8 +68,9 @@ def settle_contact(
         return step
     surface, loops = system.surface, system.axisymmetric
     assert surface is not None
-    if loops is not None and solver.band is not None and plate.only_presses:
-        return _settle_in_band(loops.skin, solver.band, state.u, step, plate, pressed)
+    band = solver.band
+    if loops is not None and band is not None and band.border is None and plate.only_presses:
+        return _settle_in_band(loops.skin, band, state.u, step, plate, pressed)
     acting = (plate_contact.overlap(surface, state.u, plate) > 0 if pressed is None else pressed).ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.tied is None else ~plate.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()

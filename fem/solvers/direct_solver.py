@@ -94,6 +94,7 @@ class Solver:
         # a library that is asked for by name takes all matrices
         self._try_band = pardiso is None
         self.band: BandFactors | None = None
+        self._turns = 0
         self._handles: dict[bool, _Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
@@ -147,7 +148,8 @@ class Solver:
         """Factorise by compiled loops; return False where these are slower, or the pivots do not allow it."""
         if self._try_band and self.band is None:
             self.band = band_factors(matrix)
-        self._try_band = self.band is not None and self.band.factorise(matrix)
+        self._turns += 1
+        self._try_band = self.band is not None and self._turns <= self.band.turns and self.band.factorise(matrix)
         if not self._try_band:
             self.band = None
         return self._try_band
