@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
 from geometry.meshing.delaunay_compiled import repair, triangulate
+from geometry.meshing.filling_compiled import thinned
 from geometry.meshing.quadtree_compiled import Tree, cell_of, length_in
 from geometry.meshing.sizing_compiled import BASE, MAGNET, SKIN, room
 
@@ -187,7 +188,7 @@ def sprung(beam: Array, fixed: int, x: Array, tree: Tree, size: float, pole: Arr
 
 @njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: Tree, size: float) -> Array:
-    """Return the middles (r, z, edge length) of edges from the magnet to the skin or the base, shape (n, 3)."""
+    """Return the middles (r, z) of edges from the magnet to the skin or the base, thinned out, shape (n, 2)."""
     outer, core = np.zeros(fixed, np.bool_), np.zeros(fixed, np.bool_)
     for k in range(len(segment)):
         for end in range(2):
@@ -200,7 +201,7 @@ def bridges(bars: Ints, x: Array, fixed: int, segment: Ints, name: Ints, tree: T
             r, z = (x[i, 0] + x[j, 0]) / 2, (x[i, 1] + x[j, 1]) / 2
             found[count, 0], found[count, 1], found[count, 2] = r, z, length_in(tree, cell_of(tree, r, z), size, r, z)
             count += 1
-    return found[:count]
+    return thinned(found[:count])
 
 
 @njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)

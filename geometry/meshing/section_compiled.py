@@ -102,7 +102,7 @@ def _delaunay(
         across = points_compiled.bridges(bars, x, len(border), segment, name, tree, size)
         if not len(across):
             break
-        x, corner = np.concatenate([x, filling_compiled.thinned(across)]), corner[:0]
+        x, corner = np.concatenate([x, across]), corner[:0]
     clear = points_compiled.clear_of(segment, len(border), x)
     if not clear.all():
         x, corner = x[clear], corner[:0]
