@@ -51,6 +51,13 @@ def test_the_other_side_is_the_mirror_image(leaning):
     assert other.force[2] == pytest.approx(one.force[2], rel=1e-6)
 
 
+def test_a_long_increment_past_buckling_does_not_land_on_the_mirrored_branch():
+    loads = [Load(depth=d, imperfection=2e-3) for d in (0.4, 0.8, 1.2)]
+    states = trace(replace(paper(), L=24), loads, QUICK, magnet="ignored", estimate=False)
+    assert all(state.response.shift[0] > 0 for state in states)
+    assert states[-1].status == "ok"
+
+
 @pytest.mark.parametrize("force", [1e-3, 5e-3])
 def test_a_deep_press_at_once_leans_the_same_way(force):
     state = trace(SLENDER, [Load(depth=2.0, imperfection=force)], replace(QUICK, harmonics=2), estimate=False)[-1]

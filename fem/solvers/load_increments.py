@@ -151,13 +151,28 @@ def apply_increment(solver: Solver, state: PathState, position: Array, tolerance
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = least_J(answer) < CRUSHED <= state.least_J
     doubtful = (bool(answer.unstable and not state.unstable) or crushed) and not sure
-    if not answer.converged or doubtful:
-        return Increment(None, answer.reason, answer.iterations, easy=False)
+    turned = answer.converged and turns_over(state, position, answer.state.u)
+    if not answer.converged or doubtful or turned:
+        # an increment that is too short to jump has no such state
+        stop = "no_convergence" if turned and sure else answer.reason
+        return Increment(None, stop, answer.iterations, easy=False)
     onset, more = state.onset, 0
     if answer.unstable and not state.unstable and onset is None:
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Increment(after, "", answer.iterations + more, easy=answer.iterations <= EASY)
+
+
+def turns_over(state: PathState, position: Array, u: Array) -> bool:
+    """Return whether a press moves against its dead force, to displacements u (nodes, fields).
+
+    The branch that grows from rest follows the force. A long increment past the depth at which the straight press
+    buckles may land on the mirror image of that branch, which is in equilibrium as well.
+    """
+    dead = state.d.system.dead
+    if not dead.any() or state.sheared or position[1:].any():
+        return False
+    return float(np.vdot(dead, u)) < 0 <= float(np.vdot(dead, state.u))
 
 
 def find_equilibrium(

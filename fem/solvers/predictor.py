@@ -17,7 +17,7 @@ import numpy as np
 from fem.contact import plate_contact
 from fem.discretisation.section_interpolation import interpolate_section
 from fem.solvers.direct_solver import Solver
-from fem.solvers.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, least_J
+from fem.solvers.load_increments import CRUSHED, SOLID_PASSED_TOLERANCE, Segment, follow_segment, least_J, turns_over
 from fem.solvers.newton import TOLERANCE, newton
 from fem.solvers.path_state import PathState
 from geometry.arrays import Array
@@ -113,7 +113,7 @@ def _correct(solver: Solver, state: PathState, guess: Array, goal: Array, tolera
     answer = newton(system, solver, guess, plate, pressed, most=most, tolerance=tolerance, confirm=confirm)
     least = least_J(answer)
     sound = (answer.unstable or 0) == (state.unstable or 0) and (least < CRUSHED) == (state.least_J < CRUSHED)
-    if not answer.converged or not sound:
+    if not answer.converged or not sound or turns_over(state, goal, answer.state.u):
         return Segment(state, answer.reason or "no_convergence", answer.iterations)
     q, energy = answer.state.q, answer.assembly.energy
     # intermediate states are unknown, so the next guess cannot be extrapolated
