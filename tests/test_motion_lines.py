@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from studies.simulation.motion_lines import lines
+from studies.simulation.motion_lines import lines, mesh_warnings
 from studies.simulation.motion_report import MotionReport
 
 PRESS = MotionReport(
@@ -13,6 +13,7 @@ PRESS = MotionReport(
     motion="z",
     depth_mm=1.0,
     shear_mm=0.0,
+    shear_y_mm=0.0,
     force_N=[0.0, 0.0, 4.2],
     lowest_Hz=1.0,
     highest_Hz=1000.0,
@@ -67,3 +68,17 @@ def test_a_free_sensor_has_no_lines_of_a_force():
     text = " ".join(name for name, _ in lines(free))
     assert "base of fixed amplitude" in text
     assert not any(word in text for word in ("force", "contact", "per N"))
+
+
+def test_a_shear_across_x_is_told_with_both_components():
+    across = dataclasses.replace(PRESS, shear_y_mm=0.5)
+    assert dict(lines(across))["shear at rest"] == "0 mm along x, 0.5 mm along y"
+
+
+@pytest.mark.parametrize(
+    ("difference", "said"), [(0.049, ""), (0.37, "differ by 37 %"), (None, "error of the mesh is not known")]
+)
+def test_a_mesh_that_is_too_coarse_is_warned_of(difference, said):
+    warnings = mesh_warnings(dataclasses.replace(PRESS, mesh_difference=difference))
+    assert said in " ".join(warnings)
+    assert bool(warnings) == bool(said)

@@ -127,6 +127,7 @@ def cycle(
         if isinstance(stop, study.Interrupted) and len(results) < len(laws):
             results.append(stop.cycles)
         raise KeyboardInterrupt(_report_complete(results, motion, as_json=as_json, wide=wide)) from None
+    warnings += [text for one in results for text in cycle_findings.doubts(static, one)]
     notes = cycle_findings.notes(design, motion, static, results[0], lowest)
     if second_law and results[0].loops and results[1].loops:
         notes.append(cycle_findings.difference(results[0], results[1]))

@@ -99,13 +99,15 @@ def response(
             return report_failures([record])
         if folder is not None:
             run_record.write(folder, command_line, dataclasses.asdict(design))
+    warnings += [text for motion in report.motions for text in motion_lines.mesh_warnings(motion)]
     shared = {"warnings": warnings, "notes": report.notes}
     if as_json:
         console.report([motion.row() | shared for motion in report.motions], as_json=True)
     else:
         for motion in report.motions:
             moved = "grip" if grip is not None else "plate" if depth else "base"
-            console.lines(f"The {moved} moves along {motion.motion}", motion_lines.lines(motion))
+            way = "x, the direction of the shear" if motion.motion == "x" and shear_y else motion.motion
+            console.lines(f"The {moved} moves along {way}", motion_lines.lines(motion))
         if report.ladder:
             console.report(
                 [rung.row() for rung in report.ladder],

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 FAST = 0.1
 """Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
+GAINED = 1e-2
+"""Energy that a closed cycle may gain, over the area of its loop: above the errors of time steps and mesh."""
 
 
 def lowest_frequency(design: Design, magnet: Magnet) -> float:
@@ -119,6 +121,41 @@ def findings(cycles: Cycles) -> list[str]:
             f"the largest force drifts by {cycles.drift_percent:+.2f} % from the first to the last cycle"
         )
     return sentences
+
+
+def doubts(static: Static, cycles: Cycles) -> list[str]:
+    """Return in sentences why the loops should not be trusted, if they should not."""
+    texts = []
+    if static.stop:
+        texts.append(
+            f"slow loading does not reach the end of the stroke ({static.stop}): no force is decoded, and the error "
+            "of the mesh is not known; take a smaller stroke"
+        )
+    gained = [row for row in cycles.loops if row.material_mJ < -GAINED * abs(row.area_mJ)]
+    if gained:
+        texts.append(
+            f"the silicone gains {-gained[0].material_mJ:.3g} mJ in cycle {gained[0].cycle}, which no silicone can: "
+            "linear overstresses do not hold at these strains; take a smaller stroke, or --second-law"
+        )
+    if cycles.loops and (away := _apart_at_middle(cycles)):
+        texts.append(
+            f"in cycle {cycles.loops[-1].cycle} the skin, which recovers slowly, does not touch the plate at "
+            f"mid-stroke on the way {away}: the gap there does not measure the hysteresis; the area of the loop does"
+        )
+    return texts
+
+
+def _apart_at_middle(cycles: Cycles) -> str:
+    """Return on which ways of the last complete cycle the plate touches nothing at mid-stroke, in words."""
+    ways = [
+        one.stop.phase
+        for one in cycles.states
+        if one.stop.cycle == cycles.loops[-1].cycle
+        and one.at_stop
+        and one.stop.place == "middle"
+        and one.state.response.force[2] <= 0
+    ]
+    return " and ".join(ways)
 
 
 def difference(first: Cycles, second: Cycles) -> str:

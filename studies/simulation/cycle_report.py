@@ -104,10 +104,18 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True, slots=True)
 class Static:
-    """The slow, fully relaxed sensor: its curve, and the estimated error of the mesh at the end of the stroke."""
+    """The slow, fully relaxed sensor.
+
+    Attributes
+    ----------
+    curve : its curve; None where it cannot be decoded or does not reach the end of the stroke.
+    mesh_error : estimated relative error of the force at the end of the stroke, from the mesh.
+    stop : why slow loading does not reach that end; empty if it does.
+    """
 
     curve: StaticCurve | None
     mesh_error: float | None
+    stop: str = ""
 
 
 def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) -> Static:
@@ -125,7 +133,7 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
     ]
     solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
     if len(solved) < CURVE or solved[-1].status not in ("ok", "unstable"):
-        return Static(None, None)
+        return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
     axis, relaxed = 0 if motion.shear else 2, moduli(design)[1] / design.E
     force = relaxed * np.array([0.0, *(state.response.force[axis] for state in solved)])
     shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])

@@ -11,6 +11,8 @@ from studies.simulation.resonance_peaks import ACCURATE
 
 Line = tuple[str, str]
 """Name and value with its unit."""
+ROUGH = 0.05
+"""Relative difference to a coarser mesh, median of all frequencies, beyond which the mesh is too coarse."""
 
 
 def lines(motion: MotionReport) -> list[Line]:
@@ -18,7 +20,7 @@ def lines(motion: MotionReport) -> list[Line]:
     free = motion.stiffness_N_per_mm is None
     rest = [
         ("press at rest", _with_unit(motion.depth_mm, "mm")),
-        ("shear at rest", _with_unit(motion.shear_mm, "mm")),
+        ("shear at rest", _shear(motion)),
     ]
     rest.append(("force at rest (x, y, z)", _listed(motion.force_N, "N")))
     band = f"{motion.lowest_Hz:g} to {motion.highest_Hz:g} Hz"
@@ -78,6 +80,12 @@ def _readings(motion: MotionReport) -> list[Line]:
     return rows
 
 
+def _shear(motion: MotionReport) -> str:
+    """Return the shear at rest, with both components where it is not along x."""
+    along_x = _with_unit(motion.shear_mm, "mm")
+    return along_x if not motion.shear_y_mm else f"{along_x} along x, {_with_unit(motion.shear_y_mm, 'mm')} along y"
+
+
 def _amplitudes(motion: MotionReport) -> list[Line]:
     """Return the lines of stiffness and of the amplitudes up to which contact is kept."""
     if motion.stiffness_N_per_mm is None:
@@ -105,6 +113,21 @@ def _errors(motion: MotionReport) -> list[Line]:
         return rows
     both = f"median {100 * motion.mesh_difference:.2g} %, largest {100 * motion.largest_mesh_difference:.2g} %"
     return [("difference to a coarser mesh", both), *rows]
+
+
+def mesh_warnings(motion: MotionReport) -> list[str]:
+    """Return a sentence if the mesh is too coarse for the state at rest, or the difference is not known."""
+    remedy = "take a finer --accuracy or a smaller load"
+    if motion.mesh_difference is None:
+        return [f"the state is not reached on a coarser mesh, so the error of the mesh is not known: {remedy}"]
+    if motion.mesh_difference <= ROUGH:
+        return []
+    return [
+        (
+            f"along {motion.motion} the results differ by {100 * motion.mesh_difference:.2g} % from those on a "
+            f"coarser mesh (median of all frequencies), by more than {100 * ROUGH:g} %: {remedy}"
+        )
+    ]
 
 
 def _number(value: float | None) -> str:

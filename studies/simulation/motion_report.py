@@ -59,6 +59,7 @@ class MotionReport:
     motion: str
     depth_mm: float
     shear_mm: float
+    shear_y_mm: float
     force_N: list[float]
     lowest_Hz: float
     highest_Hz: float
@@ -121,6 +122,7 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
         motion=motion,
         depth_mm=load.depth,
         shear_mm=load.shear_x,
+        shear_y_mm=load.shear_y,
         force_N=list(sensor.state.response.force),
         lowest_Hz=low,
         highest_Hz=high,
