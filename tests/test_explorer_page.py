@@ -254,6 +254,15 @@ def test_speed_and_frequency_fill_their_panels(start):
     assert "A speed above 0 mm/s" in text(page, "[data-table=loop]")
 
 
+def test_decoded_load_says_how_far_the_formulas_are_off(start):
+    page = start("&depth=1")
+    page.wait("Explorer.complete()")
+    page.wait("document.querySelector('#decoded-note').textContent.includes('off the finite elements')")
+    decoded, solved = (page.run(f"Explorer.answers.a.state.data.{name}.force[2]") for name in ("decoded", "response"))
+    (off,) = re.findall(r"normal force is ([\d.]+) N off", text(page, "#decoded-note"))
+    assert float(off) == pytest.approx(abs(decoded - solved), rel=0.01)
+
+
 @pytest.mark.parametrize("width", [1400, 900, 390])
 @pytest.mark.parametrize("state", ["", "&frequency=300&b.preset=paper&b.D=10&b.frequency=300&view.edit=b"])
 def test_panels_fit_and_do_not_overlap(start, width, state):

@@ -32,9 +32,10 @@ def answered(answers, *arguments, **load):
     ]
 
 
-def test_vibration_of_the_page_is_that_of_the_sensor(answers):
-    ((_, _, rows, _),) = answered(answers, ["vibration"], frequency=300)
-    sensor = vibrating_sensor(paper(), Load(depth=1), (1.0, 1000.0), QUICK)
+@pytest.mark.parametrize("friction", ["none", "stick"])
+def test_vibration_of_the_page_is_that_of_the_sensor(answers, friction):
+    ((_, _, rows, _),) = answered(answers, ["vibration"], frequency=300, friction=friction)
+    sensor = vibrating_sensor(paper(), Load(depth=1, friction=friction), (1.0, 1000.0), QUICK)
     force = sensor.at([300.0]).force[0, 0, 1]
     value, half_width = rows["force along z"]
     assert value == pytest.approx(abs(force), rel=1e-6)

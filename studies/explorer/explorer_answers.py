@@ -114,7 +114,7 @@ class Answers:
         """Return the vibration about a state; its systems stay for other frequencies, those of one state only."""
         if not state.frequency:
             return time_answers.refusal("a frequency above 0 Hz gives the vibration about this state")
-        key = state.design, state.load, state.magnet, level
+        key = state.design, state.vibrating_load, state.magnet, level
         try:
             if self._vibrating is None or self._vibrating[0] != key:
                 self._vibrating = None

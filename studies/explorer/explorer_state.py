@@ -12,6 +12,7 @@ Values that cannot be used raise `BadInput` with the sentence that the command l
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -57,6 +58,13 @@ class ExplorerState:
     formula_level: str = "paper"
     frequency: float = 0.0
     speed: float = 0.0
+
+    @property
+    def vibrating_load(self) -> Load:
+        """The load about which the plate vibrates: it sticks as the page says, also where nothing slides before."""
+        if not self.load.depth:
+            return self.load
+        return dataclasses.replace(self.load, friction=load_cases.friction_of(self.motion.friction, "stick"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +123,9 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
         if not 0 <= rate < math.inf:
             raise BadInput(f"{name} must be 0 {unit} or more; got {rate:g} {unit}")
     (load,) = load_cases.loads_of(motion)
+    if load.friction == "stick" and not (load.shear_x or load.shear_y):
+        # nothing slides before a shear: such a press is that of a plate without friction, and is kept as that
+        load = dataclasses.replace(load, friction="none")
     Scene(design, (load,), magnet=magnet)
     return ExplorerState(preset, design, load, motion, magnet, level, str(formulas), *rates)
 

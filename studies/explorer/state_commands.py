@@ -23,7 +23,7 @@ def shell(state: ExplorerState) -> str:
     >>> shell(state_of({"design": {"D": 10}, "load": {"depth": 1, "shear": -2}}))
     'magtip solve paper --depth 1 --shear=-2 --friction stick --set D=10'
     >>> shell(state_of({"load": {"depth": 1, "frequency": 600, "speed": 2}})).splitlines()[1:]
-    ['magtip response paper --depth 1 --frequencies 1:600 --friction none', 'magtip cycle paper --depth 1 --speed 2']
+    ['magtip response paper --depth 1 --frequencies 1:600', 'magtip cycle paper --depth 1 --speed 2']
     """
     return "\n".join([_solve_line(state), *_rate_lines(state)])
 
@@ -32,14 +32,14 @@ def _rate_lines(state: ExplorerState) -> list[str]:
     """Return the command lines of vibration and loop, where the verbs can make them."""
     load, lines = state.load, []
     own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
-    friction = friction_text(load)
     if state.frequency:
         band = ":".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
-        glued = None if friction == "stick" or not load.depth else friction
-        more = {"--frequencies": band, "--friction": glued, "--plate-tilt": state.motion.plate_tilt or None}
+        friction = friction_text(state.vibrating_load)
+        own_friction = None if friction == "stick" or not load.depth else friction
+        more = {"--frequencies": band, "--friction": own_friction, "--plate-tilt": state.motion.plate_tilt or None}
         lines.append(_line("response", state, own | {"--shear-y": load.shear_y or None} | more))
     if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
-        contact = friction if load.coulomb is not None else None
+        contact = friction_text(load) if load.coulomb is not None else None
         lines.append(_line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
     return lines
 

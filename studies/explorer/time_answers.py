@@ -151,8 +151,11 @@ def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], fl
     if not vibrating.sensor.state.load.depth:
         return f"The base of the free sensor is shaken along x; shift is relative to the base.{none}"
     way = "z" if motion == "z" else "the shear"
+    friction = vibrating.sensor.state.load.friction
+    touching = "the skin that touches slides along the plate" if friction == "none" else "the skin that touches sticks"
     return (
-        f"The plate moves along {way} about this state, which is at rest; contact is frozen, amplitudes are small. "
+        f"The plate moves along {way} about this state, which is at rest; contact is frozen, {touching}, and "
+        "amplitudes are small. "
         f"The resonance is that under a force. Half widths are differences to a coarser mesh.{none}"
     )
 
@@ -178,9 +181,8 @@ def motion_of(state: ExplorerState) -> Motion:
     if not load.depth > 0:
         raise BadInput("a loading cycle needs a depth above 0 mm")
     shear = math.hypot(*load.imposed_shear)
-    friction = "none" if load.friction == "stick" and not shear else load.friction
     frequency = frequency_of(state.speed, None, 2 * shear or load.depth)
-    motion = Motion(load.depth, shear, friction, frequency, cycles=CYCLES)
+    motion = Motion(load.depth, shear, load.friction, frequency, cycles=CYCLES)
     if sentence := range_sentence(relaxation_of(state.design), frequencies=[frequency]):
         raise BadInput(f"at this speed a cycle has {frequency:.3g} Hz; {sentence}")
     return motion

@@ -34,10 +34,7 @@ const Explorer = (() => {
     if (!values) return null;
     const pick = (scope) => Object.fromEntries(fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]));
     const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
-    const load = pick("load");
-    // without a shear a bonded contact area has no effect, which the message would say at every press
-    if (load.friction === "stick" && !load.shear) load.friction = "none";
-    const state = { preset: "paper", design: changed, load, magnet: values.magnet, level };
+    const state = { preset: "paper", design: changed, load: pick("load"), magnet: values.magnet, level };
     return { state, formula_level: view.formula, parts: parts() };
   }
 

@@ -126,8 +126,10 @@ const InputChecks = (() => {
     } else if (!(friction >= 0 && friction < Infinity))
       throw new BadInput(`friction must be none, stick or a coefficient of 0 or more; got ${general(friction)}`, "friction");
     result.shear = Math.hypot(result.shear_x, result.shear_y);
+    // nothing slides before a shear
+    if (friction === "stick" && !result.shear) result.friction = "none";
     result.coulomb = typeof friction === "string" || friction === 0 ? null : friction;
-    result.shearsTip = result.shear > 0 && (friction === "stick" || result.coulomb !== null);
+    result.shearsTip = result.shear > 0 && (result.friction === "stick" || result.coulomb !== null);
     return result;
   }
 

@@ -32,13 +32,22 @@ const Numbers = (() => {
     return ["x", "y", "z"].map((name, k) => [name === "z" ? "normal force" : `force along ${name}`, "N", d?.force?.[k], d ? d.half_width?.[k] : NaN, d?.noise?.[k]]);
   }
 
-  // What the decoded load rests on.
-  function decoding({ decoded: d, readings: r }) {
+  // What the decoded load rests on. The half widths of formulas are those of their fit to the readings.
+  function decoding({ decoded: d, readings: r, response: fem }) {
     if (!r?.elements) return "There are no readings to decode.";
     if (!d) return "";
     const noise = d.noise ? "" : " Give the Hall elements a noise to see its effect on the forces.";
     const by = d.level === "surrogate" ? "By the surrogate" : `By the formulas of level ${d.level}`;
-    return `${by}, status ${String(d.status).replaceAll("_", " ")}.${noise}`;
+    return `${by}, status ${String(d.status).replaceAll("_", " ")}.${d.level === "surrogate" ? "" : offset(d, fem)}${noise}`;
+  }
+
+  // How far the forces decoded by formulas are off those of the finite elements whose readings they decode.
+  function offset({ force: decoded }, { force: solved } = {}) {
+    if (!decoded || !solved) return "";
+    const off = decoded.map((value, k) => Math.abs(value - solved[k])), k = off.indexOf(Math.max(...off));
+    if (!(off[k] >= 0)) return "";
+    const name = k === 2 ? "normal force" : `force along ${"xy"[k]}`;
+    return ` Half widths do not cover the error of the formulas: here the ${name} is ${number(off[k])} N off the finite elements.`;
   }
 
   function stability(s) {
