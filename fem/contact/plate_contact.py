@@ -42,8 +42,8 @@ GLUE_REACH = 0.0025
 """Largest distance from a tilted plate at which a section is glued, over the depth. With 0 and with 0.005 the forces
 of glued shears at level quick differ from finer sections and from tetrahedra by up to 1.7 %, in opposite
 directions."""
-SETTLED = 1e-9
-"""Relative change of the contact radius at which its iteration ends: far below the error of the fit."""
+SAME_RADIUS = 1e-9
+"""Difference of radii over D below which two points of the skin count as one in the fit of the contact radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,12 +326,16 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         return 0.0
     r = distance_from_pressure_centre(surface, u, plate)
     radius, reach, free = float(r[pressed].max()), surface.reach, surface.dome & ~pressed
-    outside, opening = r[free], np.cbrt(g[free] ** 2)
+    outside = r[free]
+    order = np.argsort(outside)
+    outside, opening, range_before = outside[order], np.cbrt(g[free][order] ** 2), (-1, -1)
     for _ in range(4):
         width = min(radius, 0.6 * reach)
-        around = (outside > radius + 0.05 * width) & (outside < radius + 0.35 * width)
-        near, opened = outside[around], opening[around]
-        if len(set(near.round(9).tolist())) < 4:
+        first, last = np.searchsorted(outside, (radius + 0.05 * width, radius + 0.35 * width)).tolist()
+        if (first, last) == range_before:
+            break  # the same points have the same fit
+        near, opened, range_before = outside[first:last], opening[first:last], (first, last)
+        if np.count_nonzero(np.diff(near) > SAME_RADIUS) < 3:
             return hertz_radius(surface, u, plate)
         x = near / radius - 1
         powers = np.array([x * x, x, np.ones_like(x)])
@@ -342,8 +346,6 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         if not abs(root) < 0.5:
             return hertz_radius(surface, u, plate)
         radius *= 1 + float(root)
-        if abs(root) < SETTLED:
-            break
     return radius
 
 

@@ -152,7 +152,9 @@ def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], fl
         return f"The base of the free sensor is shaken along x; shift is relative to the base.{none}"
     way = "z" if motion == "z" else "the shear"
     friction = vibrating.sensor.state.load.friction
-    touching = "the skin that touches slides along the plate" if friction == "none" else "the skin that touches sticks"
+    touching = (
+        "the skin that touches slides along the plate" if friction == "none" else "the skin that touches sticks"
+    )
     return (
         f"The plate moves along {way} about this state, which is at rest; contact is frozen, {touching}, and "
         "amplitudes are small. "
