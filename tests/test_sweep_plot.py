@@ -9,7 +9,6 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from matplotlib.text import Text
 
 from fem.accuracy import QUICK
 from geometry.design import BadInput, paper
@@ -19,6 +18,7 @@ from studies.exploration.study_cases import FemModel, Plan
 from studies.exploration.sweep_plot import Shown
 from studies.inputs.study_input import grid
 from studies.output import table_plots
+from tests.picture_texts import check_texts
 
 BASE = {"D_mm": 8.0, "L_mm": 9.0, "f_mm": 5.0, "E_MPa": 1.0, "depth_mm": 1.0, "law": "neo-Hookean", "nu": 0.49}
 LAWS = {"neo-Hookean": 1.0, "Yeoh": 1.1, "Ogden": 0.9}
@@ -117,27 +117,6 @@ def cells(panel):
     (mesh,) = [c for c in panel.collections if isinstance(c, QuadMesh)]
     hatched = [patch for patch in panel.patches if isinstance(patch, PathPatch) and patch.get_label() == "_failed"]
     return mesh.get_array().count(), sum(len(patch.get_path().vertices) // 5 for patch in hatched)
-
-
-def check_texts(figure):
-    """Every text that is drawn lies in the picture, and none upon another one."""
-    texts = []
-    with pytest.MonkeyPatch.context() as patch:
-        # labels of ticks outside the range of their axis exist, too, but are not drawn
-        patch.setattr(Text, "draw", lambda self, renderer: texts.append(self))
-        figure.draw_without_rendering()
-    texts = [text for text in texts if text.get_visible() and text.get_text().strip()]
-    assert texts
-    boxes = [(text.get_window_extent(), text) for text in texts]
-    for box, text in boxes:
-        assert box.x0 >= -1, text
-        assert box.y0 >= -1, text
-        assert box.x1 <= figure.bbox.width + 1, text
-        assert box.y1 <= figure.bbox.height + 1, text
-    level = [(box, text) for box, text in boxes if text.get_rotation() in (0, 90, 270)]
-    for (one, first), (other, second) in itertools.combinations(level, 2):
-        apart = one.x1 <= other.x0 + 1 or other.x1 <= one.x0 + 1 or one.y1 <= other.y0 + 1 or other.y1 <= one.y0 + 1
-        assert apart, (first, second)
 
 
 @pytest.mark.parametrize("count", range(1, 6))

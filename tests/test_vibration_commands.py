@@ -19,7 +19,10 @@ def test_response_reports_both_motions_and_writes_their_files(run, strict, tmp_p
         "response.csv", "ladder.csv", "response_z.png", "response_x.png", "run.json"
     }  # fmt: skip
     rows = list(csv.DictReader((out / "response.csv").open()))
-    assert [row["motion"] for row in rows] == ["z"] * 20 + ["x"] * 20
+    # the resonances come in addition to the 20 frequencies
+    (peak,) = [row for row in rows if row["motion"] == "x" and not row["mesh_difference"]]
+    assert float(peak["frequency_Hz"]) == pytest.approx(along_x["resonance_per_N_Hz"][0], rel=1e-8)
+    assert [row["motion"] for row in rows] == ["z"] * 20 + ["x"] * 21
     assert float(rows[0]["force_N_per_mm"]) == pytest.approx(along_z["stiffness_N_per_mm"], rel=1e-8)
     # the first bending resonance under a force is damped by the assumed loss factor
     assert along_x["resonance_per_N_Q"][0] == pytest.approx(10, rel=0.3)

@@ -52,7 +52,7 @@ def response(
     frequencies
         Lowest and highest frequency, LOW:HIGH, Hz.
     count
-        Number of frequencies in the table, spaced evenly on a logarithmic scale.
+        Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them.
     friction
         stick: the contact area is glued to the plate; none: the plate slides, and moves along z only; a Coulomb
         coefficient, from first touch on: the points in touch stick to the plate that vibrates.

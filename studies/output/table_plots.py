@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,9 @@ def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) ->
         yield figure, figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel().tolist()
 
 
+FEW_DECADES = 2.0
+"""Length of a logarithmic axis, decades, below which it has numbers at 2 and 5 too."""
+
 SAMPLE, LETTER = 0.62, 0.088
 """Widths of a line in the legend with its margins, and of a letter, in."""
 
@@ -94,6 +98,18 @@ def label(axis: Any, letter: str, text: str) -> None:
     """Label the y axis, and write the panel's letter above it."""
     axis.set_ylabel(text)
     axis.set_title(letter, loc="left", fontweight="bold", fontsize=12)
+
+
+def log_numbers(axis: Any, way: str) -> None:
+    """Write plain numbers at a logarithmic axis "x" or "y": each decade, and 2 and 5 where there are few decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = sorted(getattr(axis, f"get_{way}lim")())
+    decades = math.log10(high / low)
+    line = getattr(axis, f"{way}axis")
+    line.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,), numticks=20))
+    line.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    line.set_minor_formatter(NullFormatter())
 
 
 def legend_columns(groups: Sequence[Sequence[Any]], width: float) -> tuple[list[Any], int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,8 @@ Gain = Callable[[Array], Array]
 GRID = 600
 """Frequencies of the grid on which peaks are looked for. On three decades they are 1.2 % apart; a peak narrower than
 that still rises towards its place from both sides."""
+NEAR = np.concatenate([-np.geomspace(1e-4, 0.01, 8)[::-1], [0.0], np.geomspace(1e-4, 0.01, 8)])
+"""Logarithms of frequencies over that of a resonance at which its peak is drawn."""
 PROMINENCE = 1e-3
 """Height of a peak over the valleys beside it, relative: rounding errors and the mesh make smaller ones."""
 ACCURATE = 0.05
@@ -48,6 +50,18 @@ class Peak:
 def grid(low: float, high: float) -> Array:
     """Return the frequencies between low and high, Hz, on which gains are compared."""
     return np.geomspace(low, high, GRID)
+
+
+def around(tops: Sequence[float], frequencies: Array) -> Array:
+    """Return frequencies (f,), Hz, that draw resonances at `tops` in full height: those given, a grid, and some near.
+
+    >>> around([10.0], np.array([1.0, 100.0])).shape
+    (617,)
+    """
+    low, high = float(frequencies[0]), float(frequencies[-1])
+    near = np.outer(np.asarray(tops, dtype=np.float64), np.exp(NEAR)).ravel()
+    every = np.concatenate([frequencies, grid(low, high)[1:-1], near[(near > low) & (near < high)]])
+    return np.unique(every)
 
 
 def peaks(gain: Gain, low: float, high: float) -> list[Peak]:

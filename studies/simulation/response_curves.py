@@ -119,14 +119,18 @@ def evaluator(design: Design, sensor: VibratingSensor) -> At:
 def mesh_difference(curves: Curves, coarse: Curves) -> Array:
     """Return the relative difference (f,) of the force to that on a coarser mesh; of the shift about the free sensor.
 
-    It refers to the larger of both, since a force that falls to 0 at a resonance would have no relative difference.
+    Frequencies (f,) are those of the coarser mesh, which must be among those of the finer one. The difference refers
+    to the larger of both, since a force that falls to 0 at a resonance would have no relative difference.
     """
     one, other = (c.along if c.force is None else c.force for c in (curves, coarse))
+    one = one[np.isin(curves.frequency, coarse.frequency)]
     return np.asarray(np.abs(one - other) / np.maximum(np.abs(one), np.abs(other)))
 
 
 def rows(curves: Curves, coarse: Curves | None) -> list[FlatRow]:
     """Return the rows of response.csv: gains and phases of all quantities over the frequency.
+
+    Frequencies that the coarser mesh does not have, those of resonances, have no `mesh_difference`.
 
     Phases are those to the motion, or to the force for readings per N, in degrees.
     """
@@ -141,9 +145,15 @@ def rows(curves: Curves, coarse: Curves | None) -> list[FlatRow]:
         per_N = None if curves.per_N is None or k not in curves.readers else curves.per_N[:, k]
         columns |= _polar(f"{name}_per_N", f"_{unit}_per_N", per_N)
     columns["kept_amplitude_mm"] = curves.kept_amplitude
-    columns["mesh_difference"] = None if coarse is None else mesh_difference(curves, coarse)
+    if coarse is not None:
+        difference = np.full(len(curves.frequency), np.nan)
+        difference[np.isin(curves.frequency, coarse.frequency)] = mesh_difference(curves, coarse)
+        columns["mesh_difference"] = difference
+    else:
+        columns["mesh_difference"] = None
     return [
-        {"motion": curves.motion} | {name: None if v is None else float(v[i]) for name, v in columns.items()}
+        {"motion": curves.motion}
+        | {name: None if v is None or np.isnan(v[i]) else float(v[i]) for name, v in columns.items()}
         for i in range(len(curves.frequency))
     ]
 

@@ -15,7 +15,7 @@ from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes
 from studies.output.csv_tables import write_table
-from studies.simulation import oscillator_ladder, response_curves
+from studies.simulation import oscillator_ladder, resonance_peaks, response_curves
 from studies.simulation.motion_report import MotionReport, report_motion
 from studies.simulation.oscillator_ladder import Rung
 from studies.simulation.response_curves import At, Curves
@@ -59,7 +59,7 @@ def run(
     ----------
     load : press and shear; depth 0 for the free sensor, whose base is shaken.
     band : lowest and highest frequency, Hz.
-    count : number of frequencies, spaced evenly on a logarithmic scale.
+    count : number of frequencies, spaced evenly on a logarithmic scale; the table has the resonances too.
 
     Raises
     ------
@@ -91,10 +91,17 @@ def run(
             models[motion] = oscillator_ladder.oscillators(design, motion, stiffness, sensor.relaxation)
             ladder += oscillator_ladder.rungs(motion, models[motion], _per_force(at, motion), band)
     at_rest = sensor.scene.design
+    tops = {one.motion: [*one.resonance_per_mm_Hz, *one.resonance_per_N_Hz] for one in motions}
+    tabled = {name: at(np.union1d(frequencies, tops[name]))[name] for name in curves}
+    drawn = {}
+    if folder is not None:
+        for name in curves:
+            peaks = [*tops[name], *(one.peak_Hz for one in ladder if one.motion == name and one.peak_Hz is not None)]
+            drawn[name] = at(resonance_peaks.around(peaks, tabled[name].frequency))[name]
     del sensor, at  # their memory is free for the pictures
     notes = [*_notes(design, load), _free_note(at_rest, magnet, level)]
     if folder is not None:
-        _write(folder, curves, coarse, ladder, models)
+        _write(folder, tabled, drawn, coarse, ladder, models)
     return Report(motions, ladder, notes)
 
 
@@ -168,18 +175,19 @@ def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
 
 def _write(
     folder: Path,
-    curves: Mapping[str, Curves],
+    tabled: Mapping[str, Curves],
+    drawn: Mapping[str, Curves],
     coarse: Mapping[str, Curves],
     ladder: list[Rung],
     models: Mapping[str, oscillator_ladder.Models],
 ) -> None:
-    """Write the tables and a plot for each motion."""
+    """Write the tables and a plot for each motion; a plot has more frequencies than the table."""
     from studies.simulation import bode_plot
 
-    rows = [row for one in curves.values() for row in response_curves.rows(one, coarse.get(one.motion))]
+    rows = [row for one in tabled.values() for row in response_curves.rows(one, coarse.get(one.motion))]
     write_table(folder / "response.csv", rows, digits=9)
     if ladder:
         write_table(folder / "ladder.csv", [rung.row() for rung in ladder], digits=9)
-    for motion, one in curves.items():
+    for motion, one in drawn.items():
         responses = {name: response(one.frequency) for name, (_, response) in models.get(motion, {}).items()}
         bode_plot.draw(folder / f"response_{motion}.png", one, responses)
