@@ -89,13 +89,8 @@ def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
     fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state).items())
-    load = ", ".join(
-        f"{spec.name}={_literal(getattr(state.load, spec.name))}"
-        for spec in dataclasses.fields(Load)
-        if getattr(state.load, spec.name) != spec.default
-    )
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
-    vibrates = bool(state.frequency)
+    vibrates, about = bool(state.frequency), _load_source(state.vibrating_load)
     band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
     lines = [
         "from dataclasses import replace\n" if fields else "",
@@ -106,11 +101,11 @@ def python(state: ExplorerState) -> str:
         f"from geometry.design import {state.preset}",
         "from geometry.loads import Load\n",
         f"design = replace({state.preset}(){fields})" if fields else f"design = {state.preset}()",
-        f"state = solve(design, Load({load}), {accuracy}{magnet})",
+        f"state = solve(design, {_load_source(state.load)}, {accuracy}{magnet})",
         "print(state.status, state.message)",
         "print(state.response)",
         "print(hall.readings(design, state.response).output)" if has_magnet else "",
-        f"sensor = vibrating_sensor(design, Load({load}), ({band}), {accuracy}{magnet})" if vibrates else "",
+        f"sensor = vibrating_sensor(design, {about}, ({band}), {accuracy}{magnet})" if vibrates else "",
         f"print(sensor.at([{plain(state.frequency)}]).force)" if vibrates else "",
     ]
     return "".join(f"{line}\n" for line in lines if line)
@@ -126,6 +121,17 @@ def address_fields(design: Design) -> dict[str, str]:
     names = [spec.name for spec in dataclasses.fields(base)]
     changed = {name: plain(getattr(design, name)) for name in names if getattr(design, name) != getattr(base, name)}
     return {"preset": "paper", **changed} if changed else {}
+
+
+def _load_source(load: Load) -> str:
+    """Return a load as Python source, without the fields that have their default.
+
+    >>> _load_source(Load(depth=1, friction="stick"))
+    'Load(depth=1, friction="stick")'
+    """
+    fields = {spec.name: getattr(load, spec.name) for spec in dataclasses.fields(Load)}
+    changed = {spec.name for spec in dataclasses.fields(Load) if fields[spec.name] != spec.default}
+    return f"Load({', '.join(f'{name}={_literal(value)}' for name, value in fields.items() if name in changed)})"
 
 
 def _literal(value: float | str | None) -> str:

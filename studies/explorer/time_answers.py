@@ -151,12 +151,9 @@ def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], fl
     if not vibrating.sensor.state.load.depth:
         return f"The base of the free sensor is shaken along x; shift is relative to the base.{none}"
     way = "z" if motion == "z" else "the shear"
-    friction = vibrating.sensor.state.load.friction
-    touching = (
-        "the skin that touches slides along the plate" if friction == "none" else "the skin that touches sticks"
-    )
+    contact = "slides" if vibrating.sensor.state.load.friction == "none" else "sticks"
     return (
-        f"The plate moves along {way} about this state, which is at rest; contact is frozen, {touching}, and "
+        f"The plate moves along {way} about this state at rest; contact is frozen and {contact}; "
         "amplitudes are small. "
         f"The resonance is that under a force. Half widths are differences to a coarser mesh.{none}"
     )
