@@ -28,7 +28,7 @@ def check_texts(figure):
         assert apart, (first, second)
 
 
-def kept(monkeypatch):
+def saved_figures(monkeypatch):
     """Return the list into which each figure goes that is written from now on, in place of its file."""
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda self, file, **_: (figures.append(self), file.touch()))

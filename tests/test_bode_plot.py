@@ -6,7 +6,7 @@ import pytest
 from analytic.oscillator import receptance
 from studies.simulation import bode_plot, resonance_peaks
 from studies.simulation.response_curves import Curves
-from tests.picture_texts import check_texts, kept, legend
+from tests.picture_texts import check_texts, legend, saved_figures
 
 
 def curves(reads, frequency):
@@ -23,7 +23,7 @@ def curves(reads, frequency):
 
 @pytest.fixture
 def drawn(monkeypatch, tmp_path):
-    figures = kept(monkeypatch)
+    figures = saved_figures(monkeypatch)
 
     def draw(reads, ladder=("mass on a spring with the silicone's branches",)):
         frequency = resonance_peaks.around([340.0], np.geomspace(1.0, 1000.0, 3))

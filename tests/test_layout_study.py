@@ -18,6 +18,7 @@ from studies.sensing import (
     layout_search,
     layout_uniqueness,
 )
+from tests.picture_texts import check_texts, saved_figures
 
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 
@@ -76,6 +77,12 @@ def test_stated_noise_is_used_and_named(run, strict, small):
     assert chip["noise_source"] == "the chip's"
     assert (chip["f_mm"], chip["c_mm"]) == (None, None)
     assert chip["condition_worst"] < 3
+
+
+def test_the_texts_of_the_map_are_whole_and_apart(run, small, monkeypatch):
+    figures = saved_figures(monkeypatch)
+    assert run("layout", "paper", *FOLDED, "--out", "map")[0] == 0
+    check_texts(figures[0])
 
 
 def test_the_map_is_a_table_with_units(run, small, tmp_path):

@@ -266,6 +266,21 @@ def test_an_axis_of_which_one_value_has_answers_is_not_called_idle(drawn):
     assert crosses(panels(figure)[0]) == 2
 
 
+def test_the_reason_of_failed_cases_is_never_cut(drawn):
+    axes = {"D_mm": [6.0, 8.0], "depth_mm": [0.5, 1.0]}
+    columns = columns_of(axes, lose=lambda case: case["depth_mm"] > 0.6)
+    first = "the depth must be less than 7 mm, the silicone on the axis above and below the magnet, which has 2 mm"
+    columns["message"] = np.where(columns["status"] == "ok", "", f"{first}; got 8 mm; take a smaller depth")
+    (figure,) = drawn(axes, columns=columns)
+    assert note(figure).endswith(f"most often: {first}.")
+    check_texts(figure)
+
+
+def test_a_pure_number_has_no_unit(drawn):
+    (figure,) = drawn({"D_mm": [6.0, 8.0]}, shown=(Shown("gain", "1", {"FEM": "fem_force_N"}, {}),))
+    assert panels(figure)[0].get_ylabel() == "gain"
+
+
 @pytest.mark.parametrize("count", [2, 8])
 def test_nothing_but_failures(drawn, count):
     axes = {"D_mm": spread(6, 10, 7), "L_mm": spread(9, 12, count)}

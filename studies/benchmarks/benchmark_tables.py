@@ -143,7 +143,7 @@ def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
         axes[0].plot(n, proportional, color="#777777", linestyle=":", label="in proportion to the unknowns")
         label(axes[0], "a", "CPU time (s)")
         label(axes[1], "b", "peak memory (MB)")
-        axes[1].set_xlabel("unknowns (1)")
+        axes[1].set_xlabel("unknowns")
         for axis in axes:
             axis.set_xscale("log")
             axis.set_yscale("log")

@@ -12,6 +12,7 @@ import numpy as np
 
 from geometry.arrays import Array, Ints
 from studies.output.table_plots import LETTER
+from studies.output.text_tables import with_unit
 
 UNITS = {
     "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "kg_per_m3": "kg/m³",
@@ -67,7 +68,7 @@ class Axis:
         """Name, symbol and unit."""
         name, unit = split(self.column)
         full = NAMED.get(name, symbol(self.column))
-        return f"{full} ({unit})" if unit else full
+        return with_unit(full, unit)
 
     def text(self, index: int, *, full: bool = False) -> str:
         """Return the symbol, or the name with it, and one of the values."""

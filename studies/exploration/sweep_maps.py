@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array
 from studies.exploration.sweep_axes import Axis, scale
 from studies.exploration.sweep_views import Block, Place, Section
+from studies.output.text_tables import with_unit
 
 VALUES, ERRORS = "cividis", "RdBu_r"
 """Colour maps; neither needs red told from green."""
@@ -70,8 +71,8 @@ def draw(figure: Any, panels: Mapping[Place, Any], block: Block, axes: Mapping[s
 
 def _title(section: Section) -> str:
     model = section.models[0]
-    unit = "%" if section.error else section.unit
-    return f"{section.label},\nerror of {model} (%)" if section.error else f"{section.label},\n{model} ({unit})"
+    of_model = f"error of {model} (%)" if section.error else with_unit(model, section.unit)
+    return f"{section.label},\n{of_model}"
 
 
 def _rows(block: Block) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from studies.exploration.sweep_cube import Cube, effect, failed
 from studies.exploration.sweep_views import Section
 
 MOST_NOTED = 100
-"""Greatest number of letters of the reason of failed cases."""
+"""Number of letters beyond which the reason of failed cases is not continued by its next clause."""
 
 
 def idle(cube: Cube, shown: Sequence[str]) -> list[str]:
@@ -79,10 +78,19 @@ def failures(columns: Mapping[str, NDArray[Any]]) -> list[str]:
     if "message" in columns:
         reasons = Counter(str(message) for message in np.asarray(columns["message"])[lost] if str(message))
         for reason, _ in reasons.most_common(1):
-            # a long message ends with a colon and the remedy, which the table has
-            short = reason if len(reason) <= MOST_NOTED else reason.rpartition(": ")[0] or reason
-            text += f"; most often: {textwrap.shorten(short, MOST_NOTED, placeholder=' ...')}"
+            text += f"; most often: {_first_clauses(reason)}"
     return [text.replace("$", r"\$").rstrip(".") + "."]
+
+
+def _first_clauses(reason: str) -> str:
+    """Return the first clauses of a long reason, none of them cut; the table has the whole of it."""
+    first, *others = reason.split("; ")
+    for clause in others:
+        if len(first) + len(clause) > MOST_NOTED:
+            break
+        first += f"; {clause}"
+    # a long clause ends with a colon and the remedy
+    return first if len(first) <= MOST_NOTED else first.rpartition(": ")[0] or first
 
 
 def _list(names: Sequence[str]) -> str:

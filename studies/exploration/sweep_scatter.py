@@ -19,6 +19,7 @@ from studies.exploration.sweep_cube import failed
 from studies.exploration.sweep_views import Shown
 from studies.output import table_plots
 from studies.output.table_plots import COLOURS
+from studies.output.text_tables import with_unit
 
 MOST_COLUMNS = 4
 """Greatest number of axes side by side."""
@@ -99,7 +100,7 @@ def _picture(
     """Draw values and errors of a quantity over some axes, and the errors over a pair of axes."""
     width = 7.0 if len(axes) <= 3 else 9.0
     text = "\n".join(part for note in notes for part in textwrap.wrap(note, int(width * 11)))
-    rows = [(quantity.values, f"{quantity.label} ({quantity.unit})", False)]
+    rows = [(quantity.values, with_unit(quantity.label, quantity.unit), False)]
     if quantity.errors:
         rows.append((quantity.errors, f"error of {quantity.label} (%)", True))
     maps = list(quantity.errors.items()) if pair else []

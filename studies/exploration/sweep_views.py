@@ -17,6 +17,7 @@ from geometry.arrays import Array
 from studies.exploration import sweep_cube
 from studies.exploration.sweep_axes import Axis
 from studies.exploration.sweep_cube import Cube
+from studies.output.text_tables import with_unit
 
 MOST_LINES = 6
 """Greatest number of values of an axis that are shown by colours."""
@@ -117,7 +118,7 @@ class Section:
     @property
     def name(self) -> str:
         """Label with unit."""
-        return f"error of {self.label} (%)" if self.error else f"{self.label} ({self.unit})"
+        return f"error of {self.label} (%)" if self.error else with_unit(self.label, self.unit)
 
 
 def view(axes: Mapping[str, Axis], effective: Collection[str]) -> View:

@@ -209,8 +209,16 @@ def titled(key: str) -> str:
     >>> titled("stiffness_N_per_mm")
     'stiffness (N/mm)'
     """
-    name, unit = heading(key)
-    return f"{name} ({unit})" if unit else name
+    return with_unit(*heading(key))
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a name with the unit of its values; pure numbers, of unit "1" or "", have none.
+
+    >>> with_unit("force", "N"), with_unit("gain", "1")
+    ('force (N)', 'gain')
+    """
+    return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def heading(key: str) -> tuple[str, str]:
@@ -228,8 +236,18 @@ def heading(key: str) -> tuple[str, str]:
         above, unit = heading(name.removesuffix("_per"))
         return above, f"{unit or last}/{last}"
     if name and last in UNITS:
-        return name.replace("_", " "), UNITS[last][0]
-    return key.replace("_", " "), ""
+        return _words(name), UNITS[last][0]
+    return _words(key), ""
+
+
+def _words(key: str) -> str:
+    """Return a key without its unit as words; a frequency at its end has its unit.
+
+    >>> _words("relative_at_600")
+    'relative at 600 Hz'
+    """
+    words = key.replace("_", " ")
+    return f"{words} Hz" if key.rpartition("_at_")[2].isdigit() else words
 
 
 def shown(key: str, value: Any, digits: int = 5) -> str:

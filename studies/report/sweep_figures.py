@@ -38,7 +38,7 @@ QUANTITIES = {
     "tilt_rad": "tilt (rad)",
     "S1_V": "output of S1 (V)",
     "strain": "strain of 99.9 % of the silicone",
-    "response_gain": "gain of the magnet's shift per N (1)",
+    "response_gain": "gain of the magnet's shift per N",
     "response_bandwidth_Hz": "-3 dB bandwidth per N (Hz)",
     "response_resonance_Hz": "first resonance per N (Hz)",
     "loop_gap_percent": "gap of the loop at mid-stroke (% of full scale)",

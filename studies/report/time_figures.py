@@ -28,7 +28,7 @@ def response(table: Table) -> list[Figure]:
             f"Readings per {unit} over the frequency",
             f"Gain of each element {first}; 0.707 is a loss of 3 dB. {other}",
             Axis("frequency (Hz)", log=True),
-            Axis(f"gain per {unit}, {first} (1)", log=True),
+            Axis(f"gain per {unit}, {first}", log=True),
             _panels(table, gains, names, relative=True),
             guides=(Guide("x", BAND, f"{BAND:.0f} Hz"), Guide("y", 2**-0.5, "-3 dB")),
             source=table.name,

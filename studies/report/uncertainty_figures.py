@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geometry.arrays import Ints
+from studies.output.text_tables import with_unit
 from studies.report.folder_contents import Table
 from studies.report.report_figures import Axis, Figure, Guide, Panel, Series, grouped, series
 from studies.report.sweep_figures import name_of
@@ -97,7 +98,9 @@ def morris(table: Table) -> list[Figure]:
         unit = table.texts("effect_unit")[rows[0]] or unit
         if parts:
             panels.append(
-                Panel(name_of(output).partition(" (")[0], tuple(parts), x=f"\N{GREEK SMALL LETTER MU}* ({unit})")
+                Panel(
+                    name_of(output).partition(" (")[0], tuple(parts), x=with_unit("\N{GREEK SMALL LETTER MU}*", unit)
+                )
             )
     failed, points = int(np.nansum(table.floats("failed")[:1])), int(np.nansum(table.floats("points")[:1]))
     caption = (
@@ -139,7 +142,7 @@ def made_sensors(table: Table) -> list[Figure]:
             if middle.startswith("zeroed"):
                 sentences.append(f"{way} {np.quantile(values, 0.95):.3g} N")
         if parts:
-            panels.append(Panel(title.partition(" (")[0], tuple(parts), x=f"{title} ({unit})" if unit else title))
+            panels.append(Panel(title.partition(" (")[0], tuple(parts), x=with_unit(title, unit)))
     failed = len(table) - int(table.ok.sum())
     caption = (
         f"Share of {len(table)} made sensors below a value; {failed} failed and count as above every value. 95 % of "

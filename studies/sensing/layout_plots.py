@@ -75,10 +75,10 @@ def _scales(surveys: Sequence[Survey]) -> dict[str, tuple[str, dict[str, Any]]]:
     signs = {"cmap": ListedColormap([FEM, BOTH, ANALYTIC]), "vmin": -1, "vmax": 1}
     many = {"cmap": colormaps["viridis"].resampled(MOST), "vmin": 0.5, "vmax": MOST + 0.5}
     return {
-        "condition": ("condition number (1)", {"cmap": "viridis", "norm": norms["condition"]}),
-        "sign": ("sign of det $J$", signs),
-        "multiplicity": ("poses with equal readings (1)", many),
-        "noise": ("noise (µm)", {"cmap": "plasma", "norm": norms["noise"]}),
+        "condition": ("condition number", {"cmap": "viridis", "norm": norms["condition"]}),
+        "sign": ("sign of det $J$\n(readings by shift)", signs),
+        "multiplicity": ("poses with\nequal readings", many),
+        "noise": ("noise of the\ndecoded shift (µm)", {"cmap": "plasma", "norm": norms["noise"]}),
     }
 
 

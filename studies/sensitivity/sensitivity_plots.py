@@ -6,24 +6,34 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from studies.output.table_plots import ANALYTIC, COLOURS, FEM, sheet
+from studies.output.table_plots import ANALYTIC, COLOURS, FEM, legend_columns, sheet
 from studies.output.text_tables import titled
 from studies.sensitivity.sensitivity_rows import MorrisRow, SobolRow
 from studies.sensitivity.sensitivity_study import MonteCarloStudy
 
 Row = TypeVar("Row", SobolRow, MorrisRow)
-WIDTH, BAR, COLUMNS = 10.0, 0.25, 3
+WIDTH, BAR, COLUMNS = 7.0, 0.17, 3
 """Width of a picture, and height of a bar, in; number of panels side by side."""
 BINS = 40
 """Number of bars of a histogram."""
 PANELS = {
     "sensitivity": "sensitivity",
-    "zeroed_error": "force error after zeroing (N)",
-    "recalibrated_error": "after recalibration (N)",
+    "zeroed_error": "force error\nafter zeroing (N)",
+    "recalibrated_error": "force error after\nrecalibration (N)",
 }
 """Quantities with a histogram for each axis, and their labels."""
 MARKERS = "osD^vP*XhH8p"
 """Markers of the inputs in a chart of Morris."""
+
+
+def named(field: str) -> str:
+    """Return the name of a field of a design as words, a line for each two.
+
+    >>> named("magnet_edge_radius")
+    'magnet edge\\nradius'
+    """
+    words = field.split("_")
+    return "\n".join(" ".join(words[k : k + 2]) for k in range(0, len(words), 2))
 
 
 def by_output(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
@@ -49,10 +59,11 @@ def sobol(path: Path, rows: Sequence[SobolRow]) -> None:
                 places = [k + shift for k in range(len(each))]
                 axis.barh(places, values, 0.38, color=colour, label=f"{order} order")
                 axis.errorbar(values, places, xerr=[below, above], fmt="none", ecolor="#000000", capsize=2)
-            axis.set_yticks(range(len(each)), [row.input for row in each])
+            axis.set_yticks(range(len(each)), [named(row.input) for row in each])
             axis.set_title(titled(output).partition(" (")[0], loc="left", fontsize=12)
         axes[0].invert_yaxis()
-        _finish(figure, axes, len(panels), "Sobol index (1)")
+        axes[0].set_xticks([0, 0.5, 1], ["0", "0.5", "1"])
+        _finish(figure, axes, len(panels), "Sobol index")
 
 
 def morris(path: Path, rows: Sequence[MorrisRow]) -> None:
@@ -61,7 +72,7 @@ def morris(path: Path, rows: Sequence[MorrisRow]) -> None:
     if not panels:
         return
     lines = -(-len(panels) // COLUMNS)
-    with sheet(path, WIDTH, 2.9 * lines + 0.5) as figure:
+    with sheet(path, WIDTH, 2.2 * lines + 0.7) as figure:
         axes = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
         for axis, (output, each) in zip(axes, panels, strict=False):
             for k, row in enumerate(each):
@@ -76,14 +87,15 @@ def morris(path: Path, rows: Sequence[MorrisRow]) -> None:
                     fmt=MARKERS[k % len(MARKERS)],
                     color=COLOURS[k % len(COLOURS)],
                     capsize=2,
-                    label=row.input,
+                    label=named(row.input),
+                    clip_on=False,
                 )
             name, _, unit = titled(output).partition(" (")
             axis.set_title(name, loc="left", fontsize=12)
-            axis.set(xlabel=f"µ* ({unit.rstrip(')')} per range)", ylabel="σ")
+            axis.set(xlabel=f"µ* ({unit.rstrip(')')}/range)", ylabel="σ")
             axis.set_xlim(left=0)
             axis.set_ylim(bottom=0)
-            axis.locator_params(nbins=4)
+            _thin_ticks(axis)
         _finish(figure, axes, len(panels), "")
 
 
@@ -94,18 +106,27 @@ def monte_carlo(path: Path, study: MonteCarloStudy) -> None:
     spread = {name: axis for name, axis in study.spread.axes.items() if np.isfinite(axis.sensitivity).any()}
     if not spread:
         return
-    with sheet(path, 10.0, 2.6 * len(spread) + 0.3) as figure:
+    with sheet(path, WIDTH, 1.8 * len(spread) + 0.9) as figure:
         axes = figure.subplots(len(spread), len(PANELS), squeeze=False)
-        for line, (name, one) in zip(axes, spread.items(), strict=True):
+        for last, line, (name, one) in zip([*[False] * (len(spread) - 1), True], axes, spread.items(), strict=True):
             for axis, (quantity, label) in zip(line, PANELS.items(), strict=True):
                 values = getattr(one, quantity)
                 axis.hist(values[np.isfinite(values)], BINS, color=FEM)
-                unit = f" ({study.unit}/N)" if quantity == "sensitivity" else ""
-                axis.set_xlabel(f"{label}{unit}")
-                axis.tick_params(axis="x", labelrotation=30)
-            line[0].axvline(one.nominal_sensitivity, color=ANALYTIC, label="nominal")
-            line[0].set_ylabel(f"axis {name}: sensors")
-            line[0].legend(frameon=False)
+                unit = f"({study.unit}/N)" if quantity == "sensitivity" else ""
+                if last:
+                    axis.set_xlabel(f"{label}\n{unit}" if unit else label)
+                _thin_ticks(axis)
+            line[0].axvline(one.nominal_sensitivity, color=ANALYTIC, label="nominal design")
+            line[0].set_ylabel(f"sensors, axis {name}")
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper center", frameon=False)
+
+
+def _thin_ticks(axis: Any) -> None:
+    """Write few and short numbers at the axes of a small panel."""
+    axis.locator_params(nbins=3)
+    for line in (axis.xaxis, axis.yaxis):
+        line.set_major_formatter("{x:g}")
 
 
 def _finish(figure: Any, axes: Any, used: int, label: str) -> None:
@@ -116,5 +137,5 @@ def _finish(figure: Any, axes: Any, used: int, label: str) -> None:
         for axis in axes[max(used - COLUMNS, 0) : used]:
             axis.set_xlabel(label)
             axis.tick_params(labelbottom=True)
-    handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=min(len(names), 5), frameon=False)
+    handles, across = legend_columns([axes[0].get_legend_handles_labels()[0]], figure.get_figwidth())
+    figure.legend(handles=handles, loc="outside upper center", ncols=across, frameon=False)

@@ -79,6 +79,10 @@ class SlendernessRow:
         return {"euler": self.euler, "engesser": self.engesser, "haringx": self.haringx}
 
 
+SLENDERNESS = (0.3, 0.6, 1, 2, 3, 5, 10, 20)
+"""L/D at which the picture has a number."""
+HIGHEST_DEPTH, HIGHEST_FORCE = 1.0, 3.0
+"""Upper ends of the picture, depth over L and force over E D^2: formulas of short beams run beyond them."""
 NEAR = 0.1
 """Relative difference up to which the report calls a formula close to the finite elements."""
 
@@ -193,7 +197,9 @@ def _close(formula: float | None, fem: float | None) -> bool:
 
 def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
     """Plot critical depth over L, and critical force over E D^2, against L/D."""
-    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, sheet
+    from matplotlib.ticker import NullLocator
+
+    from studies.output.table_plots import ANALYTIC, COLOURS, FEM, HOMOGENEOUS, log_numbers, sheet
 
     solved = [row for row in rows if row.status == "ok"]
     x = [row.L_over_D for row in solved]
@@ -206,7 +212,7 @@ def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
         "euler": ("Euler, free tip", {"color": COLOURS[3], "linestyle": ":"}),
         "engesser": ("Engesser, free tip", {"color": COLOURS[4], "linestyle": "-."}),
     }
-    with sheet(path, 9.0, 4.0, dpi=200) as figure:
+    with sheet(path, 7.0, 3.9) as figure:
         left, right = figure.subplots(1, 2, sharex=True)
         for name, (label, look) in looks.items():
             column = f"{name}_force_N" if "critical" in name else f"{name}_N"
@@ -215,15 +221,27 @@ def picture(path: Path, design: Design, rows: Sequence[SlendernessRow]) -> None:
             if any(math.isfinite(value) for value in (*depth, *force)):
                 left.plot(x, depth, **look)
                 right.plot(x, force, label=label, **look)
-        left.set(xscale="log", yscale="log", xlabel="L/D (1)", ylabel="critical depth / L (1)")
-        right.set(xscale="log", yscale="log", xlabel="L/D (1)", ylabel="critical force / E D² (1)")
-        left.set_ylim(top=1)
-        right.set_ylim(top=3)
-        left.set_xticks([0.6, 1, 2, 3, 5, 10], ["0.6", "1", "2", "3", "5", "10"], minor=False)
-        left.minorticks_off()
-        right.minorticks_off()
+        stable = [
+            _over(row.free.stable_to_mm if row.free.critical_depth_mm is None else None, row.L_mm) for row in solved
+        ]
+        if any(map(math.isfinite, stable)):
+            look = {"color": FEM, "marker": "^", "markersize": 7, "markerfacecolor": "white", "linestyle": "none"}
+            left.plot(x, stable, label="FEM, free tip: stable at least to here", **look)
+        left.set_ylabel("critical depth / $L$")
+        right.set_ylabel("critical force / ($E D^2$)")
+        for axis, highest in ((left, HIGHEST_DEPTH), (right, HIGHEST_FORCE)):
+            axis.set(xscale="log", yscale="log", xlabel="slenderness $L/D$")
+            axis.set_ylim(top=highest)
+            log_numbers(axis, "y")
+        low, high = (min(x, default=1) * 0.93, max(x, default=10) * 1.07)
+        left.set_xlim(low, high)
+        ticks = [tick for tick in SLENDERNESS if low <= tick <= high]
+        left.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        left.xaxis.set_minor_locator(NullLocator())
         if right.lines:
-            figure.legend(loc="outside upper center", ncols=3, frameon=False)
+            entries = {line.get_label(): line for axis in (right, left) for line in axis.lines}
+            named = [entry for name, entry in entries.items() if not name.startswith("_")]
+            figure.legend(handles=named, loc="outside upper center", ncols=2, frameon=False)
 
 
 def _over(value: float | None, scale: float) -> float:

@@ -36,7 +36,7 @@ def draw(
         axes[1].axhline(0, color="#777777", linewidth=0.8)
         label(axes[0], "a", "nominal stress (MPa)")
         label(axes[1], "b", "law less test (% of max.)")
-        axes[1].set_xlabel("stretch (1)")
+        axes[1].set_xlabel("stretch")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(
             handles, labels, loc="outside upper center", ncols=len(labels), frameon=False, columnspacing=1.2

@@ -31,7 +31,7 @@ def draw(path: str | Path, test: Test, smooth: Array, curve: NDArray[Any], at_po
             axes[1].plot(smooth, curve.imag / curve.real, color=FEM)
             axes[0].set_yscale("log")
             label(axes[0], "a", f"modulus {unit}")
-            label(axes[1], "b", "loss factor (1)")
+            label(axes[1], "b", "loss factor")
             axes[1].set_xlabel("frequency (Hz)")
         else:
             _points(axes[0], test.at, test.values, FEM, "test")

@@ -171,7 +171,7 @@ def picture(path: Path, comparisons: Sequence[Comparison]) -> None:
             ax.set(yscale="log", ylim=(0.5, 300), title=title)
             ax.set_yticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
         for ax in axes[3:]:
-            ax.set_xlabel("depth / D (1)")
+            ax.set_xlabel("depth / D")
         for ax in axes[::3]:
             ax.set_ylabel("error, rms (%)")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False)
