@@ -34,17 +34,22 @@ CYCLE = table(
 )
 
 
-def test_gains_are_over_the_lowest_frequency_and_phases_change_from_it():
+def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force():
     gain, phase = time_figures.response(RESPONSE)
     assert [panel.title for panel in gain.panels] == ["motion along z", "motion along x"]
     assert gain.panels[0].series[0].y == (1.0, 1.5, 0.5)
     assert [one.name for one in gain.panels[1].series] == ["S1", "S2"]
-    assert phase.panels[0].series[0].y == (0.0, -5.0, -70.0)
+    # half a turn is the sign of the reading
+    assert phase.panels[0].series[0].y == (-10.0, -15.0, -80.0)
+    assert phase.panels[1].series[0].y == (-2.0, -3.0, -90.0)
+    assert phase.y.label == "phase to the force (degrees)"
+    assert gain.caption.endswith("S2 reads nothing of a motion along z.")
 
 
 def test_loops_keep_the_order_of_time():
     (figure,) = time_figures.cycle(CYCLE)
     (one,) = figure.panels[0].series
+    assert figure.panels[0].title == "linear overstresses"
     assert (one.x, one.y) == ((0.5, 1.0, 0.5, 0.0), (1.0, 3.0, 0.8, 0.0))
 
 

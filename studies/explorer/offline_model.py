@@ -136,13 +136,19 @@ def state_part(state: ExplorerState) -> Part:
 
 
 def formula_part(design: Design, load: Load, level: str) -> Part:
-    """Return force, shift and tilt by a level of the formulas, with a message where it is not calibrated."""
+    """Return what a level of the formulas says, tilts in degrees, with a message where it is not calibrated."""
     try:
         response = beam.solve(design, load, level)
     except BadInput as error:
         return {"force": None, "shift": None, "message": str(error)}
-    answer = {"force": list(response.force), "shift": list(response.shift), "tilt": math.degrees(response.tilt)}
-    return answer | {"message": beam.outside(design, load, level)}
+    return {
+        "force": list(response.force),
+        "shift": list(response.shift),
+        "tilt": math.degrees(response.tilt),
+        "tilt_y": math.degrees(response.tilt_y),
+        "contact_radius": response.contact_radius,
+        "message": beam.outside(design, load, level),
+    }
 
 
 def readings_part(design: Design, response: Response, plane: Plane, slopes: Array) -> Part:

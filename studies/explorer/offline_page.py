@@ -119,7 +119,7 @@ def _details() -> str:
         '<details id="about-model" class="soft"><summary>Without a server: numbers by the surrogate of the finite '
         "elements, with half widths of 90 % intervals; pictures from stored sections, all at rest: "
         "vibrations and loading cycles need magtip explore, and relaxation changes commands and exports only. "
-        "Its errors</summary>"
+        "Show the errors of the surrogate.</summary>"
         f"<p>{html.escape(about())}</p></details>"
     )
 

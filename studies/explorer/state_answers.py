@@ -244,11 +244,9 @@ def decoded(decoder: Decoder, response: Response, widths: Data) -> Data:
 
 
 def formula(design: Design, load: Load, level: str) -> Data:
-    """Return force and shift by a level of the formulas, with a message where it is not calibrated for the load."""
+    """Return what a level of the formulas says, tilts in degrees, with a message where it is not calibrated."""
     try:
         response = beam.solve(design, load, level)
     except BadInput as error:
         return {"force": None, "shift": None, "message": str(error)}
-    tilt = math.degrees(response.tilt)
-    message = beam.outside(design, load, level)
-    return {"force": list(response.force), "shift": list(response.shift), "tilt": tilt, "message": message}
+    return response_data(response) | {"message": beam.outside(design, load, level)}

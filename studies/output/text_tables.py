@@ -236,14 +236,14 @@ def heading(key: str) -> tuple[str, str]:
         above, unit = heading(name.removesuffix("_per"))
         return above, f"{unit or last}/{last}"
     if name and last in UNITS:
-        return _words(name), UNITS[last][0]
-    return _words(key), ""
+        return in_words(name), UNITS[last][0]
+    return in_words(key), ""
 
 
-def _words(key: str) -> str:
+def in_words(key: str) -> str:
     """Return a key without its unit as words; a frequency at its end has its unit.
 
-    >>> _words("relative_at_600")
+    >>> in_words("relative_at_600")
     'relative at 600 Hz'
     """
     words = key.replace("_", " ")

@@ -54,14 +54,19 @@ const Plots = (() => {
   }
 
   function logTicks(low, high, count) {
-    const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high)), ticks = [];
-    const decades = last - first, factors = decades <= 1.5 ? [1, 2, 5] : [1];
+    const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high)), decades = last - first;
     const every = Math.max(1, Math.ceil(decades / count));
-    for (let k = first; k <= last; k++)
-      if (factors.length > 1 || (k - first) % every === 0)
-        for (const f of factors) { const v = f * 10 ** k; if (v >= low * 0.999 && v <= high * 1.001) ticks.push(v); }
+    let ticks = [];
+    // as many round numbers in each decade as there is room for
+    for (const factors of [[1, 2, 5], [1, 3], [1]]) {
+      ticks = [];
+      for (let k = first; k <= last; k++)
+        if (factors.length > 1 || (k - first) % every === 0)
+          for (const f of factors) { const v = f * 10 ** k; if (v >= low * 0.999 && v <= high * 1.001) ticks.push(v); }
+      if (ticks.length <= count + 1) break;
+    }
     // less than a decade has too few round powers
-    return ticks.length > 2 || decades > 3 ? ticks : linearTicks(low, high, count).filter((v) => v > 0);
+    return ticks.length > 2 || high / low > 10 ? ticks : linearTicks(low, high, count).filter((v) => v > 0);
   }
 
   // A scale from values to pixels; categories stand at 0, 1, 2 ...

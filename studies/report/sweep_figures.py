@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.output.text_tables import in_words
 from studies.report.folder_contents import Table
 from studies.report.report_figures import (
     ERROR_EDGES,
@@ -161,7 +162,7 @@ def name_of(column: str) -> str:
         if column.endswith(f"_{unit}"):
             sign = {"percent": "%", "deg": "degrees", "mm_per_s": "mm/s"}.get(unit, unit)
             return f"{column.removesuffix(f'_{unit}').replace('_', ' ')} ({sign})"
-    return column.replace("_", " ")
+    return in_words(column)
 
 
 def value_of(column: str, value: Any) -> str:

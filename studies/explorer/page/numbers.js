@@ -13,12 +13,14 @@ const Numbers = (() => {
   // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
   function response({ response: r, estimates: e, formula_level: f }) {
     const half = (name, k) => (e?.force ? (Array.isArray(e[name]) ? e[name][k] : e[name]) : NaN);
-    const row = (name, unit, quantity, k, own = k === null ? r[quantity] : r[quantity][k]) => [name, unit, own, half(quantity, k), k === null ? f?.[quantity] : f?.[quantity]?.[k]];
+    // the paper's formulas say nothing of a tilt
+    const turned = (value) => (f?.level === "paper" && f.force ? "no formula" : value);
+    const row = (name, unit, quantity, k) => [name, unit, r[quantity][k], half(quantity, k), f?.[quantity]?.[k]];
     return [
       row("normal force", "N", "force", 2), row("force along x", "N", "force", 0), row("force along y", "N", "force", 1),
       row("shift along x", "mm", "shift", 0), row("shift along y", "mm", "shift", 1), row("shift along z", "mm", "shift", 2),
-      row("tilt towards x", "deg", "tilt", null), ["tilt towards y", "deg", r.tilt_y, half("tilt", null), f?.tilt_y],
-      ["contact radius", "mm", r.contact_radius, null, null],
+      ["tilt towards x", "deg", r.tilt, half("tilt", null), turned(f?.tilt)], ["tilt towards y", "deg", r.tilt_y, half("tilt", null), turned(f?.tilt_y)],
+      ["contact radius", "mm", r.contact_radius, null, f?.contact_radius],
     ];
   }
 
@@ -97,7 +99,8 @@ const Numbers = (() => {
           });
           if (!cells[r].extra) return;
           const [a, b] = data;
-          Format.put(cells[r].extra, number(sides.length > 1 ? (b[r]?.[2] ?? NaN) - (a[r]?.[2] ?? NaN) : a[r]?.[4]));
+          const beside = sides.length > 1 ? (b[r]?.[2] ?? NaN) - (a[r]?.[2] ?? NaN) : a[r]?.[4];
+          Format.put(cells[r].extra, typeof beside === "string" ? beside : number(beside));
         });
       },
     };

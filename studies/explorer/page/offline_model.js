@@ -120,8 +120,8 @@ const OfflineModel = (() => {
 
     function formulaPart(design, one, level) {
       try {
-        const { force, shift, tilt } = beamFormulas.solve(design, one, level);
-        return { force, shift, tilt: tilt * DEGREES, message: beamFormulas.outside(design, one, level) };
+        const { force, shift, tilt, tilt_y: lean, contact_radius } = beamFormulas.solve(design, one, level);
+        return { force, shift, tilt: tilt * DEGREES, tilt_y: lean * DEGREES, contact_radius, message: beamFormulas.outside(design, one, level) };
       } catch (error) {
         if (!(error instanceof BadInput)) throw error;
         return { force: null, shift: null, message: error.message };
