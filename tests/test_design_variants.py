@@ -39,7 +39,7 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
         os.killpg(process.pid, signal.SIGINT)
         said = process.stderr.read().decode()
         assert process.wait() == 130
-    assert said.splitlines()[-1] == "magtip: interrupted; complete files are kept"
+    assert said.splitlines()[-1] == "magtip: interrupted; any complete files are kept"
     assert "Traceback" not in said
     folders = [path for path in (tmp_path / "parts").iterdir() if path.name != "L9"]
     assert len(folders) < 7
@@ -67,7 +67,7 @@ def test_an_interrupt_while_the_kernel_is_loaded_ends_at_once_and_leaves_nothing
         time.sleep(0.3)
         begin = time.perf_counter()
         process.send_signal(signal.SIGINT)
-        assert process.stderr.read() == "magtip: interrupted; complete files are kept\n"
+        assert process.stderr.read() == "magtip: interrupted; any complete files are kept\n"
         assert process.wait() == 130
         assert time.perf_counter() - begin < 20
     assert list(work.iterdir()) == []
@@ -86,7 +86,7 @@ def test_an_interrupt_while_the_processes_of_a_batch_load_the_kernel_ends_them_a
         # the pipe ends when the last process that may write into it is gone
         said = [line for line in process.stderr.read().splitlines() if line != "loading"]
         assert time.perf_counter() - begin < 10
-        assert said == ["magtip: interrupted; complete files are kept"]
+        assert said == ["magtip: interrupted; any complete files are kept"]
     assert list(work.iterdir()) == []
 
 

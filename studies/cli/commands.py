@@ -152,6 +152,11 @@ def run(tokens: list[str] | None = None) -> int:
     words = _joined(sys.argv[1:] if tokens is None else tokens)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
+    for before, word in zip(["", *words], words, strict=False):
+        if not word or (word.startswith("--") and word.endswith("=") and word.count("=") == 1):
+            name = word.removesuffix("=") or (before if before.startswith("--") else "an argument")
+            console.say(f"magtip: {name} is empty: give it a value, or leave it out")
+            return BAD
     try:
         with contextlib.redirect_stdout(standard_streams.Output(sys.stdout)):
             listed = app[words[0]] if any(words[:1] == [verb] for each in ACTIONS.values() for verb in each) else app
@@ -183,7 +188,7 @@ def run(tokens: list[str] | None = None) -> int:
         console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
         return BAD
     except KeyboardInterrupt as stop:
-        console.say(f"magtip: interrupted; {str(stop) or 'complete files are kept'}")
+        console.say(f"magtip: interrupted; {str(stop) or 'any complete files are kept'}")
         if tokens is None and console.loaded():
             # all files are closed; Python's own exit would only wait seconds for imports that still run
             with contextlib.suppress(OSError):

@@ -20,7 +20,7 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     command_line = command(demo, locals())
     from studies import demo as study
 
-    with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
+    with atomic_files.filled(out, "REPORT.md") as folder, console.progress(as_json=False) as progress:
         outcome = study.run(folder, command=command_line, progress=progress)
     for sentence in outcome["summary"]["sentences"]:
         console.note(f"- {sentence}")
