@@ -130,7 +130,7 @@ def write(folder: Path, rows: Sequence[BenchRow], about: Mapping[str, str], comm
 
 def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
     """Draw CPU time and peak memory of the half model over its number of unknowns, on logarithmic axes."""
-    from studies.output.table_plots import ANALYTIC, FEM, HOMOGENEOUS, canvas, label
+    from studies.output.table_plots import ANALYTIC, FEM, HOMOGENEOUS, canvas, label, log_numbers
 
     n = [row["dofs"] for row in rows]
     solve = [row["cpu_s"] - row["mesh_s"] for row in rows]
@@ -147,7 +147,9 @@ def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
         for axis in axes:
             axis.set_xscale("log")
             axis.set_yscale("log")
+            log_numbers(axis, "y")
             axis.legend(frameon=False, loc="upper left")
+        log_numbers(axes[1], "x")
 
 
 def report(

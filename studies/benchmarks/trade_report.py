@@ -341,4 +341,4 @@ def _panel(axis: Any, cells: Sequence[Cell]) -> None:
     front = [c for c in cells if not any(o.cpu_s < c.cpu_s and o.worst[0] <= c.worst[0] for o in cells)]
     front.sort(key=lambda cell: cell.cpu_s)
     axis.plot([c.cpu_s for c in front], [c.worst[0] for c in front], "--", color="#777777", linewidth=1, zorder=0)
-    axis.margins(x=0.15, y=0.1)
+    axis.margins(x=0.2, y=0.1)

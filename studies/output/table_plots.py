@@ -66,8 +66,8 @@ def canvas(path: str | Path, rows: int, columns: int, *, shared: bool = True) ->
         yield figure, figure.subplots(rows, columns, sharex=shared, squeeze=False).ravel().tolist()
 
 
-FEW_DECADES = 2.0
-"""Length of a logarithmic axis, decades, below which it has numbers at 2 and 5 too."""
+FEW_DECADES, SHORT = 2.0, 0.8
+"""Lengths of a logarithmic axis, decades, below which it has numbers at 2 and 5 too, and evenly spaced ones."""
 
 SAMPLE, LETTER = 0.62, 0.088
 """Widths of a line in the legend with its margins, and of a letter, in."""
@@ -101,13 +101,16 @@ def label(axis: Any, letter: str, text: str) -> None:
 
 
 def log_numbers(axis: Any, way: str) -> None:
-    """Write plain numbers at a logarithmic axis "x" or "y": each decade, and 2 and 5 where there are few decades."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """Write plain numbers at a logarithmic axis "x" or "y": each decade, 2 and 5 too, or evenly, by its length."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = sorted(getattr(axis, f"get_{way}lim")())
     decades = math.log10(high / low)
     line = getattr(axis, f"{way}axis")
-    line.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,), numticks=20))
+    if decades < SHORT:
+        line.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    else:
+        line.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,), numticks=20))
     line.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     line.set_minor_formatter(NullFormatter())
 

@@ -6,28 +6,32 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.output.table_plots import ANALYTIC, FEM, OTHER, sheet
+from studies.output.table_plots import ANALYTIC, FEM, OTHER, legend_columns, log_numbers, sheet
 from studies.sizing.front_solves import FrontPoint
 
 PANELS = (
-    ("range_z", 1.0, "range in z, N"),
-    ("resolution", 1e3, "resolution at the worst pose, mN"),
-    ("outer_size", 1.0, "outer size, mm"),
+    ("range_z", 1.0, "range in z (N)"),
+    ("resolution", 1e3, "resolution at the\nworst pose (mN)"),
+    ("outer_size", 1.0, "outer size (mm)"),
 )
 """Quantities, the units of their axes, and the names of the axes."""
 
 
 def draw(path: Path, front: Sequence[FrontPoint]) -> None:
     """Draw all pairs of the three objectives; a line joins the two sources of a point."""
-    with sheet(path, 10.5, 4.2) as figure:
+    with sheet(path, 7.0, 3.6) as figure:
         axes = figure.subplots(1, 3)
         for axis, (across, up) in zip(axes, ((0, 1), (2, 1), (2, 0)), strict=True):
             for point in front:
                 _draw_point(axis, point, PANELS[across], PANELS[up])
             axis.set_xlabel(PANELS[across][2])
             axis.set_ylabel(PANELS[up][2])
-        _scales(axes)
-        figure.legend(handles=_entries(front), loc="outside upper center", ncols=4, frameon=False)
+            axis.locator_params(nbins=4)
+        for axis in axes[:2]:
+            axis.set_yscale("log")
+            log_numbers(axis, "y")
+        handles, across = legend_columns([_entries(front)], figure.get_figwidth())
+        figure.legend(handles=handles, loc="outside upper center", ncols=across, frameon=False)
 
 
 def _draw_point(axis: Any, point: FrontPoint, across: tuple[str, float, str], up: tuple[str, float, str]) -> None:
@@ -49,17 +53,6 @@ def _draw_point(axis: Any, point: FrontPoint, across: tuple[str, float, str], up
 def _value(values: dict[str, float], name: str) -> float:
     """Return a value of a point; the resolution is the coarser one of z and x."""
     return max(values["resolution_z"], values["resolution_x"]) if name == "resolution" else values[name]
-
-
-def _scales(axes: Sequence[Any]) -> None:
-    """Show resolutions on logarithmic axes, with plain numbers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
-
-    for axis in axes[:2]:
-        axis.set_yscale("log")
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter(ScalarFormatter())
-        axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _entries(front: Sequence[FrontPoint]) -> list[Any]:

@@ -12,7 +12,7 @@ from studies.output.atomic_files import atomic, write_text
 from studies.output.csv_tables import write_table
 from studies.output.markdown_tables import markdown
 from studies.output.provenance import made
-from studies.output.table_plots import sheet
+from studies.output.table_plots import log_numbers, sheet
 from studies.surrogate import surrogate_file
 from studies.training import surrogate_test
 from studies.training.state_errors import StateError
@@ -107,7 +107,9 @@ def draw(file: Path, rows: Sequence[StateError]) -> None:
             ends = np.array([0.05, 50.0])
             axis.plot(ends, ends, "k-", linewidth=0.8, label="error = half width")
             axis.set_xlabel("half width of the 90 % interval (%)")
+            log_numbers(axis, "x")
             axis.set_title(f"{kind}: {' and '.join(names).replace('_', ' along ')}", fontsize=10)
             axis.grid(alpha=0.3)
             axis.legend(fontsize=8, loc="upper left")
         axes[0].set_ylabel("error on unseen beams (%)")
+        log_numbers(axes[0], "y")

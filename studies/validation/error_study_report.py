@@ -141,6 +141,8 @@ def _colour_key(state: ErrorState) -> str:
 
 
 def _scatter(axis: Any, states: Sequence[ErrorState], name: str) -> None:
+    from studies.output.table_plots import log_numbers
+
     for state in error_statistics.ended_well(states):
         for error, estimate in error_statistics.pairs_of([state], name):
             look = {"marker": MARKERS[state.level], "color": COLOURS[_colour_key(state)], "alpha": 0.55}
@@ -151,4 +153,7 @@ def _scatter(axis: Any, states: Sequence[ErrorState], name: str) -> None:
     axis.plot(ends, ends, color="black", linewidth=1)
     axis.plot(ends, [SHARP * end for end in ends], color="black", linewidth=1, linestyle="--")
     axis.set(xscale="log", yscale="log", title=TITLES.get(name, name), xlim=ends, ylim=(5e-3, 20))
-    axis.set_xticks([1e-3, 1e-2, 1e-1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
+    for way in "xy":
+        log_numbers(axis, way)
+    # a number at the left end would lie upon the last one of the panel beside it
+    axis.set_xticks([1e-2, 1e-1, 1, 10])
