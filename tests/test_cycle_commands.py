@@ -58,6 +58,7 @@ def test_loop_of_a_press_is_near_that_of_a_linear_spring(tmp_path: Path, capsys:
         (["--speed", "1", "--hold", "100"], "not for 100 s"),
         (["--speed", "1", "--shear", "0.5", "--friction", "0"], "give stick or a coefficient above 0; got 0"),
         (["--speed", "1", "--shear", "1000"], "got 1000 mm"),
+        (["--speed", "1", "--shear", "nan"], "--shear must be a finite number of mm; got nan"),
         (["--speed", "1", "--tolerance", "2"], "--tolerance must be above 0 and below 1"),
         (["--speed", "1", "--gap", "0"], "--gap must be above 0 and below 100 percent of full scale; got 0"),
         (["--speed", "1", "--gap", "5", "--set", "prony=0:0.01 0.2:1 0:100"], "the design has measured branches"),
@@ -72,6 +73,12 @@ def test_impossible_cycles_are_refused(words: list[str], message: str, capsys: p
     errors = capsys.readouterr().err
     assert message in errors
     assert errors.startswith("magtip: "), "nothing is solved before the refusal"
+
+
+def test_a_gap_that_no_loss_factor_has_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    quick = ["--accuracy", "quick", "--cycles", "1", "--depth", "0.2", "--tolerance", "0.02"]
+    assert entry_point.main(["cycle", "paper", "--speed", "0.5", "--gap", "90", *quick]) == 3
+    assert "no loss factor up to 1 has a gap of 90 %" in capsys.readouterr().err
 
 
 def test_an_elastic_sensor_has_loops_without_gap(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,11 +1,14 @@
 """States of a loading cycle: when a force is decoded."""
 
+import dataclasses
+
 import numpy as np
+import pytest
 
 from fem.timed_path import TimedState
 from geometry.design import paper
 from geometry.loads import Response
-from studies.simulation.cycle_loops import StaticCurve, outputs_of, with_readings
+from studies.simulation.cycle_loops import CycleState, StaticCurve, loops, outputs_of, with_readings
 from studies.simulation.cycle_motion import Motion, stops
 
 SHIFTS = np.array([[-0.2, 0.0, -0.3], [0.2, 0.0, -0.3]])
@@ -28,3 +31,18 @@ def test_a_force_is_decoded_in_strokes_but_not_in_the_press_before_them():
     decoded = np.array([one.decoded for one in states])
     assert np.isnan(decoded[shears == 0][:1]).all()
     assert np.allclose(decoded[np.abs(shears) == 0.2], shears[np.abs(shears) == 0.2])
+
+
+@pytest.mark.parametrize("shear", [0.2, -0.2])
+def test_a_force_that_lags_has_a_gap_above_zero_whatever_the_direction(shear):
+    motion = Motion(0.5, shear, "stick", 1.0, cycles=1)
+    states = []
+    for stop in stops(motion):
+        state = state_at(stop)
+        lag = 0.01 * np.sign(shear) * {"in": 1, "out": -1}.get(stop.phase, 0)
+        force = (state.load.shear_x + lag, 0.0, 1.0)
+        state = dataclasses.replace(state, response=dataclasses.replace(state.response, force=force))
+        states.append(CycleState(stop, state, True, np.zeros(3), np.nan))
+    (row,) = loops(motion, states)
+    assert row.gap_N == pytest.approx(0.02)
+    assert row.gap_percent > 0

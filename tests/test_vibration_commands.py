@@ -73,6 +73,7 @@ def test_frequencies_without_data_are_refused_or_marked(run, strict):
         ("--friction", "nan"),
         ("--grip", 0),
         ("--plate-tilt", "inf"),
+        ("--plate-tilt", 90),
         ("--plate-tilt", 5, "--shear-y", 0.1),
         ("--frequencies", "1:9000", "--extrapolate"),
     ],

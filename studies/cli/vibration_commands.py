@@ -68,10 +68,11 @@ def response(
     command_line = command(response, locals())
     design = design_of(source, sets, magnet)
     from fem.vibration_blocks import NoStateError
+    from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import motion_lines
     from studies.simulation import vibration_report as study
-    from studies.simulation.load_cases import friction_of
+    from studies.simulation.load_cases import friction_of, plate_tilt_of
 
     band = read_band(frequencies)
     if not FEWEST <= count <= MOST:
@@ -81,14 +82,15 @@ def response(
         raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
     if grip is None and moves and contact in ("none", 0.0):
         raise BadInput("a shear needs a plate that sticks: leave out --friction none")
-    say_if_without_magnet(design)
     warnings = check_range(design, frequencies=band, beyond=extrapolate)
     if grip is not None:
         load = Load(shear_x=shear, shear_y=shear_y, grip=grip)
     else:
         # the free sensor touches no plate, whose friction and tilt would count
-        tilt = math.radians(plate_tilt) if depth else 0.0
+        tilt = plate_tilt_of(plate_tilt) if depth else 0.0
         load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt)
+    check_load(design, load, magnet)
+    say_if_without_magnet(design)
     atomic_files.check_apart(atomic_files.inside(out, (*study.FILES, run_record.NAME)), [source])
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         try:

@@ -146,10 +146,12 @@ def _before(states: Sequence[CycleState], own: Sequence[CycleState]) -> TimedSta
 
 def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedState | None) -> LoopRow:
     axis, last = 0 if motion.shear else 2, own[-1].state
-    force = np.array([one.state.response.force[axis] for one in own])
-    decoded = np.array([one.decoded for one in own])
+    # forces count along the first way of the plate
+    way = -1.0 if motion.shear < 0 else 1.0
+    force = way * np.array([one.state.response.force[axis] for one in own])
+    decoded = way * np.array([one.decoded for one in own])
     # a shear passes its ends outside of a cycle too
-    gap, scale = _gap(own, force), _scale(force, before, axis)
+    gap, scale = _gap(own, force), _scale(force, None if before is None else way * before.response.force[axis])
     known = bool(np.isfinite(decoded).all())
     start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.friction_dissipated)
     most = max(abs(one.state.work) for one in own)
@@ -184,7 +186,6 @@ def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
     return middle["in"] - middle["out"]
 
 
-def _scale(force: Array, before: TimedState | None, axis: int) -> float:
-    """Return the difference of the largest and the least force of a cycle, with the state before it."""
-    all_ = force if before is None else np.append(force, before.response.force[axis])
-    return float(np.ptp(all_))
+def _scale(force: Array, before: float | None) -> float:
+    """Return the difference of the largest and the least force of a cycle, with that before it."""
+    return float(np.ptp(force if before is None else np.append(force, before)))

@@ -49,6 +49,9 @@ class Motion:
     hold: float = 0.0
 
     def __post_init__(self) -> None:
+        # a shear decides the stroke, and that the frequency
+        if not math.isfinite(self.shear):
+            raise BadInput(f"--shear must be a finite number of mm; got {self.shear:g}")
         for name, value in (("--depth", self.depth), ("--frequency", self.frequency)):
             if not 0 < value < math.inf:
                 unit = "mm" if name == "--depth" else "Hz"
@@ -57,8 +60,6 @@ class Motion:
             raise BadInput(f"--cycles must be between 1 and {MOST_CYCLES}; got {self.cycles}")
         if not 0 <= self.hold < math.inf:
             raise BadInput(f"--hold must be a time of 0 s or more; got {self.hold:g}")
-        if not math.isfinite(self.shear):
-            raise BadInput(f"--shear must be a finite number of mm; got {self.shear:g}")
         if self.shear and self.friction in ("none", 0):
             raise BadInput(f"a shear needs friction: give stick or a coefficient above 0; got {self.friction or 0}")
 

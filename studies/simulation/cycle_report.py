@@ -34,6 +34,8 @@ CURVE, BEYOND = 24, 0.25
 SEARCHES, GAP_TOLERANCE = 6, 0.05
 """Most runs of the search for a loss factor, and the difference from the wanted gap at which it ends, percentage
 points."""
+MOST_LOSS = 1.0
+"""Largest loss factor of the search, the bound of the design's field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,6 +281,7 @@ def loss_factor_of_gap(
     known = relaxation_of(replace(design, loss_factor=0.1))
     tried: list[tuple[float, float]] = [(0.0, 0.0)]
     factor = 0.1 * gap_percent / (100 * loop(known, motion.frequency, motion.waveform, motion.hold).hysteresis)
+    factor = min(factor, MOST_LOSS)
     for _ in range(SEARCHES):
         trial = replace(design, loss_factor=factor)
         cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
@@ -287,9 +290,14 @@ def loss_factor_of_gap(
         last = cycles.loops[-1]
         if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:
             return factor, last
+        if factor == MOST_LOSS and last.gap_percent < gap_percent:
+            raise ArithmeticError(
+                f"no loss factor up to {MOST_LOSS:g} has a gap of {gap_percent:g} %: with {MOST_LOSS:g} the loop has "
+                f"{last.gap_percent:.3g} %"
+            )
         tried.append((factor, last.gap_percent))
         (f0, g0), (f1, g1) = tried[-2:]
-        factor = max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1)
+        factor = min(max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1), MOST_LOSS)
     raise ArithmeticError(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
 
 

@@ -34,7 +34,9 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
 
     sheared = bool(motion.shear_force or motion.shear_force_y)
     contact = load_cases.friction_of(motion.friction, "stick" if sheared else "none")
-    load = Load(friction=contact, plate_tilt=load_cases.plate_tilt_of(motion), imperfection=motion.imperfection)
+    load = Load(
+        friction=contact, plate_tilt=load_cases.plate_tilt_of(motion.plate_tilt), imperfection=motion.imperfection
+    )
     if motion.forces is not None:
         return [ForceTarget(force, None, load) for force in user_input.parse_numbers("--forces", motion.forces)]
     force, count = motion.force or 0.0, load_cases.count_of(motion.steps)

@@ -47,7 +47,7 @@ def loads_of(motion: Motion) -> list[Load]:
     """
     slides = _check_motion(motion)
     contact = friction_of(motion.friction, "stick" if slides and motion.grip is None else "none")
-    tilt = plate_tilt_of(motion)
+    tilt = plate_tilt_of(motion.plate_tilt)
     if motion.depths is not None:
         depths = user_input.parse_numbers("--depths", motion.depths)
         unpressed = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
@@ -104,12 +104,12 @@ def _check_motion(motion: Motion) -> bool:
     return slides
 
 
-def plate_tilt_of(motion: Motion) -> float:
+def plate_tilt_of(degrees: float) -> float:
     """Return the plate tilt of --plate-tilt, rad."""
     steepest = math.degrees(STEEPEST)
-    if not abs(motion.plate_tilt) <= steepest:
-        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {motion.plate_tilt:g}")
-    return math.radians(motion.plate_tilt)
+    if not abs(degrees) <= steepest:
+        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {degrees:g}")
+    return math.radians(degrees)
 
 
 def friction_of(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
