@@ -31,6 +31,11 @@ FILES = {
     "press.png, shear.png": "the same as plots",
     "press_section.png, shear_section.png": "the deformed sections",
 }
+WRITTEN = (
+    *("REPORT.md", "cad/README.md", "mesh.vtu"),
+    *(f"{load}{end}" for load in ("press", "shear") for end in (".vtu", ".csv", ".png", "_section.png")),
+)
+"""Files that `run` writes into its folder, with the one that tells of the sub-folder cad."""
 
 MODELLING = (
     "The silicone is neo-Hookean, nearly incompressible and without hysteresis; E and nu hold at all strains.",

@@ -84,17 +84,3 @@ def test_what_a_killed_process_left_goes_with_the_next_write(tmp_path):
         atomic_files.write_text(tmp_path / "text.txt", "whole")
         assert mine.exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == [elsewhere.name, "text.txt"]
-
-
-def test_a_page_of_the_user_is_not_overwritten(tmp_path):
-    page = tmp_path / "VERIFY.md"
-    page.write_text("# My notes\n")
-    with pytest.raises(BadInput, match="was not written by magtip"), atomic_files.filled(tmp_path, "VERIFY.md"):
-        pass
-    assert page.read_text() == "# My notes\n"
-
-
-def test_a_page_of_results_is_written_again(tmp_path):
-    (tmp_path / "VERIFY.md").write_text("# Verification\n\nMade with `magtip verify`, on Python 3.12.\n")
-    with atomic_files.filled(tmp_path, "VERIFY.md") as folder:
-        assert folder == tmp_path

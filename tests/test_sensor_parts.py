@@ -18,7 +18,7 @@ from geometry.fabrication.printability import Check
 from geometry.mold import Mold
 from studies.fabrication import assembly_picture, casting_recipe, sensor_parts, sensor_solids
 from studies.fabrication.fabrication_rows import FabricationRow
-from studies.output import console
+from studies.output import console, own_files
 from studies.simulation.design_summary import OuterSize
 
 PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
@@ -182,10 +182,10 @@ def test_again_into_the_same_folder_but_not_over_a_foreign_readme(run, made, tmp
     (tmp_path / "README.md").write_text("# My project\n")
     status, out, err = run("cad", "paper", "--out", tmp_path)
     assert (status, out) == (2, "")
-    assert "was not written by magtip cad and would be overwritten" in err
+    assert "was not written by magtip and would be overwritten" in err
     assert files_of(tmp_path) == {"README.md"}
     shutil.copy(made / "README.md", tmp_path)
-    sensor_parts.refuse_foreign(tmp_path / "README.md")
+    own_files.check(tmp_path, sensor_parts.names())
 
 
 def test_files_of_an_earlier_run_are_named(tmp_path):

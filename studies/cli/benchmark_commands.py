@@ -46,7 +46,8 @@ def bench(
     from studies.benchmarks import benchmark_tables
     from studies.benchmarks import solver_benchmark as study
 
-    with atomic_files.results(out, "BENCH.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("BENCH.md", "bench.csv", "size.png"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = study.run(
             quick=quick,
             cases=[] if cases is None else [name.strip() for name in cases.split(",")],
@@ -99,7 +100,8 @@ def trade(
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
     origin = versions()
-    with atomic_files.results(out, "TRADE.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, trade_report.FILES)
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         states = study.run(study.plan(designs, quick=quick), folder, progress)
         rule = trade_rule.statements(states)
         results = []

@@ -43,7 +43,7 @@ def claims(
     atomic_files.check_apart(atomic_files.inside(out, claims_report.FILES), [store])
     with (
         stores.opened(store or stores.default()) as states,
-        atomic_files.results(out, "CLAIMS.md") as folder,
+        atomic_files.results(out) as folder,
         console.progress(as_json=as_json) as progress,
     ):
         results = paper_claims.run(extent, states, progress)
@@ -89,7 +89,7 @@ def assumption(
     source = study or beam_assumption.STUDY
     plan = beam_assumption.plan_of(source)
     atomic_files.check_apart([*atomic_files.inside(out, assumption_report.FILES), store], [source])
-    with atomic_files.results(out, "ASSUMPTION.md") as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         result = beam_assumption.run(plan, progress, Processes(workers, scheduler), store)
         if folder is not None:
             assumption_report.write(folder, result, origin, command_line)

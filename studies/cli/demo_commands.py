@@ -6,7 +6,7 @@ from pathlib import Path
 
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, own_files
 
 
 def demo(*, out: Path = Path("out/demo")) -> int:
@@ -20,7 +20,8 @@ def demo(*, out: Path = Path("out/demo")) -> int:
     command_line = command(demo, locals())
     from studies import demo as study
 
-    with atomic_files.filled(out, "REPORT.md") as folder, console.progress(as_json=False) as progress:
+    own_files.check(out, study.WRITTEN)
+    with atomic_files.filled(out) as folder, console.progress(as_json=False) as progress:
         outcome = study.run(folder, command=command_line, progress=progress)
     for sentence in outcome["summary"]["sentences"]:
         console.note(f"- {sentence}")

@@ -186,7 +186,7 @@ def _stability_map(
     from studies.simulation import critical_depth_map as study
 
     atomic_files.check_apart(atomic_files.inside(out, study.FILES), [source])
-    with atomic_files.results(out, "STABILITY.md") as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         solved = list(study.run(design, magnet, accuracy, ratios, progress))
         if folder is not None:
             study.write(folder, design, solved, versions(), command_line)

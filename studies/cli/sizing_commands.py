@@ -94,7 +94,7 @@ def size(
     effort = Effort(population, generations, requirements.seed)
     settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
     origin = versions(("pymoo",))
-    with atomic_files.filled(out, "SIZING.md") as folder, console.progress(as_json=as_json) as progress:
+    with atomic_files.filled(out) as folder, console.progress(as_json=as_json) as progress:
         sizing = sizing_study.run(requirements, folder, settings, progress)
         progress(0.97, "SIZING.md, tables and front.png")
         sizing_report.write(folder, sizing, origin, command_line)

@@ -50,7 +50,7 @@ def surrogate(
     atomic_files.check_apart(atomic_files.inside(out, surrogate_report.FILES), [store])
     with (
         stores.opened(store or stores.default()) as states,
-        atomic_files.results(out, "SURROGATE.md") as folder,
+        atomic_files.results(out) as folder,
         console.progress(as_json=as_json) as progress,
     ):
         result = surrogate_study.run(extent, states, Processes(workers, scheduler), progress)

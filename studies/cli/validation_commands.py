@@ -27,7 +27,8 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     command_line = command(verify, locals())
     from studies.validation import verify as study
 
-    with atomic_files.results(out, "VERIFY.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("VERIFY.md", "verify.csv"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         [comparison.row() if as_json else comparison.printed() for comparison in comparisons],
@@ -56,7 +57,8 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     command_line = command(friction, locals())
     from studies.validation import coulomb_study as study
 
-    with atomic_files.results(out, "FRICTION.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("FRICTION.md", "friction.csv", "friction.png"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
         [check.row() for check in checks],
@@ -86,7 +88,8 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     command_line = command(extremes, locals())
     from studies.validation import robustness as study
 
-    with atomic_files.results(out, "EXTREMES.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("EXTREMES.md", "extremes.csv"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(quick=quick, folder=folder, command=command_line, progress=progress):
             print(atomic_files.json_line(result.row()) if as_json else study.line(result), flush=True)
@@ -128,7 +131,8 @@ def accuracy(
     from studies.validation import error_study as study
 
     origin = versions()
-    with atomic_files.results(out, "ACCURACY.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("ACCURACY.md", "accuracy.csv", "errors.png"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         states = study.run(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
         )
@@ -180,7 +184,8 @@ def crosscheck(
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
-    with atomic_files.results(out, "CROSSCHECK.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("CROSSCHECK.md", "crosscheck.csv"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(accuracy, count, progress, tilted=tilted):
             results.append(result)
@@ -229,7 +234,8 @@ def ladder(
     most = len(study.designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    with atomic_files.results(out, "LADDER.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("LADDER.md", "ladder.csv", "ladder.png"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = []
         for comparison in study.run(accuracy, count, progress):
             comparisons.append(comparison)
@@ -260,7 +266,8 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     if not 1 <= count <= 1024:
         raise BadInput(f"--count must lie between 1 and 1024; got {count}")
     origin = versions()
-    with atomic_files.results(out, "RANGE.md") as folder, console.progress(as_json=as_json) as progress:
+    atomic_files.inside(out, ("RANGE.md", "range.csv"))
+    with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(count, folder, progress):
             results.append(result)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from studies.exploration.needed_paths import Processes
     from studies.exploration.study_cases import Columns, FemModel, Plan
 
-FILES = ("sweep.csv", "sweep.parquet", "sweep.png")
+FILES = ("sweep.csv", "sweep.parquet", "sweep.png", "sweep-*.png")
 """Files that a sweep may write into its folder."""
 DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
 """Quantities of a study that names none; with loads to the side also the tilt."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geometry.design import BadInput, Design
+from geometry.design import Design
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe
 from studies.fabrication.fabrication_rows import FabricationRow
@@ -21,7 +21,7 @@ from studies.fabrication.sensor_solids import (
     make_solids,
     triangulated_parts,
 )
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
 from studies.simulation import design_summary
 
@@ -72,7 +72,7 @@ def build(
         base.plan(design, choices.base, choices.mold.process)
     facet_tolerance(design, choices)
     with atomic_files.filled(out) as folder, atomic_files.staged(folder) as stage, contextlib.ExitStack() as stack:
-        refuse_foreign(folder / RECIPE)
+        own_files.check(folder, names())
         # the painter imports VTK while this process imports the CAD kernel
         draw = stack.enter_context(assembly_picture.painter()) if picture else None
         progress(0.0, "solids and mould")
@@ -126,14 +126,6 @@ def left_over(folder: Path, stage: Path) -> list[str]:
     """Return a warning of files that an earlier run has left in the folder and this run does not replace."""
     old = [name for name in names()[1:] if (folder / name).exists() and not (stage / name).exists()]
     return [f"{', '.join(old)} are from an earlier run, not of this sensor: delete them"] if old else []
-
-
-def refuse_foreign(readme: Path) -> None:
-    """Raise BadInput if the folder has a README.md that magtip did not write."""
-    if readme.exists() and not readme.read_bytes().startswith(casting_recipe.MARK.encode()):
-        raise BadInput(
-            f"{str(readme)!r} was not written by magtip cad and would be overwritten: choose another folder"
-        )
 
 
 def run_checks(

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput
-from studies.output import file_lock
+from studies.output import file_lock, own_files
 
 WRITING = ".writing-"
 """Prefix of the name of a temporary folder; machine and process follow."""
@@ -54,30 +54,16 @@ def output_folder(path: str | Path) -> Path:
 
 
 @contextlib.contextmanager
-def filled(path: str | Path, page: str | None = None) -> Iterator[Path]:
+def filled(path: str | Path) -> Iterator[Path]:
     """Yield the output folder, locked for this process; a folder that is made here is deleted if it stays empty.
-
-    page : name of the page of results that is written into it; one that magtip has not written is not overwritten.
 
     Raises
     ------
     BadInput
-        The folder cannot be written, another process fills it, or the page is the user's own.
+        The folder cannot be written, or another process fills it.
     """
-    if page is not None:
-        _refuse_foreign(Path(path, page))
     with _folder_made(path) as folder, _locked(folder / LOCK, f"the folder {str(path)!r} is being filled"):
         yield folder
-
-
-def _refuse_foreign(page: Path) -> None:
-    """Refuse to overwrite a page that states no command of magtip as its origin."""
-    from studies.output.provenance import origin_in
-
-    with contextlib.suppress(OSError):
-        text = page.read_text(encoding="utf-8", errors="replace")
-        if not origin_in(text) and "- command: `magtip" not in text:
-            raise BadInput(f"{str(page)!r} was not written by magtip and would be overwritten: choose another folder")
 
 
 @contextlib.contextmanager
@@ -128,9 +114,9 @@ def staged(folder: Path) -> Iterator[Path]:
             os.replace(file, folder / file.name)
 
 
-def results(path: str | Path | None, page: str | None = None) -> contextlib.AbstractContextManager[Path | None]:
-    """Return `filled(path, page)`, or a context that yields None if there is no path."""
-    return contextlib.nullcontext() if path is None else filled(path, page)
+def results(path: str | Path | None) -> contextlib.AbstractContextManager[Path | None]:
+    """Return `filled(path)`, or a context that yields None if there is no path."""
+    return contextlib.nullcontext() if path is None else filled(path)
 
 
 def check_output_file(path: str | Path, *suffixes: str) -> Path:
@@ -179,8 +165,17 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[str | Path | No
 
 
 def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
-    """Return the paths of files in an output folder; without a folder there are none."""
-    return [] if folder is None else [folder / name for name in names]
+    """Return the paths of the files that a verb writes into an output folder; without a folder there are none.
+
+    Raises
+    ------
+    BadInput
+        The folder has a file of such a name that magtip did not write.
+    """
+    paths = [] if folder is None else [folder / name for name in names]
+    if folder is not None:
+        own_files.check(folder, [path.name for path in paths])
+    return paths
 
 
 @contextlib.contextmanager

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from geometry.arrays import Array
-from geometry.design import SILICONE_E, BadInput
+from geometry.design import SILICONE_E
 from geometry.messages import Progress
+from studies.output import own_files
 from studies.output.atomic_files import write_text
 from studies.output.records import FlatRow
 from studies.simulation.law_regression import Fit, fit, nominal_stress
@@ -97,7 +98,7 @@ def run(
     """
     data = read(path)
     if folder is not None:
-        refuse_foreign(folder / "design.toml")
+        own_files.check(folder, FILES)
     if progress is not None:
         progress(0.0, "fits of all laws")
     laws = choose(fit(data, nu), data, asked)
@@ -116,12 +117,6 @@ def run(
             if judged.chosen:
                 write_text(folder / "design.toml", design_text(path, judged.fit, nu, command))
     return rows
-
-
-def refuse_foreign(file: Path) -> None:
-    """Refuse to replace a design file that this module has not written, since it may be the user's own."""
-    if file.exists() and not file.read_bytes().startswith(MARK.encode()):
-        raise BadInput(f"{str(file)!r} was not written by magtip fit and would be overwritten: choose another folder")
 
 
 def _model(fit: Fit, stretch: Array, nu: float) -> Array:

@@ -10,11 +10,12 @@ import numpy as np
 from geometry.design import SILICONE_E, BadInput, Design
 from geometry.prony import branches_text
 from geometry.relaxation import range_text
+from studies.output import own_files
 from studies.output.atomic_files import write_text
 from studies.output.records import FlatRow
 from studies.simulation.branch_regression import BranchFit, fit, model, thinned
 from studies.simulation.law_regression import MISFIT
-from studies.simulation.material_fit import MARK, printable, refuse_foreign
+from studies.simulation.material_fit import FILES, MARK, printable
 from studies.simulation.relaxation_test import Test, read
 
 STILL_FALLING = 3.0
@@ -114,7 +115,7 @@ def run(
         raise BadInput(f"--nu must lie between 0 and 0.5; got {nu:g}")
     test = read(path, nu, stretch, ramp)
     if folder is not None:
-        refuse_foreign(folder / "design.toml")
+        own_files.check(folder, FILES)
     fits, chosen = fit(thinned(test))
     order = sorted(range(len(fits)), key=lambda k: fits[k].aicc)
     remarks = tuple(_remarks(test))

@@ -16,7 +16,7 @@ from studies.sizing.front_solves import FrontPoint, largest_differences
 if TYPE_CHECKING:
     from studies.sizing.sizing_study import Sizing
 
-FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json")
+FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json", "winner.toml")
 """Files that a sizing writes into its folder."""
 VERSION = 1
 """Version of the format of sizing.json."""
