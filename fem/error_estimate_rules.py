@@ -33,6 +33,8 @@ TangentQuantity = Literal[
     "critical depth", "critical force", "stiffness", "shift", "tilt", "frequency", "pressed frequency"
 ]
 
+VibrationQuantity = Literal["force", "shift", "reading", "base"]
+
 LEAST_SHARE = 0.2
 """Lower bound of the actual difference, over the usual one: two meshes may agree by chance. Of the 1214 differences
 in the study 9 % are smaller."""
@@ -266,6 +268,31 @@ pressed sensor. The base of a critical state is its depth over D, at least LEAST
 the contact radius over D, at least LEAST_RADIUS. The base of a frequency is 1 / (omega D (rho / E)^(1/2)). The rules
 come from all such states of the study: the twelve designs with their magnet, the six even-numbered ones without. The
 study has no guided tips."""
+
+VIBRATION_RULES: dict[tuple[VibrationQuantity, str, Literal["press", "shear"]], ErrorRule] = {
+    ("force", "z", "press"): ErrorRule(m=0.00951, p=1.0, q=0.0, c=4.4, s=0.1),
+    ("force", "z", "shear"): ErrorRule(m=0.0126, p=0.5, q=0.0, c=1.99, s=0.1),
+    ("force", "x", "press"): ErrorRule(m=0.0699, p=2.0, q=0.0, c=5.26, s=0.1),
+    ("force", "x", "shear"): ErrorRule(m=0.0396, p=1.0, q=0.0, c=1.55, s=0.1),
+    ("shift", "z", "press"): ErrorRule(m=0.000364, p=0.5, q=0.0, c=8.36, s=0.4),
+    ("shift", "z", "shear"): ErrorRule(m=0.00052, p=0.5, q=0.0, c=4.08, s=0.4),
+    ("shift", "x", "press"): ErrorRule(m=0.047, p=2.0, q=0.0, c=6.86, s=0.2),
+    ("shift", "x", "shear"): ErrorRule(m=0.0887, p=1.5, q=0.0, c=1.59, s=0.0),
+    ("reading", "z", "press"): ErrorRule(m=0.000367, p=0.5, q=0.0, c=8.27, s=0.4),
+    ("reading", "z", "shear"): ErrorRule(m=0.000709, p=0.5, q=0.0, c=3.91, s=0.5),
+    ("reading", "x", "press"): ErrorRule(m=0.047, p=2.0, q=0.0, c=10.3, s=0.4),
+    ("reading", "x", "shear"): ErrorRule(m=0.137, p=2.0, q=0.0, c=7.82, s=0.2),
+    ("base", "z", "press"): ErrorRule(m=0.000168, p=0.5, q=0.0, c=8.23, s=0.3),
+    ("base", "x", "press"): ErrorRule(m=0.000416, p=0.5, q=0.0, c=2.61, s=0.1),
+}
+"""Rules for the gains of a vibration, by motion and by whether the state at rest is sheared, tilted or held.
+
+"force" is the force over the motion, "shift" and "reading" the magnet's shift and the reading of an element over the
+force, and "base" the shift over that of the base of the free sensor. The errors are those of a gain away from
+resonances; `studies.simulation.vibration_estimates` has the factor by which resonances amplify them. The constants
+come from `python -m studies.validation.vibration_errors results/vibration` (the twelve designs with a rigid magnet:
+frictionless and glued presses, glued shears, free), such that 95 % of the errors over all frequencies are at most the
+estimates. Tilted plates, Coulomb friction, grips and beams without a rigid magnet are not in it, and use them too."""
 
 LEAST_RADIUS = 0.06
 """Contact radius over D below which the usual difference no longer grows. The lightest presses of the study have

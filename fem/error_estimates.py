@@ -21,13 +21,16 @@ from fem.error_estimate_rules import (
     STICK_SHEAR,
     SURE_SHARE,
     UNUSUAL,
+    VIBRATION_RULES,
     ErrorRule,
     LoadCase,
+    VibrationQuantity,
     press_limits,
 )
 from fem.scene import Scene
 from fem.solution import Estimates
 from fem.solvers.depth_ranges import harmonics_at, orders_needed
+from geometry.arrays import Array
 from geometry.loads import Load, Response
 
 NOTHING = 1e-12
@@ -90,6 +93,27 @@ def estimate_number(rule: ErrorRule, one: float, other: float | None, edge: floa
     """
     difference = None if other is None else _relative_difference((one,), (other,), NOTHING)
     return None if difference is None else _bounded_error(rule, difference, edge, base)
+
+
+def estimate_vibration(
+    quantity: VibrationQuantity, motion: str, difference: Array, amplification: Array, scene: Scene
+) -> Array:
+    """Return the estimated relative errors (f,) of a gain of a vibration.
+
+    Parameters
+    ----------
+    quantity : see `fem.error_estimate_rules.VIBRATION_RULES`.
+    motion : of the plate, or of the base: "z" or "x".
+    difference : (f,) relative differences to the coarser mesh.
+    amplification : (f,) factors by which resonances amplify an error and a difference.
+    scene : of the vibrating sensor.
+    """
+    load = scene.loads[0]
+    moved = load.shears_tip or bool(load.plate_tilt) or load.grip is not None or load.coulomb is not None
+    rule = VIBRATION_RULES[quantity, motion, "shear" if moved else "press"]
+    edge = scene.accuracy.section_size
+    each = [_bounded_error(rule, d, edge, 1.0) for d in (difference / amplification).tolist()]
+    return amplification * each
 
 
 def load_case(load: Load, scene: Scene) -> LoadCase:

@@ -37,6 +37,10 @@ PRESS = MotionReport(
     lift_amplitude_Hz=None,
     mesh_difference=0.001,
     largest_mesh_difference=0.002,
+    error_estimate=0.003,
+    largest_error_estimate=0.01,
+    reading_error_estimate=0.002,
+    largest_reading_error_estimate=None,
     factorisations=18,
     reduced_error=1e-10,
 )
@@ -56,6 +60,7 @@ def test_each_line_has_a_name_of_its_own_and_no_bare_unit():
         ("readings per mm at 1 Hz", "0.08, - V/mm"),
         ("readings per mm are 3 dB lower at", "above 1000, - Hz"),  # - for an element that reads nothing
         ("readings per N are 5 % off at", "2.2, - Hz"),
+        ("estimated error of the force", "median 0.3 %, largest 1 %"),
         ("amplitude that opens a quarter of the contact", "0.2 mm, the least, at 330 Hz"),
     ],
 )

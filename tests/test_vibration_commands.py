@@ -29,6 +29,8 @@ def test_response_reports_both_motions_and_writes_their_files(run, strict, tmp_p
     assert along_x["reading_V_per_mm"][0] is None  # S1 on the axis does not see a motion along x at first order
     assert along_z["lift_amplitude_mm"] > along_z["kept_amplitude_mm"] > 0
     assert 0 < along_z["mesh_difference"] < 0.01
+    assert 1e-3 < along_z["error_estimate"] < 0.02
+    assert float(rows[0]["reading_error_estimate"]) > 0
 
 
 def test_response_says_what_its_numbers_rest_on(run, strict):

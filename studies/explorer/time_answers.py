@@ -17,6 +17,8 @@ import numpy as np
 
 from analytic import relaxation_loops
 from fem.accuracy import LEVELS, coarser
+from fem.error_estimate_rules import VibrationQuantity
+from fem.error_estimates import estimate_vibration
 from fem.solvers import increment_watch
 from fem.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
 from geometry.arrays import Array
@@ -24,9 +26,9 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.explorer.explorer_state import ExplorerState
-from studies.simulation import resonance_peaks, response_curves
+from studies.simulation import resonance_peaks, response_curves, vibration_estimates
 from studies.simulation.cycle_motion import Motion, frequency_of
-from studies.simulation.response_curves import At
+from studies.simulation.response_curves import At, Complex
 
 Data = dict[str, Any]
 Rows = list[Data]
@@ -34,6 +36,8 @@ LOWEST_ELASTIC = 0.01
 """Lowest frequency of a silicone without branches, Hz: any below the resonances."""
 STATIC = 1e-6
 """Frequency over the lowest one at which the vibration is static."""
+STEP = 1e-3
+"""Relative step in frequency with which a gain is differentiated."""
 CYCLES, TOLERANCE = 2, 1e-3
 """Cycles of a loop, the last of which counts: the third differs from it by less than a thousandth. Permitted error of
 the force from the time steps."""
@@ -79,7 +83,7 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
 def vibration(vibrating: Vibrating, frequency: float) -> Data:
     """Return the part `vibration` at a frequency, Hz: rows of name, unit, value and half width, and a message.
 
-    Half widths are the differences to a mesh that is coarser by 1.5.
+    Half widths are those of `studies.simulation.vibration_estimates`.
     """
     low, high = vibrating.band
     if not low <= frequency <= high:
@@ -89,35 +93,65 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
         )
     (load,) = vibrating.sensor.scene.loads
     motion = "x" if load.shears_tip or not load.depth else "z"
-    fine = _values(vibrating.at, motion, frequency, vibrating.band)
-    if not vibrating.sensor.relaxation.times:
-        fine["its Q", ""] = None
-    coarse = {} if vibrating.coarse is None else _values(vibrating.coarse, motion, frequency, vibrating.band)
-    rows = [
-        {"name": name, "unit": unit, "value": value, "half_width": _distance(value, coarse.get((name, unit)))}
-        for (name, unit), value in fine.items()
-    ]
-    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion, fine)}
+    # the static gain first; around the frequency, how much a resonance amplifies an error
+    near = frequency * np.array([1 - STEP, 1.0, 1 + STEP])
+    one = vibrating.at(np.array([low * STATIC, *near]))[motion]
+    other = None if vibrating.coarse is None else vibrating.coarse(one.frequency)[motion]
+    rows, scene = list[Data](), vibrating.sensor.scene
 
+    def add(name: str, unit: str, quantity: VibrationQuantity, gain: Complex, coarse: Complex | None) -> None:
+        """Add gain, phase in degrees, and gain over the static one."""
+        ratio, error = gain[2] / gain[0], None
+        if other is not None and coarse is not None:
+            error = float(vibration_estimates.errors(quantity, one, other, gain, coarse, scene)[2])
+        values = {
+            (name, unit): (abs(gain[2]), abs(gain[2])),
+            (f"phase of {name}", "deg"): (math.degrees(math.atan2(ratio.imag, ratio.real)), math.degrees(1.0)),
+        }
+        if quantity != "base":  # the static shift of the free sensor is 0
+            values[f"{name}, over static", ""] = abs(ratio), abs(ratio)
+        for (row, its_unit), (value, scale) in values.items():
+            half_width = None if error is None else error * scale
+            rows.append({"name": row, "unit": its_unit, "value": value, "half_width": half_width})
 
-def _values(at: At, motion: str, frequency: float, band: tuple[float, float]) -> dict[tuple[str, str], float | None]:
-    """Return the values of the rows by name and unit."""
-    low, high = band
-    one = at(np.array([low * STATIC, frequency]))[motion]
-    values: dict[tuple[str, str], float | None] = {}
     if one.force is None:
-        values |= _gain("shift of the magnet", "mm/mm", one.along[1], 1.0)
-        values.popitem()  # the static shift is 0
+        add("shift of the magnet", "mm/mm", "base", one.along, None if other is None else other.along)
     else:
-        values |= _gain(f"force along {motion}", "N/mm", one.force[1], one.force[0])
+        add(f"force along {motion}", "N/mm", "force", one.force, None if other is None else other.force)
         assert one.per_N is not None
         for k in one.readers[:1]:
-            name, unit = one.names[k], one.units[k]
-            values |= _gain(f"{name} per N", f"{unit}/N", one.per_N[1, k], one.per_N[0, k])
-    peak = next(iter(resonance_peaks.peaks(_gain_of(at, motion), low, high)), None)
-    values["first resonance", "Hz"] = None if peak is None else peak.frequency
-    values["its Q", ""] = None if peak is None else peak.Q
-    return values
+            coarse = None if other is None or other.per_N is None else other.per_N[:, k]
+            add(f"{one.names[k]} per N", f"{one.units[k]}/N", "reading", one.per_N[:, k], coarse)
+    rows += _resonance(vibrating, motion)
+    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion, rows)}
+
+
+def _resonance(vibrating: Vibrating, motion: str) -> Rows:
+    """Return frequency and Q of the first resonance, None where there is none."""
+    low, high = vibrating.band
+    peak, coarse = (
+        None if at is None else next(iter(resonance_peaks.peaks(_gain_of(at, motion), low, high)), None)
+        for at in (vibrating.at, vibrating.coarse)
+    )
+    frequency, Q = (None, None) if peak is None else (peak.frequency, peak.Q)
+    error = None
+    if peak is not None and coarse is not None:
+        # the static gain has the error of a compliance, and the square of the frequency goes with a stiffness
+        quantity: VibrationQuantity = "shift" if vibrating.sensor.state.load.depth else "base"
+        difference = 2 * abs(peak.frequency - coarse.frequency) / peak.frequency
+        error = float(
+            estimate_vibration(quantity, motion, np.array([difference]), np.ones(1), vibrating.sensor.scene)[0] / 2
+        )
+    known = {("first resonance", "Hz"): frequency, ("its Q", ""): Q if vibrating.sensor.relaxation.times else None}
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "value": value,
+            "half_width": None if error is None or value is None else error * value,
+        }
+        for (name, unit), value in known.items()
+    ]
 
 
 def _gain_of(at: At, motion: str) -> Callable[[Array], Array]:
@@ -130,24 +164,10 @@ def _gain_of(at: At, motion: str) -> Callable[[Array], Array]:
     return gain
 
 
-def _gain(name: str, unit: str, value: complex, still: complex) -> dict[tuple[str, str], float | None]:
-    """Return gain, phase in degrees, and gain over the static one."""
-    ratio = value / still
-    return {
-        (name, unit): abs(value),
-        (f"phase of {name}", "deg"): math.degrees(math.atan2(ratio.imag, ratio.real)),
-        (f"{name}, over static", ""): abs(ratio),
-    }
-
-
-def _distance(value: float | None, other: float | None) -> float | None:
-    return None if value is None or other is None else abs(value - other)
-
-
-def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], float | None]) -> str:
+def _message(vibrating: Vibrating, motion: str, rows: Rows) -> str:
     """Say what moves, and what the numbers assume."""
     none = f" There is no resonance below {vibrating.band[1]:.4g} Hz, where the vibration is known."
-    none = none if values["first resonance", "Hz"] is None else ""
+    none = none if any(row["name"] == "first resonance" and row["value"] is None for row in rows) else ""
     if not vibrating.sensor.state.load.depth:
         return f"The base of the free sensor is shaken along x; shift is relative to the base.{none}"
     way = "z" if motion == "z" else "the shear"
@@ -155,7 +175,7 @@ def _message(vibrating: Vibrating, motion: str, values: dict[tuple[str, str], fl
     return (
         f"The plate moves along {way} about this state at rest; contact is frozen and {contact}; "
         "amplitudes are small. "
-        f"The resonance is that under a force. Half widths are differences to a coarser mesh.{none}"
+        f"The resonance is that under a force.{none}"
     )
 
 

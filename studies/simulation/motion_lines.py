@@ -109,10 +109,17 @@ def _errors(motion: MotionReport) -> list[Line]:
     rows = [
         ("reduced basis", f"{motion.factorisations} factorisations, relative error {motion.reduced_error:.2g}"),
     ]
-    if motion.mesh_difference is None or motion.largest_mesh_difference is None:
-        return rows
-    both = f"median {100 * motion.mesh_difference:.2g} %, largest {100 * motion.largest_mesh_difference:.2g} %"
-    return [("difference to a coarser mesh", both), *rows]
+    what = "shift" if motion.stiffness_N_per_mm is None else "force"
+    estimates = (
+        (what, motion.error_estimate, motion.largest_error_estimate),
+        ("readings per N", motion.reading_error_estimate, motion.largest_reading_error_estimate),
+    )
+    known = [
+        (f"estimated error of the {name}", f"median {100 * median:.2g} %, largest {100 * largest:.2g} %")
+        for name, median, largest in estimates
+        if median is not None and largest is not None
+    ]
+    return [*known, *rows]
 
 
 def mesh_warnings(motion: MotionReport) -> list[str]:

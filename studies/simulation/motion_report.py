@@ -12,7 +12,7 @@ from geometry.arrays import Array
 from geometry.loads import Load
 from studies.output import records
 from studies.output.records import FlatRow
-from studies.simulation import resonance_peaks
+from studies.simulation import resonance_peaks, vibration_estimates
 from studies.simulation.modal_report import BAND
 from studies.simulation.resonance_peaks import Peak
 from studies.simulation.response_curves import At, Complex, Curves, mesh_difference
@@ -51,6 +51,9 @@ class MotionReport:
     lift_amplitude_mm, lift_amplitude_Hz : the same for the whole force; None where the motion does not change it.
     mesh_difference, largest_mesh_difference : relative difference of force (of the magnet's shift for the free
         sensor) to a mesh coarser by 1.5: median and largest of all frequencies.
+    error_estimate, largest_error_estimate : estimated relative error of the same: median and largest of all
+        frequencies.
+    reading_error_estimate, largest_reading_error_estimate : the same of the readings per N.
     factorisations, reduced_error : factorisations for all frequencies, and error of the reduced basis.
     """
 
@@ -83,6 +86,10 @@ class MotionReport:
     lift_amplitude_Hz: float | None
     mesh_difference: float | None
     largest_mesh_difference: float | None
+    error_estimate: float | None
+    largest_error_estimate: float | None
+    reading_error_estimate: float | None
+    largest_reading_error_estimate: float | None
     factorisations: int
     reduced_error: float
 
@@ -116,6 +123,7 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
     kept = _least(curves.kept_amplitude, curves.frequency)
     lift = _least(_lift(sensor.state.response.force[2], curves), curves.frequency)
     differences = None if coarse is None else mesh_difference(curves, coarse)
+    errors, reading_errors = vibration_estimates.columns(curves, coarse, sensor.scene).values()
     return MotionReport(
         status="ok",
         message=_message(curves, by_N or by_mm, at_band, damped=damped, stiffness=stiffness),
@@ -144,8 +152,12 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
         kept_amplitude_Hz=kept[1],
         lift_amplitude_mm=lift[0],
         lift_amplitude_Hz=lift[1],
-        mesh_difference=None if differences is None else float(np.median(differences)),
-        largest_mesh_difference=None if differences is None else float(differences.max()),
+        mesh_difference=_median(differences),
+        largest_mesh_difference=_largest(differences),
+        error_estimate=_median(errors),
+        largest_error_estimate=_largest(errors),
+        reading_error_estimate=_median(reading_errors),
+        largest_reading_error_estimate=_largest(reading_errors),
         factorisations=sensor.factorisations,
         reduced_error=sensor.error,
     )
@@ -200,6 +212,14 @@ def _slow(values: Complex | None, readers: list[int]) -> list[float | None]:
 def _known(values: Complex | None) -> Complex:
     assert values is not None
     return values
+
+
+def _median(values: Array | None) -> float | None:
+    return None if values is None else float(np.median(values))
+
+
+def _largest(values: Array | None) -> float | None:
+    return None if values is None else float(values.max())
 
 
 def _least(values: Array | None, frequency: Array) -> tuple[float | None, float | None]:

@@ -7,7 +7,7 @@ reads nothing.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -127,8 +127,8 @@ def mesh_difference(curves: Curves, coarse: Curves) -> Array:
     return np.asarray(np.abs(one - other) / np.maximum(np.abs(one), np.abs(other)))
 
 
-def rows(curves: Curves, coarse: Curves | None) -> list[FlatRow]:
-    """Return the rows of response.csv: gains and phases of all quantities over the frequency.
+def rows(curves: Curves, coarse: Curves | None, errors: Mapping[str, Array | None]) -> list[FlatRow]:
+    """Return the rows of response.csv: gains and phases of all quantities over the frequency, and error estimates.
 
     Frequencies that the coarser mesh does not have, those of resonances, have no `mesh_difference`.
 
@@ -151,6 +151,7 @@ def rows(curves: Curves, coarse: Curves | None) -> list[FlatRow]:
         columns["mesh_difference"] = difference
     else:
         columns["mesh_difference"] = None
+    columns |= errors
     return [
         {"motion": curves.motion}
         | {name: None if v is None or np.isnan(v[i]) else float(v[i]) for name, v in columns.items()}

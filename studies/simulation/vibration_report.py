@@ -15,13 +15,14 @@ from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_notes
 from studies.output.csv_tables import write_table
-from studies.simulation import oscillator_ladder, resonance_peaks, response_curves
+from studies.simulation import oscillator_ladder, resonance_peaks, response_curves, vibration_estimates
 from studies.simulation.motion_report import MotionReport, report_motion
 from studies.simulation.oscillator_ladder import Rung
 from studies.simulation.response_curves import At, Curves
 
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
+    from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 """Files that a folder of results may hold, beside run.json."""
@@ -98,10 +99,11 @@ def run(
         for name in curves:
             peaks = [*tops[name], *(one.peak_Hz for one in ladder if one.motion == name and one.peak_Hz is not None)]
             drawn[name] = at(resonance_peaks.around(peaks, tabled[name].frequency))[name]
+    scene = sensor.scene
     del sensor, at  # their memory is free for the pictures
     notes = [*_notes(design, load), _free_note(at_rest, magnet, level)]
     if folder is not None:
-        _write(folder, tabled, drawn, coarse, ladder, models)
+        _write(folder, scene, tabled, drawn, coarse, ladder, models)
     return Report(motions, ladder, notes)
 
 
@@ -175,6 +177,7 @@ def _free_note(at_rest: Design, magnet: Magnet, level: Accuracy) -> str:
 
 def _write(
     folder: Path,
+    scene: Scene,
     tabled: Mapping[str, Curves],
     drawn: Mapping[str, Curves],
     coarse: Mapping[str, Curves],
@@ -184,7 +187,10 @@ def _write(
     """Write the tables and a plot for each motion; a plot has more frequencies than the table."""
     from studies.simulation import bode_plot
 
-    rows = [row for one in tabled.values() for row in response_curves.rows(one, coarse.get(one.motion))]
+    rows = []
+    for motion, one in tabled.items():
+        other = coarse.get(motion)
+        rows += response_curves.rows(one, other, vibration_estimates.columns(one, other, scene))
     write_table(folder / "response.csv", rows, digits=9)
     if ladder:
         write_table(folder / "ladder.csv", [rung.row() for rung in ladder], digits=9)

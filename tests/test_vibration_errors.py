@@ -1,0 +1,70 @@
+"""Errors of vibrations against a finer mesh, and their estimates."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fem.accuracy import QUICK
+from fem.scene import Scene
+from geometry.design import paper
+from geometry.loads import Load
+from studies.simulation import vibration_estimates
+from studies.simulation.response_curves import Curves
+from studies.validation import vibration_errors
+
+SCENE = Scene(paper(), (Load(1.0),), QUICK, "rigid", "axisymmetric")
+FREQUENCIES = np.geomspace(1.0, 100.0, 21)
+
+
+@pytest.fixture(scope="module")
+def judged():
+    return vibration_errors.run(quick=True)
+
+
+def curves(force, frequency=FREQUENCIES):
+    shift = np.ones((len(frequency), 2), dtype=complex)
+    return Curves("z", frequency, force, None, shift, shift[:, 0], ("S1",), ("V",), shift[:, :1], shift[:, :1], None)
+
+
+def test_estimates_hold_on_the_first_design(judged):
+    assert {one.quantity for one in judged} == set(vibration_errors.QUANTITIES)
+    assert all(one.holds == 1 for one in judged)
+    assert all(0 < one.static_error < one.static_estimate < 0.01 for one in judged)
+
+
+def test_the_page_has_a_row_for_each_quantity(judged):
+    text = vibration_errors.report(judged, "magtip", "on Python")
+    assert all(f"| {name} |" in text for name in vibration_errors.QUANTITIES)
+
+
+def test_meshes_that_agree_by_chance_have_an_error():
+    force = np.full(21, 5.0 + 1.0j)
+    errors = vibration_estimates.force_errors(curves(force), curves(force), SCENE)
+    assert (errors > 1e-3).all()
+
+
+def test_an_error_grows_at_a_resonance():
+    force = 1 - (FREQUENCIES / 30) ** 2 + 0.1j
+    errors = vibration_estimates.force_errors(curves(force), curves(force), SCENE)
+    assert errors.max() > 4 * errors[0]
+    assert FREQUENCIES[errors.argmax()] == pytest.approx(30, rel=0.2)
+
+
+def test_a_difference_that_the_coarser_mesh_lacks_is_interpolated():
+    force = np.full(21, 5.0 + 0j)
+    coarse = curves(1.1 * force[::2], FREQUENCIES[::2])
+    errors = vibration_estimates.force_errors(curves(force), coarse, SCENE)
+    assert np.allclose(errors, errors[0])
+
+
+def test_half_widths_of_a_large_difference_cover_it():
+    force = np.full(21, 5.0 + 0j)
+    assert (vibration_estimates.force_errors(curves(force), curves(1.5 * force), SCENE) > 0.25).all()
+
+
+def test_kept_curves_come_back(judged):
+    one = curves(np.full(21, 2.0 - 1.0j))
+    back = vibration_errors.restored({"z": vibration_errors._kept(one)})["z"]
+    for field in dataclasses.fields(Curves):
+        assert np.all(getattr(back, field.name) == getattr(one, field.name)), field.name
