@@ -22,32 +22,52 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LONGEST = (
-    "test_explorer_server",
-    "test_explorer_page",
     "test_equilibrium",
-    "test_surrogate_study",
-    "test_examples",
-    "test_documented_commands",
+    "test_mesh",
+    "test_explorer_page",
     "test_layout_study",
+    "test_demo",
     "test_sizing_commands",
+    "test_explorer_server",
     "test_trade_study",
     "test_cluster",
+    "test_sensor_parts",
+    "test_surrogate_study",
+    "test_verification",
+    "test_documented_commands",
+    "test_sweep",
+    "test_variant_search",
+    "test_examples",
+    "test_design_variants",
+    "test_vibration_commands",
+    "test_printed_command",
+    "test_cycle_commands",
+    "test_offline_page",
     "test_tetwild_process",
+    "test_beam_assumption",
     "test_sweep_kills",
+    "test_report_page",
+    "test_material_fit",
+    "test_mold",
+    "test_error_study",
+    "test_paper_claims",
+    "test_vibration",
+    "test_magnet",
+    "test_error_study_tangents",
+    "test_engraved_marks",
+    "test_coulomb_friction",
+    "test_stability",
+    "test_decode_readings",
+    "test_entry_point",
+    "test_cycle_paths",
+    "test_workers",
+    "test_coulomb_study",
+    "test_mesh_import",
+    "test_cad",
     "test_symmetry_models",
     "test_kept_paths",
-    "test_variant_search",
-    "test_sensor_parts",
-    "test_design_variants",
-    "test_demo",
-    "test_mesh",
-    "test_sweep",
-    "test_error_study_tangents",
-    "test_coulomb_study",
     "test_design_range_steps",
-    "test_paper_claims",
     "test_field_benchmark",
-    "test_stability",
     "test_preparation",
 )
 """Files with the longest tests, the longest first."""
@@ -81,9 +101,14 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """The user's cache of meshes is neither read nor filled by tests; children inherit this."""
+    """The user's cache of meshes is neither read nor filled by tests; children inherit this.
+
+    The processes of one run share a cache.
+    """
+    base = tmp_path_factory.getbasetemp()
+    run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAGTIP_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
         patch.delenv("MAGTIP_CACHE_MB", raising=False)
         yield
 
