@@ -212,13 +212,15 @@ def _number(value: float, form: str) -> str:
 
 
 def _assumed(design: Design) -> str:
-    """Return a table of the values that the paper does not give."""
+    """Return a table of all values that the paper does not give; those without an effect in this design say why."""
+    unused = design.unused_fields()
+    assumed = [spec for spec in dataclasses.fields(design) if design_summary.origin(spec.name, design) == "assumed"]
     lines = ["| value | assumed | meaning |", "|---|---:|---|"]
-    for spec in dataclasses.fields(design):
-        if design_summary.origin(spec.name, design) == "assumed" and spec.name not in design.unused_fields():
-            unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
-            value = design_summary.shown(getattr(design, spec.name))
-            lines.append(f"| {spec.name} | {value}{unit} | {spec.metadata['text']} |")
+    for spec in sorted(assumed, key=lambda spec: spec.name in unused):
+        unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
+        value = design_summary.shown(getattr(design, spec.name))
+        remark = f"; no effect here: {unused[spec.name]}" if spec.name in unused else ""
+        lines.append(f"| {spec.name} | {value}{unit} | {spec.metadata['text']}{remark} |")
     return "\n".join(lines)
 
 

@@ -1,9 +1,11 @@
 import csv
+import dataclasses
 import re
 
 import pytest
 
 from fem.accuracy import QUICK
+from geometry.design import Design
 from studies import demo
 
 
@@ -45,6 +47,8 @@ def test_the_report_is_plain_and_complete(made):
     for heading in ("## Press", "## Shear", "## What is assumed", "Made "):
         assert heading in text
     assert "| magnet_height | 2 mm |" in text
+    for spec in dataclasses.fields(Design):
+        assert spec.metadata["assumed"] == (f"\n| {spec.name} | " in text), spec.name
     assert re.search(r"Mould and base: (\d\d) of \1 checks passed", text)
     assert "scikit-fem" in text
 

@@ -49,8 +49,14 @@ class Outcome:
 
     @property
     def error_estimate(self) -> float:
-        """Estimated relative error of the force; NaN without an estimate."""
+        """Estimated relative error of the force, a vector; NaN without an estimate."""
         estimate = self.solution.estimates.force if self.solution else None
+        return NAN if estimate is None else estimate
+
+    @property
+    def sideways_error_estimate(self) -> float:
+        """Estimated relative error of the force along the shear alone; NaN without an estimate."""
+        estimate = self.solution.estimates.sideways if self.solution else None
         return NAN if estimate is None else estimate
 
 
@@ -273,6 +279,8 @@ def shear_rows(
             answers.readings(design, 3, untilted=True),
             fem.error_estimate,
             homogeneous.error_estimate,
+            fem.sideways_error_estimate,
+            homogeneous.sideways_error_estimate,
             *_verdict(fem, homogeneous, remark),
         )
         rows.append(row)

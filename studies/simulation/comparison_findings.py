@@ -46,6 +46,10 @@ def findings(design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow
     for label, rows in (("press", press), ("shear", shear)):
         estimates = [value for row in rows for value in (row.error_estimate, row.homogeneous_error_estimate)]
         figures[f"{label}_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
+    estimates = [
+        value for row in shear for value in (row.sideways_error_estimate, row.homogeneous_sideways_error_estimate)
+    ]
+    figures["shear_force_x_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
     figures["missing_states"] = sum(
         status != "ok" for status in [row.status for row in press] + [row.status for row in shear]
     )
@@ -245,13 +249,14 @@ def trust_sentences(figures: Mapping[str, Any]) -> list[str]:
     lines = []
     if math.isfinite(figures["press_error_estimate_percent"]):
         lines.append(
-            "Press: by comparison with a coarser mesh, the force is uncertain by at most "
-            f"{figures['press_error_estimate_percent']:.1f} %."
+            "Press: by comparison with a coarser mesh, the error of the force is estimated at "
+            f"{figures['press_error_estimate_percent']:.2g} % at most."
         )
-    if math.isfinite(figures["shear_error_estimate_percent"]):
+    if math.isfinite(figures["shear_force_x_error_estimate_percent"]):
         lines.append(
-            "Shear: by comparison with a coarser mesh and one harmonic fewer, the force is uncertain by at most "
-            f"{figures['shear_error_estimate_percent']:.1f} %."
+            "Shear: by comparison with a coarser mesh and one harmonic fewer, the error of the shear force (Fx) is "
+            f"estimated at {figures['shear_force_x_error_estimate_percent']:.2g} % at most, that of the whole force, "
+            f"which is mainly the press force, at {figures['shear_error_estimate_percent']:.2g} %."
         )
     missing = figures["missing_states"]
     lines.append(

@@ -114,7 +114,10 @@ class PressRow:
 
 @dataclass(frozen=True, slots=True)
 class ShearRow:
-    """A press to one depth whose plate, stuck to the tip, has moved sideways."""
+    """A press to one depth whose plate, stuck to the tip, has moved sideways.
+
+    The error estimates are relative errors of the force as a vector, and of its part along the shear.
+    """
 
     shear_mm: float
     depth_mm: float
@@ -126,6 +129,8 @@ class ShearRow:
     readings: tuple[ElementReadings, ...] = field(metadata={"columns": _reading_columns})
     error_estimate: float
     homogeneous_error_estimate: float
+    sideways_error_estimate: float
+    homogeneous_sideways_error_estimate: float
     status: str
     message: str
 
