@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geometry.design import BadInput
+from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output import atomic_files, provenance
 from studies.report import folder_contents, page_pictures, report_sections
@@ -29,8 +29,10 @@ GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
 MOST_BYTES = 8_000_000
 """Largest size of a page."""
-MOST_TABLE_BYTES = 3_500_000
+MOST_TABLE_BYTES = 2_500_000
 """Bytes of whole tables in a page; those beyond, the largest first, are left out with a sentence."""
+MOST_SOLVED = 4
+"""Greatest number of designs that are solved for a page: each takes half a megabyte."""
 MOST_PICTURE_BYTES = 1_800_000
 """Bytes of pictures in a page."""
 
@@ -89,11 +91,16 @@ def report(
     file = atomic_files.check_output_file(out or folder / "report.html", ".html", ".htm")
     atomic_files.check_apart([file], folder_contents.inputs(contents))
     _check_replaced(file)
-    sections = []
+    sections, solved = [], list[Design]()
     for k, one in enumerate(contents):
         if progress is not None:
             progress(k / len(contents), one.name or str(folder))
-        sections.append(report_sections.section(one, solve=solve))
+        # a design that several folders name is solved and shown once, and the first ones only
+        design = report_sections.design_of(one)
+        new = solve and design is not None and design not in solved
+        sections.append(report_sections.section(one, solve=new and len(solved) < MOST_SOLVED))
+        if new and design is not None and not one.solutions:
+            solved.append(design)
     text = page(folder, sections, command)
     size = len(text.encode())
     if size > MOST_BYTES:
