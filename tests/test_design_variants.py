@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from geometry.base import Base, plan
-from geometry.design import paper
+from geometry.design import BadInput, paper
 from studies.exploration import worker_process
 from studies.exploration.study_cases import varied
 from studies.fabrication import design_variants
@@ -133,3 +133,9 @@ def test_axes_that_change_no_solid_are_named():
     chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
     assert design_variants.idle(chip, axes)[1] == ("f", "hall_layout is tmag5273a1")
     assert design_variants.idle(chip, {"E": [1.0]}) == []
+
+
+def test_variants_that_would_share_a_folder_are_refused(tmp_path):
+    with pytest.raises(BadInput, match=r"^two variants would have the folder 'D8': give values that differ in six"):
+        next(design_variants.batch(paper(), {"D": [8.0, 8.0000001]}, tmp_path / "out", design_variants.silent))
+    assert not list(tmp_path.iterdir())

@@ -22,6 +22,7 @@ BAD = [
     ("solve", "paper"),
     ("solve", "papre", "--depth", 1),
     ("verify", "--quick", "--out", ""),
+    ("explore", "paper", "--export", "page.html", "--port", 8000),
     ("solve", "missing.toml", "--depth", 1),
     ("solve", ".", "--depth", 1),
     ("solve", "paper", "--depth", "nan"),

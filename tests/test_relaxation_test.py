@@ -101,7 +101,7 @@ STRESS = "time_s,nominal_stress_MPa"
             {"stretch": 1.2},
             "which needs no held stretch: leave --stretch out",
         ),
-        ("time_s,nominal_stress_MPa", [], {"ramp": 1.0}, "has too few points (0)"),
+        ("time_s,nominal_stress_MPa", [], {"ramp": 1.0}, "has a header but no rows: add a row"),
         (
             "time_s,youngs_modulus_MPa",
             rows(1.0)[:5],
@@ -148,3 +148,8 @@ def test_bad_files_are_refused_in_one_sentence(file, header, content, options, m
         read(file(header, content), 0.5, **options)
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+def test_a_table_of_times_and_frequencies_is_refused_with_both_columns(file):
+    with pytest.raises(BadInput, match=r"columns time_s and frequency_Hz belong to a relaxation test and a dynamic"):
+        kind_of(file("frequency_Hz,time_s,storage_modulus_MPa,tan_delta", rows(1.0, 1.0, 0.1)))

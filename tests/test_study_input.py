@@ -33,7 +33,7 @@ def test_axes():
         (["law=1"], ["every value of axis law must be neo-hookean", "got 1"]),
         (["friction=glue"], ["every value of axis friction must be none, stick or a number", "'glue'"]),
         (["friction=-1"], ["every value of axis friction must be at least 0", "-1"]),
-        (["plate_tilt=50"], ["axis plate_tilt must lie between -40 and 40"]),
+        (["plate_tilt=50"], ["axis plate_tilt must lie between -40 and 40 deg; got 50"]),
         (["D=lin:6:10"], ["axis D must read a,b,c or lin:START:STOP:COUNT", "'lin:6:10'"]),
         (["D=lin:6:10:2.5"], ["the count of linspace must be a whole number from 2"]),
         (["D=log:0:10:3"], ["start and stop of logspace must be more than 0"]),
@@ -181,3 +181,8 @@ def test_sobol_points_fill_every_cell_of_a_grid(toml):
     axes = read_study(toml(text, "study.toml")).axes
     cells = {(int(D) - 6, int(L) - 9) for D, L in zip(axes["D"], axes["L"], strict=True)}
     assert len(cells) == 16
+
+
+def test_a_study_whose_axes_are_misspelt_is_told_so(toml, refused):
+    with refused("'axis'", "did you mean axes"):
+        is_study(str(toml("[axis]\nD = [6, 8]", "study.toml")))

@@ -57,7 +57,7 @@ def test_units_comments_other_columns_and_order(tmp_path):
         (GOOD.replace("1.2,0.2", "120,0.2"), ["line 4, column stretch", "unit"]),
         (GOOD.replace("1.2,0.2", "1.2,1e9"), ["line 4, column nominal_stress_MPa", "within 100000 MPa", "unit"]),
         (GOOD.replace("1.4,0.4\n", "0.8,0.4\n"), ["line 6", "stretch of 0.8", "0.4 MPa", "compression negative"]),
-        ("stretch,nominal_stress_MPa\n", ["no data at a stretch other than 1", "at least one"]),
+        ("stretch,nominal_stress_MPa\n", ["has a header but no rows", "add a row"]),
         ("strain,nominal_stress_MPa\n0,0\n0,0.1\n", ["no data at a stretch other than 1", "at least one"]),
         ("stretch,nominal_stress_MPa\n" + 6 * "1.5,0.2\n", ["column stretch", "all 6 values are equal"]),
         (

@@ -36,6 +36,7 @@ def test_cases_have_the_values_of_their_points_and_elements_keep_their_places():
         ("E=1:1e9", "every value of axis E must lie between"),
         ("E=a:b", "each value of axis E must be a finite number; got 'a'"),
         ("law=1:2", "--vary law: its values are names"),
+        ("hall_average=1:9", "--vary hall_average: it is a whole number of samples"),
         ("EE=1:2", "there is no axis 'EE'"),
         ("E", "--vary takes KEY=VALUE, such as E=0.6:1; got 'E'"),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from geometry.design import Design
+from geometry.design import BadInput, Design
 from studies.cli.parameters import Sets, Source, design_of
 from studies.inputs.exit_status import GOOD
 from studies.inputs.option_groups import Whole
@@ -33,6 +33,9 @@ def explore(
     export
         Write the page as one file (.html) that needs no server, with the surrogate in place of finite elements.
     """
+    if export is not None and (port or no_browser):
+        option = "--port" if port else "--no-browser"
+        raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
     design = design_of(source, sets)
     if export is not None:
         _export(design, export)

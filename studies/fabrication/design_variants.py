@@ -63,6 +63,9 @@ def batch(
     """
     points = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
     names = ["_".join(f"{key}{value:g}" for key, value in point.items()) for point in points]
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise BadInput(f"two variants would have the folder {name!r}: give values that differ in six digits")
     jobs: list[Job] = [
         (design, point, out / name, choices, command) for point, name in zip(points, names, strict=True)
     ]

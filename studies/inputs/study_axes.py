@@ -150,7 +150,7 @@ def _check_value(name: str, quantity: Quantity, value: Value) -> None:
     low, high, unit = quantity.low, quantity.high, "" if quantity.unit == "1" else f" {quantity.unit}"
     if not low <= value <= high or (quantity.open_low and not value > low):
         bound = (
-            f"lie between {low:g} and {high:g}"
+            f"lie between {low:g} and {high:g}{unit}"
             if math.isfinite(high)
             else f"be {'more than ' if quantity.open_low else 'at least '}{low:g}{unit}"
         )

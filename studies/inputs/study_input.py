@@ -139,7 +139,12 @@ def grid(axes: Mapping[str, Sequence[Value]]) -> tuple[Factor, ...]:
 
 def is_study(source: str) -> bool:
     """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
-    return source not in PRESETS and bool({"axes", "zipped", "sample"} & set(toml_table(source, "preset or file")))
+    if source in PRESETS:
+        return False
+    keys = set(toml_table(source, "preset or file"))
+    if "axis" in keys:
+        raise BadInput(f"{source}: there is no key 'axis': did you mean axes?")
+    return bool({"axes", "zipped", "sample"} & keys)
 
 
 def read_study(path: str) -> Study:

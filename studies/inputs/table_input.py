@@ -83,6 +83,22 @@ def _check_separator(path: Path, line: int, head: str) -> None:
             )
 
 
+def check_rows(path: str | Path, rows: Rows) -> None:
+    """Check that a table has rows below its header.
+
+    Parameters
+    ----------
+    rows : the rows without the header.
+
+    Raises
+    ------
+    BadInput
+        There is none.
+    """
+    if not rows:
+        raise BadInput(f"{str(path)!r} has a header but no rows: add a row of numbers below it")
+
+
 def check_length(path: Path, line: int, head: list[str], row: list[str]) -> None:
     """Check that a row has one cell for each column.
 

@@ -60,6 +60,8 @@ def parse_ranges(texts: Sequence[str]) -> Ranges:
         study_axes.check_name(name)
         if not study_axes.AXES[name].is_number:
             raise BadInput(f"--vary {name}: its values are names, not numbers, so it has no range: leave it out")
+        if name == "hall_average":
+            raise BadInput("--vary hall_average: it is a whole number of samples, so it has no range: leave it out")
         parts = text.split(":")
         if len(parts) != 2:
             raise BadInput(f"--vary {name} takes low:high, such as {name}=1:2; got {text!r}")

@@ -81,10 +81,15 @@ class Test:
 def kind_of(path: str) -> Kind:
     """Return the kind of a test, by the first words in the names of its columns."""
     rows = table_input.csv_rows(Path(path), comments=True)
-    header = [cell.strip().casefold() for cell in rows[0][1]] if rows else []
-    if any(name.startswith(("frequency", "angular_frequency")) for name in header):
-        return "dynamic"
-    return "relaxation" if any(name.startswith("time") for name in header) else "uniaxial"
+    line, header = (rows[0][0], [cell.strip() for cell in rows[0][1]]) if rows else (1, [])
+    rates = [name for name in header if name.casefold().startswith(("frequency", "angular_frequency"))]
+    times = [name for name in header if name.casefold().startswith("time")]
+    if rates and times:
+        raise BadInput(
+            f"{path!r}, line {line}: columns {times[0]} and {rates[0]} belong to a relaxation test and a dynamic "
+            "test: keep one of them"
+        )
+    return "dynamic" if rates else "relaxation" if times else "uniaxial"
 
 
 def read(path: str, nu: float, stretch: float | None = None, ramp: float | None = None) -> Test:
@@ -128,6 +133,7 @@ class _Table:
             )
         k = column_of(self.path, self.line, header, tuple(names))
         name = self.header[k]
+        table_input.check_rows(self.path, self.rows)
         if len(self.rows) < FEWEST:
             raise BadInput(
                 f"{self.path!r} has too few points ({len(self.rows)}): a fit of branches needs at least {FEWEST}"

@@ -68,6 +68,7 @@ def read(path: str) -> Specimen:
     if not header:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
     along, across = column_of(path, line, header, tuple(STRETCH)), column_of(path, line, header, tuple(STRESS))
+    table_input.check_rows(path, rows)
     offset, factor = STRETCH[header[along]]
     stretch, stress = [], []
     for line, row in rows:
