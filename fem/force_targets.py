@@ -30,6 +30,7 @@ from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solvers.loading_curve import CurvePoint, ForceNotReached
 from fem.solvers.newton import STOPPED
+from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -256,7 +257,7 @@ def _press(paths: _Paths, target: ForceTarget, scene: Scene) -> tuple[ForcePath,
         if not depth or not meshes_left or path.suits(replace(load, depth=depth)):
             break
     if failure is not None:
-        raise BadInput(_refusal(failure, target.force, "press", "depth", scene.design))
+        raise OutOfReach(_refusal(failure, target.force, "press", "depth", scene.design))
     paths.depths[target.force] = depth
     return path, point
 
@@ -268,7 +269,7 @@ def _shear(path: ForcePath, pressed: CurvePoint, target: ForceTarget) -> CurvePo
     try:
         return path.shear(pressed).find(force, expected_shear(design, force))
     except ForceNotReached as error:
-        raise BadInput(_refusal(error, target.shear_size, "shear", "shear", design)) from None
+        raise OutOfReach(_refusal(error, target.shear_size, "shear", "shear", design)) from None
 
 
 def _refusal(error: ForceNotReached, force: float, loading: str, motion: str, design: Design) -> str:

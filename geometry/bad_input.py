@@ -9,6 +9,10 @@ class BadInput(ValueError):
     """An input value that cannot be used. The text is one sentence with the value, its bound and the remedy."""
 
 
+class OutOfReach(BadInput):
+    """A possible wish that the model cannot reach, which shows only after it has tried."""
+
+
 def no_effect(names: Sequence[str], reason: str) -> str:
     """Return the warning that some settings have no effect, with the reason.
 

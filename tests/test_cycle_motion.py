@@ -1,5 +1,7 @@
 """Motion of a loading cycle: its loads, phases and refusals."""
 
+import math
+
 import pytest
 
 from geometry.design import BadInput
@@ -43,9 +45,10 @@ def test_speed_and_frequency_that_define_no_motion_are_refused(speed: float | No
     ("values", "message"),
     [
         ({"depth": 0.0}, "--depth of a cycle must be above 0 mm"),
+        ({"depth": math.inf}, "--depth of a cycle must be above 0 mm and finite; got inf"),
         ({"frequency": -1.0}, "--frequency of a cycle must be above 0 Hz"),
         ({"cycles": 0}, "--cycles must be between 1 and 1000"),
-        ({"hold": -1.0}, "--hold must be a time of 0 s or more"),
+        ({"hold": -1.0}, "--hold must be a finite time of 0 s or more"),
         ({"shear": 1.0}, "a shear needs friction"),
     ],
 )

@@ -76,7 +76,7 @@ def test_several_forces_are_a_table_with_their_targets(run):
 
 def test_files_show_the_last_state_before_a_force_that_is_not_reached(run, strict, tmp_path):
     status, out, err = run("solve", "paper", "--forces", "1,1e6", "--json", "--out", "body.vtu", *QUICK)
-    assert status == 2
+    assert status == 3
     assert [state["target_force_N"] for state in strict(out)] == [1.0]
     assert "does not reach 1e+06 N: its largest force is" in err
     assert err.count("\n") == 1

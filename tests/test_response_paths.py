@@ -108,6 +108,7 @@ def test_the_loss_factor_and_the_modulus_at_rest_change_the_vibration():
     ("load", "frequency", "part"),
     [
         (Load(depth=0.5), 5000.0, "known from 1 to"),
+        (Load(depth=0.5), 0.5, "got 0.5 Hz: take 1 Hz or more"),
         (Load(depth=0.5, plate_tilt=0.1), None, "needs an upright plate"),
         (Load(depth=0.5, friction=0.3), None, "needs an upright plate"),
     ],

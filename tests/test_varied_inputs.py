@@ -58,7 +58,7 @@ def test_a_range_that_a_method_cannot_vary_is_refused():
 
 @pytest.mark.parametrize("load", [(0.0, 0.0), (float("nan"), 0.0), (1.0, -0.1), (1.0, float("inf"))])
 def test_impossible_loads_are_refused(load):
-    with pytest.raises(BadInput, match="must be a number of mm"):
+    with pytest.raises(BadInput, match="must be a finite number of mm"):
         Press(*load)
 
 

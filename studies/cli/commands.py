@@ -23,8 +23,9 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from geometry.bad_input import OutOfReach
 from geometry.design import BadInput
-from studies.inputs.exit_status import BAD, BROKEN_PIPE, GOOD, INTERRUPTED
+from studies.inputs.exit_status import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
 
 NEGATIVE = re.compile(r"-[\d.]\S*,")
@@ -176,7 +177,7 @@ def run(tokens: list[str] | None = None) -> int:
         return BAD
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")
-        return BAD
+        return FAILED if isinstance(error, OutOfReach) else BAD
     except standard_streams.OutputLost as error:
         standard_streams.drop_output()
         if error.errno == errno.EPIPE:

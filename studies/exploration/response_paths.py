@@ -88,9 +88,11 @@ def check_frequency(scene: Scene, frequency: float | None) -> None:
     """Refuse a frequency, Hz, outside the band of a scene at rest."""
     low, high = band(scene.design, scene.accuracy)
     if frequency is not None and not low <= frequency <= high:
+        beyond = "change loss_low or loss_high, or the accuracy"
+        remedy = f"take {low:.4g} Hz or more" if frequency < low <= LOWEST else beyond
         raise BadInput(
             f"the response is known from {low:.4g} to {high:.4g} Hz, for which the silicone's branches speak and "
-            f"the mesh is fine enough; got {frequency:g} Hz: change loss_low or loss_high, or the accuracy"
+            f"the mesh is fine enough; got {frequency:g} Hz: {remedy}"
         )
 
 

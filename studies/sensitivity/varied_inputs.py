@@ -28,9 +28,9 @@ class Press:
 
     def __post_init__(self) -> None:
         if not 0 < self.depth < math.inf:
-            raise BadInput(f"--depth must be a number of mm above 0; got {self.depth:g}")
+            raise BadInput(f"--depth must be a finite number of mm above 0; got {self.depth:g}")
         if not 0 <= self.shear < math.inf:
-            raise BadInput(f"--shear must be a number of mm, 0 or more; got {self.shear:g}")
+            raise BadInput(f"--shear must be a finite number of mm, 0 or more; got {self.shear:g}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

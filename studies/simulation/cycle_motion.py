@@ -55,11 +55,11 @@ class Motion:
         for name, value in (("--depth", self.depth), ("--frequency", self.frequency)):
             if not 0 < value < math.inf:
                 unit = "mm" if name == "--depth" else "Hz"
-                raise BadInput(f"{name} of a cycle must be above 0 {unit}; got {value:g}")
+                raise BadInput(f"{name} of a cycle must be above 0 {unit} and finite; got {value:g}")
         if not 1 <= self.cycles <= MOST_CYCLES:
             raise BadInput(f"--cycles must be between 1 and {MOST_CYCLES}; got {self.cycles}")
         if not 0 <= self.hold < math.inf:
-            raise BadInput(f"--hold must be a time of 0 s or more; got {self.hold:g}")
+            raise BadInput(f"--hold must be a finite time of 0 s or more; got {self.hold:g}")
         if self.shear and self.friction in ("none", 0):
             raise BadInput(f"a shear needs friction: give stick or a coefficient above 0; got {self.friction or 0}")
 
@@ -92,7 +92,7 @@ def frequency_of(speed: float | None, frequency: float | None, stroke: float) ->
         assert frequency is not None
         return frequency
     if not 0 < speed < math.inf:
-        raise BadInput(f"--speed must be above 0 mm/s; got {speed:g}")
+        raise BadInput(f"--speed must be above 0 mm/s and finite; got {speed:g}")
     return speed / (2 * stroke) if stroke else math.nan
 
 
