@@ -117,7 +117,7 @@ def _announce_compilation() -> None:
 
         def on_start(self, event: object) -> None:
             if not self.shown and sys.stderr.isatty():
-                print(f"Compiling for the first time, up to {COMPILE_S:g} s", file=sys.stderr)
+                print(f"Compiling, once after an installation: this takes up to {COMPILE_S:g} s", file=sys.stderr)
             self.shown = True
             # numba keeps its many objects until it has finished: looking for garbage takes a sixth of the time
             if not self.depth:

@@ -46,6 +46,9 @@ def fit(
     data sheet are enough for laws with as few constants. The other tests give Prony branches, their number chosen by
     AICc, and the times and frequencies for which they speak. The names of the columns decide which test it is.
 
+    AICc weighs the error of a fit against its number of constants; less is better. Those within 2 of the least AICc
+    count as equally good, and of them the one with the fewest constants or branches comes first or is chosen.
+
     Parameters
     ----------
     law
@@ -109,6 +112,10 @@ def _print_laws(rows: list[FlatRow], *, wide: bool) -> None:
     ranges = ("law", "stable_uniaxial", "stable_equibiaxial", "stable_planar")
     for name, keys in ((title, fits), ("Numbers", ("law", "numbers")), ("Stable stretches", ranges)):
         console.report([{key: row[key] for key in keys} for row in rows], as_json=False, title=name)
+    if rows[0]["ranked_by"] == "AICc":
+        console.note(
+            "Laws within 2 of the least AICc count as equally good; those with the fewest constants come first."
+        )
 
 
 def _fit_branches(
@@ -160,6 +167,7 @@ def _print_branches(rows: Sequence[BranchRow], chosen: BranchRow, *, wide: bool)
         keys = ("branches", "chosen", "AICc", "rms_percent", "long_term_share")
         brief = [{key: row[key] for key in keys} for row in table]
         console.report(brief, as_json=False, title="Numbers of branches, least AICc first")
+    console.note("Of the fits within 2 of the least AICc, the one with the fewest branches is chosen.")
     each = chosen.fit
     if chosen.test.has_modulus:
         moduli = (

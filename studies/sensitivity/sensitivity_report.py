@@ -36,7 +36,8 @@ that failed points may have between the least and the largest of the others. All
 MORRIS = """\
 µ* is the mean magnitude of the change of the output over the full range of an input, from finite elements; σ is the
 standard deviation of the change: large where the input acts nonlinearly or with others. In brackets: 95 % by
-bootstrap, and every value that failed cases may have between the least and the largest of the others.
+bootstrap over the trajectories for µ*, and every value that failed cases may have between the least and the largest
+of the others; the brackets of σ have the latter only.
 """
 MONTE_CARLO = """\
 Each made sensor is calibrated over the force range of the design itself. The sensitivity is the change of the reading
@@ -105,7 +106,8 @@ def _sobol(study: SobolStudy) -> list[str]:
         f"{first.points} points by model {first.model}; {_failures(study, first.points)}.",
         "",
     ]
-    lines += [*_largest_shares(study.rows), ""]
+    warning = doubt(study.rows)
+    lines += [*_largest_shares(study.rows), *(["", f"**Warning: {warning}.**"] if warning else []), ""]
     cells = []
     for output, rows in sensitivity_plots.by_output(study.rows):
         error = f"{rows[0].model_error_over_deviation:.2g}"
@@ -114,6 +116,17 @@ def _sobol(study: SobolStudy) -> list[str]:
             cells.append([titled(output), row.input, *orders, error])
     lines += _markdown(("output", "input", "first order", "total order", "model's error / deviation"), cells)
     return [*lines, "", "![Sobol indices with their intervals](sobol.png)", ""]
+
+
+def doubt(rows: Sequence[SobolRow]) -> str:
+    """Return a sentence that names the outputs that vary by less than the model's error, "" if there is none."""
+    names = dict.fromkeys(titled(row.output) for row in rows if row.model_error_over_deviation > 1)
+    return (
+        f"do not read the indices of {', '.join(names)}: the model's error exceeds the variation of the output, and "
+        "the intervals may not hold the true indices; vary the inputs in wider ranges, or use --methods morris"
+        if names
+        else ""
+    )
 
 
 def _largest_shares(rows: Sequence[SobolRow]) -> list[str]:

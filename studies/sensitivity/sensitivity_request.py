@@ -15,7 +15,7 @@ from studies.inputs.user_input import AccuracyName
 from studies.output.records import FlatRow
 from studies.sensitivity import made_sensors, morris_effects, sensitivity_study, sobol_indices, varied_inputs
 from studies.sensitivity.beam_motions import MODELS
-from studies.sensitivity.sensitivity_report import Results
+from studies.sensitivity.sensitivity_report import Results, doubt
 from studies.sensitivity.sensitivity_study import METHODS, summary
 from studies.sensitivity.sobol_indices import Ranges
 from studies.sensitivity.tolerances import Tolerances, parse
@@ -133,7 +133,8 @@ def tables(results: Results) -> list[Table]:
     shown = []
     common = ("method", "low", "high", "unit", "points", "failed", "failed_percent", "model")
     if results.sobol is not None:
-        remark = summary(results.sobol.reasons, results.sobol.rows[0].points)
+        parts = (summary(results.sobol.reasons, results.sobol.rows[0].points), doubt(results.sobol.rows))
+        remark = "; ".join(filter(None, parts))
         first: tuple[str, ...] = ("output", "input", "first_order", "total_order")
         indices = [row.row() for row in results.sobol.rows]
         shown.append(Table("Sobol indices", indices, (*common, "mean"), first, remark))

@@ -99,7 +99,10 @@ def findings(cycles: Cycles) -> list[str]:
     begin = ", the first one and not yet steady (--cycles)," if last.gap_N else ""
     change = ""
     if len(cycles.loops) > 1:
-        begin, change = "", f" ({last.gap_percent - cycles.loops[-2].gap_percent:+.1f} from the cycle before)"
+        begin, change = (
+            "",
+            f" ({last.gap_percent - cycles.loops[-2].gap_percent:+z.1f} percentage points from the cycle before)",
+        )
     # one digit: levels of accuracy differ by some tenths of a percentage point
     sentences = [
         (
@@ -113,12 +116,12 @@ def findings(cycles: Cycles) -> list[str]:
         )
     if last.decoded_gap_percent is not None:
         sentences.append(
-            f"the decoded force has a gap of {last.decoded_gap_percent:.1f} %, and is off by up to "
+            f"the decoded force has a gap of {last.decoded_gap_percent:z.1f} %, and is off by up to "
             f"{last.decoded_error_percent:.1f} % of full scale"
         )
     if cycles.drift_percent is not None:
         sentences.append(
-            f"the largest force drifts by {cycles.drift_percent:+.2f} % from the first to the last cycle"
+            f"the largest force drifts by {cycles.drift_percent:+z.2f} % from the first to the last cycle"
         )
     return sentences
 

@@ -155,7 +155,8 @@ def _notes(design: Design, load: Load) -> list[str]:
     if load.depth:
         contact += (
             "; at its edge the pressure at rest is 0, so that every amplitude opens some of it, in proportion up to "
-            "half of its area: kept_amplitude opens a quarter, and lift_amplitude takes the whole normal force"
+            "half of its area (the columns kept_amplitude_mm and lift_amplitude_mm have the amplitudes that open a "
+            "quarter of it, and that take the whole normal force)"
         )
     plate = "the plate is rigid and has no mass; amplitudes are small" if load.depth else "amplitudes are small"
     return [*relaxation_notes(design), contact, plate]
