@@ -54,7 +54,8 @@ def wall_gaps(design: Design, point: Vector, shifts: Array) -> Array:
     t = np.linspace(0, 1, 101)
     aside = np.hypot(point[0] - t * x, point[1] - t * y)
     above = t * height - point[2] if point[2] > 0 else 0.0
-    radius = design.R * np.sqrt(1 + 6 * t * (1 - t) * (design.H / height - 1))
+    # beyond three times the height the estimate has no radius at mid-height
+    radius = design.R * np.sqrt(np.maximum(1 + 6 * t * (1 - t) * (design.H / height - 1), 0.0))
     return np.asarray((np.hypot(aside, above) - radius).min(axis=1))
 
 

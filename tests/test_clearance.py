@@ -47,3 +47,9 @@ def test_an_element_in_the_beam_is_said():
     found = warnings(Design(l0=4.0, f=3.0), REST, (0, 0))
     assert [text.split(" by")[0] for text in found if "S2" in text] == ["the beam's wall overlaps S2"]
     assert any("S1" in text for text in found)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_beam_stretched_beyond_its_estimate_has_a_wall():
+    design = paper()
+    assert wall_gap(design, (design.f, 0.0, 1.0), (0.0, 0.0, 1e9)) > 0
