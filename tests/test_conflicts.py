@@ -54,7 +54,7 @@ def test_two_requirements_conflict_and_each_gives_what_mechanics_says():
     assert conflict.gives == pytest.approx((4.0, 0.1))
     assert conflict.sentence() == (
         "no variant meets force_z of at least 20 N together with largest_strain of at most 40 %: either force_z "
-        "falls by 4 N to 16 N, or largest_strain rises by 10 points to 50 %"
+        "falls by 4 N to 16 N, or largest_strain rises by 10 percentage points to 50 %"
     )
 
 

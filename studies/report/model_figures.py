@@ -123,7 +123,7 @@ def _force_sentence(table: Table) -> str:
     return (
         f"At {table.floats('depth_mm')[row]:.3g} mm the rigid magnet makes finite elements give {force[row]:.3g} N; "
         f"a beam that is all silicone gives {table.floats('fem_homogeneous_force_N')[row]:.3g} N, and the paper's "
-        f"formula {formula[row]:.3g} N, {off:+.0f} %."
+        f"formula {formula[row]:.3g} N, {off:+z.0f} %."
     )
 
 
@@ -138,7 +138,7 @@ def _errors(table: Table, title: str, column: str, x: Axis, error: str) -> Figur
         if len(judged):
             worst = judged[np.abs(judged).argmax()]
             within = int((np.abs(judged) <= 5).sum())
-            sentences.append(f"{name}: {within} of {len(judged)} states within 5 %, largest error {worst:+.0f} %")
+            sentences.append(f"{name}: {within} of {len(judged)} states within 5 %, largest error {worst:+z.0f} %")
     caption = f"Error of the paper's formula against finite elements, {'; '.join(sentences)}." if sentences else ""
     return Figure(
         title,

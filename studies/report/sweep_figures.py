@@ -285,7 +285,7 @@ def _maps(table: Table, grid: Grid, error: str) -> Iterator[Figure]:
         caption = (
             f"Error of {model} against finite elements: {within:.0f} % of the cases are within "
             f"10 %, {100 * np.mean(np.abs(judged) <= 5):.0f} % within 5 %; the errors lie between "
-            f"{judged.min():+.0f} and {judged.max():+.0f} %. Empty cells have no result."
+            f"{judged.min():+z.0f} and {judged.max():+z.0f} %. Empty cells have no result."
         )
         yield Figure(
             f"Error of the {ERRORS[error]}, {model}",

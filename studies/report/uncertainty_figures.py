@@ -44,6 +44,10 @@ def sobol(table: Table) -> list[Figure]:
         f"Largest total index: {'; '.join(sentences[:6])}. Bars are 95 % intervals; {failed} of {points} points "
         "failed, which the intervals include. A total index above the first-order one means that inputs interact."
     )
+    error, outputs = table.floats("model_error_over_deviation"), table.texts("output")
+    doubtful = dict.fromkeys(name_of(outputs[row]).partition(" (")[0] for row in np.flatnonzero(error > 1).tolist())
+    if doubtful:
+        caption += f" Do not read those of {', '.join(doubtful)}: the model's error exceeds the variation."
     return [
         Figure(
             "Sobol indices",

@@ -173,7 +173,7 @@ def press_sentences(figures: Mapping[str, Any]) -> list[str]:
         held = f"within 5 % of the finite elements {_where(five, figures)}, and within 10 % {_where(ten, figures)}"
         lines.append(
             f"Press force {text}: the paper's F(d) is {held if ten else 'never within 10 % of the finite elements'}; "
-            f"its worst error is {worst:+.0f} %, at {at:.3g} mm."
+            f"its worst error is {worst:+z.0f} %, at {at:.3g} mm."
         )
     worst, at = (figures[f"worst_shift_error_percent{end}"] for end in ("", "_at_mm"))
     if math.isfinite(worst):
@@ -181,14 +181,14 @@ def press_sentences(figures: Mapping[str, Any]) -> list[str]:
             ": a uniform bar spreads the compression evenly, a round tip takes most of it itself" if worst > 0 else ""
         )
         lines.append(
-            f"Sinking of the magnet: the paper's value is off by up to {worst:+.0f} % (at {at:.3g} mm){why}."
+            f"Sinking of the magnet: the paper's value is off by up to {worst:+z.0f} % (at {at:.3g} mm){why}."
         )
     first, second, third = figures["elements"]
     errors = [figures[f"worst_analytic_{name}_error_percent_FS"] for name in (first, second)]
     if math.isfinite(errors[0]):
         lines.append(
-            f"Readings at equal depth: off by up to {errors[0]:+.0f} % of full scale in {_words(first)} and "
-            f"{errors[1]:+.0f} % in {_words(second)} and {_words(third)}."
+            f"Readings at equal depth: off by up to {errors[0]:+z.0f} % of full scale in {_words(first)} and "
+            f"{errors[1]:+z.0f} % in {_words(second)} and {_words(third)}."
         )
     output = f"{first}_{figures['output']}"
     worst = figures[f"{output}_against_force_error_percent_FS"]
@@ -197,7 +197,7 @@ def press_sentences(figures: Mapping[str, Any]) -> list[str]:
         what = "Voltage of S1" if volts else f"Output of {_words(first)}"
         lines.append(
             f"{what} at equal force (the paper reports less than 5 %{'' if volts else ' of its S1'}), up to "
-            f"{figures[f'{output}_against_force_up_to_N']:.3g} N: off by up to {worst:+.0f} % of full scale; "
+            f"{figures[f'{output}_against_force_up_to_N']:.3g} N: off by up to {worst:+z.0f} % of full scale; "
             f"{'this agrees with the paper.' if abs(worst) < 5 else 'the finite elements do not confirm the claim.'}"
         )
     if math.isfinite(figures["secant_force_N"]):
@@ -222,7 +222,7 @@ def shear_sentences(figures: Mapping[str, Any]) -> list[str]:
         f"Shear stiffness, plate stuck to a tip pressed by {figures['shear_depth_mm']:.3g} mm: the paper's 3EI/L³ is "
         f"{figures['shear_stiffness_N_per_mm']:.3f} N/mm; the finite elements give {stiff:.3f} N/mm with the rigid "
         f"magnet and {bare:.3f} N/mm all silicone, over the first {figures['first_shear_mm']:.3g} mm. Against the "
-        f"former, the paper's shear force is off by up to {worst:+.0f} % (at {at:.3g} mm)."
+        f"former, the paper's shear force is off by up to {worst:+z.0f} % (at {at:.3g} mm)."
     )
     lines.append(
         f"For each mm of shear the magnet moves sideways by {shift:.2f} mm (paper: "
@@ -281,4 +281,4 @@ def _where(runs: Sequence[Span], figures: Mapping[str, Any]) -> str:
 
 
 def _list(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:+.0f}" for value in values)
+    return ", ".join(f"{value:+z.0f}" for value in values)

@@ -85,7 +85,7 @@ class Bound:
         step = rounded_up(give)
         rises = self.sense == "at most"
         value = self.value + step if rises else self.value - step
-        points = f"{100 * step:.4g} points" if self.name == "largest_strain" else self.amount(step)
+        points = f"{100 * step:.4g} percentage points" if self.name == "largest_strain" else self.amount(step)
         return f"{self.name} {'rises' if rises else 'falls'} by {points} to {self.amount(value)}"
 
 
