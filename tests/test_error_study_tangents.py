@@ -26,8 +26,11 @@ def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
     _, (state,) = solved("critical")
     critical = stability.critical(paper(), accuracy=QUICK)
     depth, force = state.judged
-    assert (state.status, depth.value, force.value) == ("ok", critical.depth, critical.force)
-    assert (depth.estimate, force.estimate) == (critical.estimates.depth, critical.estimates.force)
+    assert state.status == "ok"
+    # the loops may be compiled in the second of both solves only
+    assert (depth.value, force.value) == pytest.approx((critical.depth, critical.force), rel=1e-11)
+    estimates = critical.estimates.depth, critical.estimates.force
+    assert (depth.estimate, force.estimate) == pytest.approx(estimates, rel=1e-7)
     assert depth.error == pytest.approx(abs(depth.value / depth.reference - 1))
 
 
