@@ -38,3 +38,9 @@ def test_other_files_in_the_folder_do_not_matter(tmp_path):
 @pytest.mark.parametrize("verb", ["demo", "verify", "bench", "sizing/fingertip", "cycle", "sweep", "trade", "layout"])
 def test_results_of_earlier_versions_may_be_made_again(verb):
     own_files.check(RESULTS / verb, [file.name for file in (RESULTS / verb).iterdir() if file.is_file()])
+
+
+def test_a_killed_run_may_be_repeated(tmp_path):
+    (tmp_path / "verify.csv").write_text("case,error\n")
+    (tmp_path / own_files.LOCK).write_text("1 machine")
+    own_files.check(tmp_path, ["verify.csv"])

@@ -26,7 +26,7 @@ from studies.output import file_lock, own_files
 WRITING = ".writing-"
 """Prefix of the name of a temporary folder; machine and process follow."""
 
-LOCK = ".magtip.lock"
+LOCK = own_files.LOCK
 """Name of the lock file in a folder that is being filled, and suffix of the lock file of a single output file."""
 
 

@@ -1,7 +1,7 @@
 """Which files of an output folder were not written by magtip, so that no verb may overwrite them?
 
 Pages and records state their origin. Tables and pictures cannot: they count as written by magtip where a page or a
-record beside them does.
+record beside them does, or where a killed process of magtip has left its lock file.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ ORIGIN = re.compile(
 
 RECORD = "run.json"
 """A record of a run, see `studies.output.run_record`."""
+
+LOCK = ".magtip.lock"
+"""Name of the lock file in a folder that is being filled, see `studies.output.atomic_files`."""
 
 STATING = ("*.md", "*.json", "design.toml")
 """Files that always state their origin."""
@@ -47,7 +50,7 @@ def check(folder: str | Path, names: Iterable[str]) -> None:
         return
     files = sorted({file for name in names for file in where.glob(name) if file.is_file()})
     stated = {file: states_origin(file) for file in files}
-    known = any(stated.values()) or states_origin(where / RECORD)
+    known = any(stated.values()) or states_origin(where / RECORD) or (where / LOCK).exists()
     for file, own in stated.items():
         if not own and (not known or any(map(file.match, STATING))):
             raise BadInput(f"{str(file)!r} was not written by magtip and would be overwritten: choose another folder")
