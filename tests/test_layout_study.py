@@ -79,15 +79,13 @@ def test_stated_noise_is_used_and_named(run, strict, small):
     assert chip["condition_worst"] < 3
 
 
-def test_the_texts_of_the_map_are_whole_and_apart(run, small, monkeypatch):
+def test_the_map_is_a_table_with_units_and_a_picture_whose_texts_are_whole_and_apart(
+    run, small, tmp_path, monkeypatch
+):
     figures = saved_figures(monkeypatch)
-    assert run("layout", "paper", *FOLDED, "--out", "map")[0] == 0
-    check_texts(figures[0])
-
-
-def test_the_map_is_a_table_with_units(run, small, tmp_path):
     status, _, err = run("layout", "paper", *FOLDED, "--out", "map")
     assert status == 0
+    check_texts(figures[0])
     assert "layout.csv, pictures and LAYOUT.md" in err
     assert sorted(p.name for p in (tmp_path / "map").iterdir()) == ["LAYOUT.md", "layout.csv", "layout.png"]
     with open(tmp_path / "map" / "layout.csv", newline="", encoding="utf-8") as file:
