@@ -219,8 +219,8 @@ class Design:
             raise BadInput(f"L must not exceed 20 D = {20 * self.D:g} mm; got {self.L:g} mm")
         if not self.hall_low < self.hall_null < self.hall_high:
             raise BadInput(
-                f"hall_null must lie between hall_low = {self.hall_low:g} V and hall_high = {self.hall_high:g} V; "
-                f"got {self.hall_null:g} V"
+                "hall_low, hall_null and hall_high must rise; got "
+                f"{self.hall_low:g}, {self.hall_null:g} and {self.hall_high:g} V"
             )
         if not self.loss_low < self.loss_high:
             raise BadInput(f"loss_low must be less than loss_high = {self.loss_high:g} Hz; got {self.loss_low:g} Hz")

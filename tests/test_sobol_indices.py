@@ -85,6 +85,13 @@ def test_the_stated_error_of_the_model_widens_the_intervals():
     assert width[1] > 1.2 * width[0]
 
 
+def test_an_error_beyond_the_variation_leaves_every_share_open():
+    values = ishigami(saltelli_points(ANGLES, 256, seed=5))
+    rough = indices(ANGLES, values, np.full_like(values, 2 * values.std()), seed=5)
+    assert (rough.first_low <= 0).all()
+    assert (rough.total_high >= 1).all()
+
+
 def test_the_interval_contains_the_truth_of_a_function_that_the_model_approximates():
     """A model with a wrong curvature of x2, and an error that says so."""
     values = ishigami(saltelli_points(ANGLES, 2048, 6))

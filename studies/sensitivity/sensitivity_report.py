@@ -122,8 +122,8 @@ def doubt(rows: Sequence[SobolRow]) -> str:
     """Return a sentence that names the outputs that vary by less than the model's error, "" if there is none."""
     names = dict.fromkeys(titled(row.output) for row in rows if row.model_error_over_deviation > 1)
     return (
-        f"do not read the indices of {', '.join(names)}: the model's error exceeds the variation of the output, and "
-        "the intervals may not hold the true indices; vary the inputs in wider ranges, or use --methods morris"
+        f"do not read the indices of {', '.join(names)}: the model's error exceeds the variation of the output, so "
+        "that their intervals reach from 0 to 1; vary the inputs in wider ranges, or use --methods morris"
         if names
         else ""
     )

@@ -9,7 +9,8 @@ An interval covers three causes:
 
 - sampling: percentiles of bootstrap resamples of the N base points, 95 %;
 - error of the model: the output is changed by random smooth functions whose size is the stated error at each point
-  (`error_variants`); the interval is widened to the percentiles of their pooled resamples, 95 %;
+  (`error_variants`); the interval is widened to the percentiles of their pooled resamples, 95 %; where the stated error
+  exceeds the deviation of the output, nothing is known of its shares, and the interval is widened to 0 to 1;
 - failed points: the interval is widened by the bounds of the indices over all values that the failed points may have
   between the least and the largest of the others.
 """
@@ -150,6 +151,8 @@ def indices(
         pooled = _interval(np.concatenate(with_errors, axis=1))
         low, high = np.minimum(low, pooled[0]), np.maximum(high, pooled[1])
     low, high = np.minimum(low, estimate), np.maximum(high, estimate)
+    if half_width is not None and error_over_deviation(half_width, known) > 1:
+        low, high = np.minimum(low, 0.0), np.maximum(high, 1.0)
     if failed:
         # the sampling error comes on top of the bounds of what the failed points may be
         others = [_resampled(ranges, one, 2, seed)[0] for one in filled[1:]]
@@ -170,6 +173,11 @@ def indices(
         mean=moments[0],
         deviation=moments[1],
     )
+
+
+def error_over_deviation(half_width: Array, known: Array) -> float:
+    """Return the median half width of a model's 90 % interval over the standard deviation of the known outputs."""
+    return float(np.nanmedian(half_width) / known.std())
 
 
 def varies(values: Array) -> bool:

@@ -69,8 +69,8 @@ const InputChecks = (() => {
     if (!(L <= 20 * D)) throw new BadInput(`L must not exceed 20 D = ${general(20 * D)} mm; got ${general(L)} mm`, "L");
     if (!(low < rest && rest < high))
       throw new BadInput(
-        `hall_null must lie between hall_low = ${general(low)} V and hall_high = ${general(high)} V; ` +
-        `got ${general(rest)} V`, "hall_null");
+        "hall_low, hall_null and hall_high must rise; got " +
+        `${general(low)}, ${general(rest)} and ${general(high)} V`, "hall_null");
     if (!(design.loss_low < design.loss_high))
       throw new BadInput(
         `loss_low must be less than loss_high = ${general(design.loss_high)} Hz; got ${general(design.loss_low)} Hz`,
