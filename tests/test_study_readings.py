@@ -40,7 +40,7 @@ def test_an_impossible_sensor_has_no_readings():
     assert math.isfinite(possible["fem_S1_V"])
     assert (impossible["status"], math.isnan(impossible["fem_S1_V"])) == ("bad_input", True)
     assert math.isnan(impossible["fem_force_N"])
-    assert "hall_null must lie between" in impossible["message"]
+    assert "hall_low, hall_null and hall_high must rise" in impossible["message"]
 
 
 def test_gains_change_the_output_and_not_the_field():

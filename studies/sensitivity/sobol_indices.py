@@ -9,8 +9,8 @@ An interval covers three causes:
 
 - sampling: percentiles of bootstrap resamples of the N base points, 95 %;
 - error of the model: the output is changed by random smooth functions whose size is the stated error at each point
-  (`error_variants`); the interval is widened to the percentiles of their pooled resamples, 95 %; where the stated error
-  exceeds the deviation of the output, nothing is known of its shares, and the interval is widened to 0 to 1;
+  (`error_variants`); the interval is widened to the percentiles of their pooled resamples, 95 %; where the stated
+  error exceeds the deviation of the output, nothing is known of its shares, and the interval is widened to 0 to 1;
 - failed points: the interval is widened by the bounds of the indices over all values that the failed points may have
   between the least and the largest of the others.
 """
