@@ -58,10 +58,16 @@ def started(folder, count):
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    """The scheduler of a cluster whose two workers live as long as the tests."""
+def shared(tmp_path_factory):
+    """A cluster whose two workers live until the last test, which kills a worker and the scheduler."""
     with started(tmp_path_factory.mktemp("cluster"), 2) as both:
-        yield both.address
+        yield both
+
+
+@pytest.fixture(scope="module")
+def address(shared):
+    """The scheduler of the shared cluster."""
+    return shared.address
 
 
 def test_tasks_are_finished_or_have_a_reason(address):
@@ -131,24 +137,6 @@ def test_a_scheduler_that_does_not_answer_is_bad_input(monkeypatch):
                 next(finished([4.0], math.sqrt, workers=0, scheduler=address))
 
 
-def test_a_lost_worker_costs_nothing_and_a_lost_scheduler_ends_the_run(tmp_path):
-    with started(tmp_path, 2) as own:
-        begun = []
-        for each in finished([0.2] * 10, time.sleep, workers=0, scheduler=own.address):
-            begun.append(each)
-            if len(begun) == 3:
-                own.workers[0].kill()
-        assert [each.reason for each in begun] == [""] * 10
-        results = finished([0.2] * 10, time.sleep, workers=0, scheduler=own.address)
-        next(results)
-        own.scheduler.kill()
-        begin = time.monotonic()
-        with pytest.raises(SchedulerLost, match=r"tasks are unfinished; the same command continues") as lost:
-            list(results)
-        assert time.monotonic() - begin < 5
-        assert str(lost.value).startswith(f"the scheduler at {own.address} is gone: ")
-
-
 def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "ABSENCE", 0.5)
     monkeypatch.setattr(workers, "PATIENCE", 0.1)
@@ -184,3 +172,21 @@ def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp
     whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
     assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"
     assert len(whole.splitlines()) == 8
+
+
+def test_a_lost_worker_costs_nothing_and_a_lost_scheduler_ends_the_run(shared):
+    """The last test: it leaves the shared cluster without its scheduler."""
+    begun = []
+    for each in finished([0.2] * 10, time.sleep, workers=0, scheduler=shared.address):
+        begun.append(each)
+        if len(begun) == 3:
+            shared.workers[0].kill()
+    assert [each.reason for each in begun] == [""] * 10
+    results = finished([0.2] * 10, time.sleep, workers=0, scheduler=shared.address)
+    next(results)
+    shared.scheduler.kill()
+    begin = time.monotonic()
+    with pytest.raises(SchedulerLost, match=r"tasks are unfinished; the same command continues") as lost:
+        list(results)
+    assert time.monotonic() - begin < 5
+    assert str(lost.value).startswith(f"the scheduler at {shared.address} is gone: ")
