@@ -152,7 +152,7 @@ def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypa
 
 
 def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp_path):
-    axes = ["--axis", "L=lin:10:16:8", "--depth", "0.4", "--magnet", "ignored", "--accuracy", "quick"]
+    axes = ["--axis", "L=lin:10:16:14", "--depth", "0.4", "--magnet", "ignored", "--accuracy", "quick"]
     sweep = [sys.executable, "-m", "studies.cli", "sweep", *axes, "--store", str(tmp_path / "store.sqlite"), "--json"]
     env = {**os.environ, "PYTHONPATH": str(TESTS.parent)}
     with started(tmp_path, 2) as own:
@@ -171,7 +171,7 @@ def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp
     assert re.fullmatch(sentence, errors)
     whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
     assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"
-    assert len(whole.splitlines()) == 8
+    assert len(whole.splitlines()) == 14
 
 
 def test_a_lost_worker_costs_nothing_and_a_lost_scheduler_ends_the_run(shared):
