@@ -35,6 +35,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response, check_load, rotation_of
 from studies.exploration.solved_paths import frequency_unit
+from studies.explorer import state_answers
 from studies.explorer.explorer_state import ExplorerState
 from studies.surrogate import surrogate_range, surrogate_response
 from studies.surrogate.prediction import Beams
@@ -141,14 +142,7 @@ def formula_part(design: Design, load: Load, level: str) -> Part:
         response = beam.solve(design, load, level)
     except BadInput as error:
         return {"force": None, "shift": None, "message": str(error)}
-    return {
-        "force": list(response.force),
-        "shift": list(response.shift),
-        "tilt": math.degrees(response.tilt),
-        "tilt_y": math.degrees(response.tilt_y),
-        "contact_radius": response.contact_radius,
-        "message": beam.outside(design, load, level),
-    }
+    return state_answers.response_data(response) | {"message": beam.outside(design, load, level)}
 
 
 def readings_part(design: Design, response: Response, plane: Plane, slopes: Array) -> Part:
