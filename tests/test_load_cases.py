@@ -271,7 +271,7 @@ def fake(monkeypatch):
 
         package, _, stem = f"studies.{name}".rpartition(".")
         module = types.ModuleType(f"studies.{name}")
-        module.run, module.FILES = pretend, ()
+        module.run, module.FILES, module.WRITTEN = pretend, (), ()
         monkeypatch.setitem(sys.modules, f"studies.{name}", module)
         monkeypatch.setattr(importlib.import_module(package), stem, module, raising=False)
         return calls

@@ -40,7 +40,7 @@ def test_a_saturated_element_reads_nothing():
 
 def test_rows_hold_gains_and_phases():
     one = curves(paper(), Load(depth=1.0, friction="stick"), [1.0, 10.0])["x"]
-    rows = response_curves.rows(one, None)
+    rows = response_curves.rows(one, None, {})
     assert rows[1]["S2_V_per_N"] == pytest.approx(abs(one.per_N[1, 1]))
     assert rows[1]["force_phase_deg"] == pytest.approx(np.degrees(np.angle(one.force[1])))
     assert rows[1]["S1_V_per_N"] is None  # forbidden by symmetry
