@@ -1,8 +1,9 @@
 """What a sweep leaves behind when it is killed: its rows, its solves, its worker processes and its store.
 
-A sweep is killed with SIGKILL at random moments and started again with the same store, until it completes; then a new
-round begins with an empty store. Each solve notes in a log that it begins. After each kill, `Kill` has what is in the
-store of the rows that were printed, which solves are begun but not stored, and which processes are left.
+A sweep is killed with SIGKILL, at random moments and each third time after its first row, and started again with the
+same store, until it completes; then a new round begins with an empty store. Each solve notes in a log that it begins.
+After each kill, `Kill` has what is in the store of the rows that were printed, which solves are begun but not stored,
+and which processes are left.
 """
 
 from __future__ import annotations
@@ -124,22 +125,25 @@ class KilledStudy:
             raise RuntimeError(f"the sweep ended with status {process.returncode}")
         return _rows(base)
 
-    def kill(self, number: int, base: Path) -> Kill | None:
+    def kill(self, number: int, base: Path, *, after_row: bool = False) -> Kill | None:
         """Start the sweep with the store of a round and kill it at a random moment; None if it ends before.
 
         Parameters
         ----------
         number : of the round.
         base : path of the store and of the files beside it, without a suffix.
+        after_row : kill it when it has printed a row.
         """
         before = _begun(base)
         solves, delay = self.moments.randrange(MOST_BEGUN), self.moments.uniform(0.0, SPAN)
         begin = time.perf_counter()
         process = self._start(base)
-        while process.poll() is None and len(_begun(base)) < len(before) + solves:
+        while process.poll() is None and not (
+            _rows(base) if after_row else len(_begun(base)) >= len(before) + solves
+        ):
             time.sleep(0.01)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(delay)
+            process.wait(0.0 if after_row else delay)
         if process.poll() is not None:
             return None
         workers = _children(process.pid)
@@ -199,7 +203,8 @@ def kills(folder: Path, count: int, seed: int = 1, axes: Sequence[str] = AXES) -
     study, done, number = KilledStudy(folder, axes, seed), 0, 1
     while done < count:
         base = folder / f"round{number}"
-        while done < count and (kill := study.kill(number, base)) is not None:
+        # random moments are often too early for a row
+        while done < count and (kill := study.kill(number, base, after_row=done % 3 == 2)) is not None:
             done += 1
             console.say(f"kill {done} of {count}: {kill}")
             yield kill
