@@ -35,7 +35,6 @@ from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.overstress import Overstress
 from fem.discretisation.rigid_inclusion import RigidBody
 from fem.solvers.sparse_pattern import Pattern, Side
-from geometry import compiled
 from geometry.arrays import Array, Ints
 
 CHUNK = 4096
@@ -314,11 +313,7 @@ class System:
     @property
     def axisymmetric(self) -> AxisymmetricLoops | None:
         """The compiled loops of a section without harmonics; None for other models, and where NumPy is used."""
-        if not self._plain:
-            return None
-        # loops that exist serve until numba is switched off
-        known = "_axisymmetric_loops" in self.__dict__ and compiled.available()
-        return self._axisymmetric_loops if known or element_loops.usable(self.law, self.elements) else None
+        return self._axisymmetric_loops if self._plain and element_loops.usable(self.law, self.elements) else None
 
     @functools.cached_property
     def _axisymmetric_loops(self) -> AxisymmetricLoops:
