@@ -9,7 +9,7 @@ from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, own_files
 
 
 def bench(
@@ -46,7 +46,7 @@ def bench(
     from studies.benchmarks import benchmark_tables
     from studies.benchmarks import solver_benchmark as study
 
-    atomic_files.inside(out, ("BENCH.md", "bench.csv", "size.png"))
+    own_files.check(out, ("BENCH.md", "bench.csv", "size.png"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         rows = study.run(
             quick=quick,
@@ -100,7 +100,7 @@ def trade(
     if not 2 <= designs <= trade_cases.STUDIED:
         raise BadInput(f"--designs must lie between 2 and {trade_cases.STUDIED}; got {designs}")
     origin = versions()
-    atomic_files.inside(out, trade_report.FILES)
+    own_files.check(out, trade_report.FILES)
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         states = study.run(study.plan(designs, quick=quick), folder, progress)
         rule = trade_rule.statements(states)

@@ -11,7 +11,7 @@ from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
-from studies.output import atomic_files, console
+from studies.output import atomic_files, console, own_files
 
 
 def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -27,7 +27,7 @@ def verify(*, quick: bool = False, out: Path | None = None, wide: Wide = False, 
     command_line = command(verify, locals())
     from studies.validation import verify as study
 
-    atomic_files.inside(out, ("VERIFY.md", "verify.csv"))
+    own_files.check(out, ("VERIFY.md", "verify.csv"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
@@ -57,7 +57,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
     command_line = command(friction, locals())
     from studies.validation import coulomb_study as study
 
-    atomic_files.inside(out, ("FRICTION.md", "friction.csv", "friction.png"))
+    own_files.check(out, ("FRICTION.md", "friction.csv", "friction.png"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         checks = study.run(quick=quick, folder=folder, command=command_line, progress=progress)
     console.report(
@@ -88,7 +88,7 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
     command_line = command(extremes, locals())
     from studies.validation import robustness as study
 
-    atomic_files.inside(out, ("EXTREMES.md", "extremes.csv"))
+    own_files.check(out, ("EXTREMES.md", "extremes.csv"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(quick=quick, folder=folder, command=command_line, progress=progress):
@@ -131,7 +131,7 @@ def accuracy(
     from studies.validation import error_study as study
 
     origin = versions()
-    atomic_files.inside(out, ("ACCURACY.md", "accuracy.csv", "errors.png"))
+    own_files.check(out, ("ACCURACY.md", "accuracy.csv", "errors.png"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         states = study.run(
             quick=quick, folder=folder, minutes=math.inf if minutes is None else minutes, progress=progress
@@ -184,7 +184,7 @@ def crosscheck(
     if not 1 <= count <= error_study_cases.DESIGNS:
         raise BadInput(f"--count must lie between 1 and {error_study_cases.DESIGNS}; got {count}")
 
-    atomic_files.inside(out, ("CROSSCHECK.md", "crosscheck.csv"))
+    own_files.check(out, ("CROSSCHECK.md", "crosscheck.csv"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(accuracy, count, progress, tilted=tilted):
@@ -234,7 +234,7 @@ def ladder(
     most = len(study.designs())
     if not 1 <= count <= most:
         raise BadInput(f"--count must lie between 1 and {most}; got {count}")
-    atomic_files.inside(out, ("LADDER.md", "ladder.csv", "ladder.png"))
+    own_files.check(out, ("LADDER.md", "ladder.csv", "ladder.png"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         comparisons = []
         for comparison in study.run(accuracy, count, progress):
@@ -266,7 +266,7 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     if not 1 <= count <= 1024:
         raise BadInput(f"--count must lie between 1 and 1024; got {count}")
     origin = versions()
-    atomic_files.inside(out, ("RANGE.md", "range.csv"))
+    own_files.check(out, ("RANGE.md", "range.csv"))
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         results = []
         for result in study.run(count, folder, progress):

@@ -173,8 +173,7 @@ def inside(folder: Path | None, names: Iterable[str]) -> list[Path]:
         The folder has a file of such a name that magtip did not write.
     """
     paths = [] if folder is None else [folder / name for name in names]
-    if folder is not None:
-        own_files.check(folder, [path.name for path in paths])
+    own_files.check(folder, [path.name for path in paths])
     return paths
 
 

@@ -33,11 +33,12 @@ MOST_BYTES = 20_000_000
 """Part of a file that is searched."""
 
 
-def check(folder: str | Path, names: Iterable[str]) -> None:
+def check(folder: str | Path | None, names: Iterable[str]) -> None:
     """Check that a verb, which writes these files into a folder, overwrites no file of the user.
 
     Parameters
     ----------
+    folder : None for a verb that writes no files.
     names : names of files, or patterns such as "sweep-*.png".
 
     Raises
@@ -45,9 +46,9 @@ def check(folder: str | Path, names: Iterable[str]) -> None:
     BadInput
         The folder has a file of these names that magtip did not write.
     """
-    where = Path(folder)
-    if not where.is_dir():
+    if folder is None or not Path(folder).is_dir():
         return
+    where = Path(folder)
     files = sorted({file for name in names for file in where.glob(name) if file.is_file()})
     stated = {file: states_origin(file) for file in files}
     known = any(stated.values()) or states_origin(where / RECORD) or (where / LOCK).exists()

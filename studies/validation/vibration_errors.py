@@ -22,7 +22,7 @@ from fem.vibration import vibrating_sensor, vibration_model
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output import atomic_files, checkpoint, console, records
+from studies.output import atomic_files, checkpoint, console, own_files, records
 from studies.output.csv_tables import write_table
 from studies.output.markdown_tables import markdown
 from studies.output.provenance import made, versions
@@ -284,6 +284,7 @@ def report(judged: Sequence[Judged], command: str, origin: str) -> str:
 
 def main(out: str, *, quick: bool = False) -> None:
     """Run the study and write its files into a folder."""
+    own_files.check(out, ("VIBRATION_ERRORS.md", "vibration_errors.csv"))
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=False) as progress:
         judged = run(folder, quick=quick, progress=progress)
