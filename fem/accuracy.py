@@ -29,7 +29,7 @@ class Accuracy:
 
 
 QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
-STANDARD = Accuracy("standard", 0.09, 0.14, 0.006, 0.015, 3)
+STANDARD = Accuracy("standard", 0.09, 0.14, 0.006, 0.02, 3)
 FINE = Accuracy("fine", 0.045, 0.10, 0.002, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
 

@@ -16,12 +16,12 @@ from fem.scene import Model
 
 PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], int] = {
     "axisymmetric": 2,
-    "harmonic": 2,
-    "half": 2,
-    "full": 2,
+    "harmonic": 3,
+    "half": 3,
+    "full": 3,
     "critical depth": 1,
     "modes": 1,
     "response": 1,
-    "cycle": 1,
+    "cycle": 2,
 }
 """Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""

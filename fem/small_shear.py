@@ -26,7 +26,7 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, about, glue
-from fem.stability import RIM, fine_section
+from fem.stability import fine_section
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
@@ -113,8 +113,8 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), RIM * accuracy.section_patch, depth)
-    section = fine_section(scene, edge)
+    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), accuracy.section_patch, depth)
+    section = replace(fine_section(scene), rim=(edge, min(accuracy.section_patch, edge / 4)), glued=True)
     path = Path(section.build(), rough=press)
     try:
         reason, pressed = path.go(depth, np.zeros(2)), path.state

@@ -32,7 +32,14 @@ from skfem import MeshTet1, MeshTet2
 from geometry import cad
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
-from geometry.meshing import curved_mesh, edge_lengths, exact_surfaces, mesh_cache, surface_triangulation
+from geometry.meshing import (
+    curved_mesh,
+    edge_lengths,
+    edge_singularity,
+    exact_surfaces,
+    mesh_cache,
+    surface_triangulation,
+)
 from geometry.meshing import mesh_magnification as zooming
 from geometry.meshing.edge_lengths import Sizes
 from geometry.meshing.mesh_magnification import Zoom
@@ -150,7 +157,7 @@ def _built(unit: Shape, sizes_D: Sizes, half: bool, magnet: Parts, timeout: floa
 def _makers() -> list[str]:
     """Return what determines a mesh besides the request: versions of libraries, and a hash of the code of meshing."""
     code = hashlib.sha256()
-    used = (cad, curved_mesh, exact_surfaces, edge_lengths, surface_triangulation, zooming)
+    used = (cad, curved_mesh, edge_singularity, exact_surfaces, edge_lengths, surface_triangulation, zooming)
     for file in (Path(__file__), CHILD, *(Path(str(module.__file__)) for module in used)):
         code.update(file.read_bytes())
     versions = [f"{name} {version(name)}" for name in ("pytetwild", "scikit-fem", "numpy", "scipy")]

@@ -27,6 +27,7 @@ from skfem.quadrature import get_quadrature
 from geometry import compiled
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Shape
+from geometry.meshing.edge_singularity import SingularEdges
 from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
 from geometry.meshing.section_outline import Curve, modulus, outline, room
 
@@ -54,6 +55,7 @@ class Settings:
     ring: tuple[float, float] | None
     fillet: float
     magnet: Literal["hole", "meshed", "none"]
+    glued: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,7 @@ def section(
     rim: tuple[float, float] | None = None,
     fillet: float = FILLET,
     magnet: Literal["hole", "meshed", "none"] = "hole",
+    glued: bool = False,
 ) -> Any:
     """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
 
@@ -93,6 +96,8 @@ def section(
     rim : radius of a ring on the dome that gets a node, and edge length there: the edge of a contact area.
     fillet : largest edge length at a fillet of the magnet, as a fraction of its radius.
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
+    glued : whether the area inside the ring will be glued; triangles at the ring are then graded towards it, see
+        `meshing.edge_singularity`.
 
     Returns
     -------
@@ -115,17 +120,33 @@ def section(
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
-    settings = Settings(size_D, tip_D, ring, fillet, magnet)
-    if compiled.worthwhile(SAVED_S) and (kernels := compiled.load("geometry.meshing.section_compiled")):
-        return kernels.mesh(shape, unit, settings)
-    return _numpy_mesh(shape, unit, settings)
+    settings = Settings(size_D, tip_D, ring, fillet, magnet, glued)
+    kernels = compiled.load("geometry.meshing.section_compiled") if compiled.worthwhile(SAVED_S) else None
+    mesh = kernels.mesh(shape, unit, settings) if kernels else _numpy_mesh(shape, unit, settings)
+    if ring is not None and glued:
+        _grade_ring(mesh, shape, ring[0] * shape.D)
+    return mesh
+
+
+def _grade_ring(mesh: Any, shape: Shape, radius: float) -> None:
+    """Move the middle nodes of the sides that end at the ring of a radius, in place."""
+    at = np.array([[radius], [shape.H + math.sqrt(max(shape.R**2 - radius**2, 0.0))]])
+    node = int(np.argmin(np.square(mesh.p - at).sum(axis=0)))
+    start, end = mesh.facets.astype(np.int64)
+    middle = np.flatnonzero((start == node) | (end == node))
+    far = start[middle] + end[middle] - node
+    SingularEdges(np.full(len(middle), node), far, mesh.nvertices + middle).move(mesh.doflocs)
+    around = mesh.doflocs[:, mesh.dofs.element_dofs[:, (mesh.t == node).any(axis=0)]]
+    (a, b), (c, d) = np.einsum("ikt,kjq->ijtq", around, SLOPES)
+    if (a * d - b * c).min() <= 0:
+        raise RuntimeError("a triangle at the ring of the section is folded: take a smaller size")
 
 
 def _numpy_mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
     """Return the mesh of `section` as NumPy makes it; `unit` is the shape in units of D, rounded."""
     domain = unit.without_magnet() if s.magnet == "meshed" else unit
     curves = outline(unit, s.magnet, s.ring and s.ring[0])
-    sizing = grading(unit, curves, s.size, s.tip_size, s.ring, s.fillet, s.magnet == "meshed")
+    sizing = grading(unit, curves, s.size, s.tip_size, s.ring, s.fillet, s.magnet == "meshed", s.glued)
     cuts = _cuts(curves, sizing)
     border = _border(curves, cuts)
     inner = _smoothed(domain, border, _fill(domain, border, sizing), sizing)

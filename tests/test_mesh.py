@@ -51,11 +51,11 @@ def skin_distance(x, shape):
     return np.hypot(np.hypot(x[0], x[1]), np.maximum(x[2] - shape.H, 0)) - shape.R
 
 
-def check_quality(mesh, shape):
+def check_quality(mesh, shape, least_jacobian=0.05):
     found = quality(mesh, shape)
     assert max(map(abs, found.volume_errors.values())) < 1e-5
     assert abs(found.base_error) < 1e-4
-    assert found.least_jacobian > 0.05
+    assert found.least_jacobian > least_jacobian
     assert found.least_shape > 0.02
     return found
 
@@ -278,7 +278,8 @@ def test_edges_follow_the_rim(half):
     """Edges form a closed chain (open in half a beam) with all nodes on the ring; no facet crosses the ring."""
     radius, size = 1.4, 0.4
     mesh = tetrahedra(PAPER, 2.0, half=half, magnet="hole", rim=(radius, size))
-    check_quality(mesh, PAPER)
+    # cells at the rim are graded: with straight edges they have 0.05
+    check_quality(mesh, PAPER, least_jacobian=0.025)
     facets = mesh.facets[:, mesh.boundaries["skin"]]
     facets = facets[:, mesh.p[2, facets].min(axis=0) > PAPER.H]
     out = np.hypot(mesh.p[0], mesh.p[1])

@@ -26,7 +26,7 @@ def find_contact_edge(section: MeshSpecification, edge_length: float, depth: flo
 
     Parameters
     ----------
-    section : mesh of the press; its own refinement (`rim`) is replaced.
+    section : mesh of the press; its own refinement (`rim`, `glued`) is replaced.
     edge_length : edge length at the edge of the contact, over D; at most EDGE_SHARE of the radius.
     depth : depth of the press, over D.
     """
@@ -37,7 +37,9 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
     """Return the radius of `find_contact_edge`, and the press from which it results."""
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
-        state = solve_press(replace(section, rim=(radius, min(edge_length, EDGE_SHARE * radius))).build(), depth)
+        state = solve_press(
+            replace(section, rim=(radius, min(edge_length, EDGE_SHARE * radius)), glued=False).build(), depth
+        )
         end = measure_contact_edge(state)
         if not end:  # the press did not reach first touch: the press on the final mesh reports why
             break

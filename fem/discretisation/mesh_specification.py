@@ -28,6 +28,7 @@ class MeshSpecification:
     body : "section", or tetrahedra of "half" the solid (y >= 0) or of the "full" solid.
     fillet : edge length at the magnet's fillet over the fillet's radius, on a section.
     rim : undeformed radius at which the contact area will end, and edge length there; None for no refinement.
+    glued : whether the area inside the rim will be glued, see `geometry.section.section`; that of a solid always is.
     push : dead force along x, distributed over the dome, over E D^2.
     harmonics : number of harmonics on a section; 0 is axisymmetric.
     skin_harmonics : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
@@ -44,6 +45,7 @@ class MeshSpecification:
     body: Literal["section", "half", "full"] = "section"
     fillet: float = FILLET
     rim: tuple[float, float] | None = None
+    glued: bool = False
     push: float = 0.0
     harmonics: int = 0
     skin_harmonics: int = 0
@@ -62,6 +64,7 @@ class MeshSpecification:
                 push=self.push,
                 around=self.skin_harmonics,
                 fillet=self.fillet,
+                glued=self.glued,
             )
         half = self.body == "half"
         return symmetry_models.solid(*of_beam, half=half, rim=self.rim, push=self.push, mesh=self.mesh)

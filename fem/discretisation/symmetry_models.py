@@ -10,7 +10,8 @@ full : any load; tetrahedra.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ import skfem
 from numpy.typing import NDArray
 
 from fem.discretisation import angular_fields, elements, rigid_inclusion
-from fem.discretisation.elements import Elements
+from fem.discretisation.elements import Elements, Surface
 from fem.discretisation.gradient_recovery import Recovery, build_recovery
 from fem.discretisation.nonlinear_system import NONE, System
 from fem.material import Law, lame, neo_hookean
@@ -84,6 +85,7 @@ def section(
     push: float = 0.0,
     around: int = 0,
     fillet: float = FILLET,
+    glued: bool = False,
 ) -> Discretisation:
     """Build the model of a section of revolution with clamped base.
 
@@ -94,10 +96,10 @@ def section(
     rim : radius and edge length where the contact area will end, see `geometry.section.section`.
     push : dead force along x, distributed over the dome, over E D^2; requires harmonics.
     around : number of harmonics that the skin's angles must integrate, if larger than `harmonics`.
-    fillet : see `geometry.section.section`.
+    fillet, glued : see `geometry.section.section`.
     """
     rigid = magnet == "rigid"
-    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none")
+    mesh = _section_mesh(shape, size, tip_size, rim, fillet, "hole" if rigid else "none", glued)
     e = elements.build(mesh, axisymmetric=True, harmonics=harmonics, sines=sines)
     fixed = np.zeros((len(e.nodes), e.angles.fields), dtype=bool)
     fixed[elements.boundary_nodes(mesh, "base")] = True
@@ -105,10 +107,12 @@ def section(
     skin = elements.surface(
         mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
-    glued = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
-    body = rigid_inclusion.section(e.nodes[glued] - [0, shape.H], e.angles) if rigid else None
+    if glued and rim is not None:
+        skin = _release_next_point(skin, shape, rim[0])
+    held = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
+    body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if rigid else None
     dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
-    system = System(e, skin, *lame(1.0, nu), fixed, glued, body, dead, law=law)
+    system = System(e, skin, *lame(1.0, nu), fixed, held, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
 
@@ -194,6 +198,26 @@ def field_names(angles: angular_fields.Angles) -> list[tuple[str, int]]:
     return names + [("z", order) for order in n] + [("s", order) for order in n[1:] if both]
 
 
+def _release_next_point(skin: Surface, shape: Shape, radius: float) -> Surface:
+    """Return the skin of a section without contact at that point outside a glued area that is next to its edge.
+
+    At the share 0.03 of the facet's length from the edge, the point would touch in the press, by the waves that
+    graded elements have there (see `geometry.meshing.edge_singularity`), and hold the skin that should open as soon
+    as the plate moves: a small shear of a long sensor would be 5 % too stiff.
+
+    radius : undeformed radius of the area's edge.
+    """
+    edge = shape.H + math.sqrt(max(shape.R**2 - radius**2, 0.0))
+    height = skin.points[:, :: skin.angles, 2]
+    outside = np.flatnonzero(height.max(axis=1) < edge)
+    if not len(outside):
+        return skin
+    facet = outside[height[outside].max(axis=1).argmax()]
+    weights = skin.weights.copy()
+    weights[facet].reshape(-1, skin.angles)[height[facet].argmax()] = 0
+    return replace(skin, weights=weights)
+
+
 @functools.lru_cache(maxsize=8)
 def _section_mesh(
     shape: Shape,
@@ -202,8 +226,9 @@ def _section_mesh(
     rim: tuple[float, float] | None,
     fillet: float,
     magnet: Literal["hole", "none"],
+    glued: bool,
 ) -> skfem.MeshTri2:
-    return section_mesh(shape, size, tip_size=tip_size, rim=rim, fillet=fillet, magnet=magnet)
+    return section_mesh(shape, size, tip_size=tip_size, rim=rim, fillet=fillet, magnet=magnet, glued=glued)
 
 
 @functools.lru_cache(maxsize=4)

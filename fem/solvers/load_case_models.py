@@ -139,7 +139,7 @@ def _section_predictor(scene: Scene, rim: tuple[float, float] | None) -> MeshSpe
     if scene.model != "half" or scene.grip is not None or scene.push or scene.plate_tilt or scene.coulomb is not None:
         return None
     section = _section(scene, max(scene.accuracy.section_size, QUICK.section_size))
-    return replace(section, rim=rim, harmonics=SOLID_PREDICTOR_HARMONICS)
+    return replace(section, rim=rim, glued=True, harmonics=SOLID_PREDICTOR_HARMONICS)
 
 
 def _section(scene: Scene, size: float) -> MeshSpecification:
@@ -153,7 +153,8 @@ def _section(scene: Scene, size: float) -> MeshSpecification:
 def _fine_at(scene: Scene, radius: float) -> MeshSpecification:
     """Return the section of a shear, refined at a radius over D."""
     accuracy = scene.accuracy
-    return replace(_section(scene, accuracy.section_size), rim=(radius, min(accuracy.section_patch, radius / 4)))
+    rim = radius, min(accuracy.section_patch, radius / 4)
+    return replace(_section(scene, accuracy.section_size), rim=rim, glued=True)
 
 
 def _harmonic(scene: Scene, section: MeshSpecification) -> MeshSpecification:

@@ -25,12 +25,14 @@ from geometry.arrays import Array, Ints
 from geometry.design import Shape
 from geometry.meshing import exact_surfaces, surface_triangulation
 from geometry.meshing.edge_lengths import Sizes
+from geometry.meshing.edge_singularity import SingularEdges
 from geometry.meshing.exact_surfaces import Masks
 
 About = Callable[[Array, Shape], exact_surfaces.Near]
 
 LEAST_JACOBIAN = 0.05
-"""Least allowed ratio, in a cell, of the least to the greatest Jacobian at the quadrature points of order 4."""
+"""Least allowed ratio, in a cell, of the least to the greatest Jacobian at the quadrature points of order 4; at a ring,
+where a graded cell with straight edges has 0.05 itself, half of that."""
 LEAST_SHAPE = 0.02
 """Least allowed shape of a straight cell: three times its inscribed over its circumscribed radius."""
 ROUNDS, VOLUME = 10, 1e-5
@@ -127,6 +129,11 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
         return None
     x = exact_surfaces.project(MeshTet2.from_mesh(replace(mesh, doflocs=p)).doflocs, on, shape, at_ring)
     x[:, :n] = p
+    singular = _singular_edges(mesh, on["ring"][:n]) if sizes.ring else None
+    if singular is not None:
+        singular.move(x)
+        x = exact_surfaces.project(x, on, shape, at_ring)
+        x[:, :n] = p
     # nodes of the ring stay on it; each round adds the nodes that a distorted cell has moved back
     kept = on.get("ring", np.zeros(x.shape[1], dtype=bool))
     half = 0.5 if "symmetry" in on else 1.0
@@ -141,7 +148,7 @@ def curved(mesh: MeshTet1, sizes: Sizes, true: Shape) -> MeshTet2 | None:
                 x = _move_edges_in(x, fit, on["edge"])
             else:
                 x = _match_volume(_fit_locally(x, fit.nodes, fit.about, shape, kept), fit, shape, kept)
-        straightened = _straighten(mesh, x, on)
+        straightened = _straighten(mesh, x, on, singular)
         if straightened is None or not straightened[1].any():
             break
         x, kept = straightened[0].doflocs.copy(), kept | straightened[1]
@@ -284,26 +291,44 @@ def _move_edges_in(x: Array, fit: _Fit, edge: NDArray[np.bool_]) -> Array:
     return x + depth * inwards
 
 
-def _straighten(mesh: MeshTet1, x: Array, on: Masks) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
+def _singular_edges(mesh: MeshTet1, ring: NDArray[np.bool_]) -> SingularEdges:
+    """Return the edges with one end on the ring, whose vertices a mask (vertices,) tells."""
+    a, b = mesh.edges.astype(np.int64)
+    middle = np.flatnonzero(ring[a] != ring[b])
+    a, b = a[middle], b[middle]
+    return SingularEdges(np.where(ring[a], a, b), np.where(ring[a], b, a), mesh.nvertices + middle)
+
+
+def _straighten(
+    mesh: MeshTet1, x: Array, on: Masks, singular: SingularEdges | None
+) -> tuple[MeshTet2, NDArray[np.bool_]] | None:
     """Return the mesh with nodes x, shape (3, n), and a mask of the middle nodes that had to be moved back.
 
-    The middle nodes of a distorted cell are moved back, in steps, towards the middles of its straight edges. The
-    result is None if twenty steps are not enough.
+    The middle nodes of a distorted cell are moved back, in steps, to where they lie on straight edges: in the middle
+    or, on `singular` edges, nearer to the ring. The result is None if twenty steps are not enough.
     """
     n = mesh.nvertices
     straight = MeshTet2.from_mesh(replace(mesh, doflocs=np.ascontiguousarray(x[:, :n])))
     nodes = straight.dofs.element_dofs
+    if singular is not None:
+        singular.move(straight.doflocs)
+    least = np.minimum(LEAST_JACOBIAN, _uniformity(determinants(straight.doflocs, nodes)[4:]) / 2)
     bend = _extend_inside(x - straight.doflocs, nodes[4:], on)
     share = np.ones(x.shape[1])
     for _ in range(20):
         moved = straight.doflocs + share * bend
         det = determinants(moved, nodes)
-        bad = (det <= 0).any(axis=0) | (det[4:].min(axis=0) < LEAST_JACOBIAN * det[4:].max(axis=0))
+        bad = (det <= 0).any(axis=0) | (_uniformity(det[4:]) < least)
         if not bad.any():
             curved = MeshTet2(moved, straight.t, _boundaries=mesh.boundaries, _subdomains=mesh.subdomains)
             return curved, (share < 1) & bend.any(axis=0)
         share[nodes[4:, bad]] *= 0.75
     return None
+
+
+def _uniformity(determinant: Array) -> Array:
+    """Return the least over the greatest of the determinants (points, cells) in each cell."""
+    return np.asarray(determinant.min(axis=0) / determinant.max(axis=0))
 
 
 def _extend_inside(bend: Array, middles: Ints, on: Masks) -> Array:

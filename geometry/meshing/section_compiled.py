@@ -39,7 +39,7 @@ def mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
     """
     beam, outlined = _beam(unit, s.magnet != "meshed"), outline(unit, s.magnet, s.ring and s.ring[0])
     curves, turns = _table(outlined), _turns(tuple(curve.bearing for curve in outlined if curve.centre is not None))
-    at, least, growth = fixed_sources(unit, s.size, s.tip_size, s.ring)
+    at, least, growth = fixed_sources(unit, s.size, s.tip_size, s.ring, s.glued)
     fixed = np.column_stack([pairs(at), least, growth])
     source = sizing_compiled.sources(curves, SAMPLED, turns, beam, s.size, s.fillet, s.magnet == "meshed", fixed)
     tree = quadtree_compiled.quadtree(beam, source, s.size)

@@ -39,6 +39,9 @@ TIP_GROWTH, FULL_TIP_GROWTH, GROWTH, FULL_GROWTH = 0.3, 0.12, 0.4, 0.075
 For sizes below FULL_TIP_GROWTH and FULL_GROWTH, in units of D, the growth is reduced in proportion to the size, so
 that half the size gives half of every edge length.
 """
+GLUED_GROWTH = 0.5
+"""Growth from the edge of a glued area: more than from the tip, for the elements there are graded themselves, see
+`edge_singularity`."""
 DOME, DOME_REACH, DOME_GROWTH = 0.35, 1.2, 0.8
 """Largest edge length along the dome as a fraction of the size, the angle from the tip up to which it applies, rad,
 and its growth inwards.
@@ -126,13 +129,14 @@ def grading(
     rim: tuple[float, float] | None,
     fillet: float,
     meshed: bool,
+    glued: bool,
 ) -> Grading:
     """Return the grading of a section: its sources are the features that require edges shorter than `size`.
 
     All lengths are in units of D. The parameters are those of `geometry.section.section`; `meshed` is True if the
     magnet is meshed too.
     """
-    fixed, fixed_least, fixed_growth = fixed_sources(shape, size, tip_size, rim)
+    fixed, fixed_least, fixed_growth = fixed_sources(shape, size, tip_size, rim, glued)
     source, least = [fixed[:2]], [fixed_least[:2]]
     for curve in curves:
         x = curve.at(np.linspace(0, 1, 41 if curve.name == "magnet" else 5))
@@ -156,7 +160,7 @@ def grading(
 
 
 def fixed_sources(
-    shape: Shape, size: float, tip_size: float, rim: tuple[float, float] | None
+    shape: Shape, size: float, tip_size: float, rim: tuple[float, float] | None, glued: bool
 ) -> tuple[Points, Array, Array]:
     """Return the sources that every section has, their edge lengths and their growths, each of shape (n,).
 
@@ -173,5 +177,5 @@ def fixed_sources(
     if rim is not None:
         r = min(rim[0], shape.R)
         source = np.append(source, r + 1j * (shape.H + math.sqrt(shape.R**2 - r**2)))
-        least, growth = np.append(least, min(rim[1], size)), np.append(growth, TIP_GROWTH)
+        least, growth = np.append(least, min(rim[1], size)), np.append(growth, GLUED_GROWTH if glued else TIP_GROWTH)
     return source, least, growth

@@ -92,7 +92,12 @@ CASES = (
         "half",
         "rigid",
         SHEAR,
-        ({"solid_size": 0.16, "solid_patch": 0.02}, {"solid_size": 0.14, "solid_patch": 0.015}),
+        (
+            {"solid_size": 0.16, "solid_patch": 0.04},
+            {"solid_size": 0.14, "solid_patch": 0.03},
+            {"solid_size": 0.16, "solid_patch": 0.02},
+            {"solid_size": 0.14, "solid_patch": 0.015},
+        ),
         1.0,
         FINE_SHEAR,
         goal_s=30,
@@ -106,6 +111,9 @@ CASES = (
         "rigid",
         SHEAR,
         (
+            {"section_size": 0.18, "section_patch": 0.032, "harmonics": 3},
+            {"section_size": 0.16, "section_patch": 0.032, "harmonics": 3},
+            {"section_size": 0.16, "section_patch": 0.016, "harmonics": 3},
             {"section_size": 0.16, "section_patch": 0.008, "harmonics": 3},
             {"section_size": 0.14, "section_patch": 0.007, "harmonics": 3},
             {"section_size": 0.2, "section_patch": 0.008, "harmonics": 4},

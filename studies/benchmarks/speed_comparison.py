@@ -27,26 +27,32 @@ POINTS = 1_000_000
 TILT_DEG, TILTED_DEPTH_MM, SHEAR_MM = 8.0, 0.8, 1.0
 
 
-def beside_earlier(bench: Bench, own: BenchRow, task: Answer, truth: Forces | None, least: float) -> BenchRow:
-    """Return a row with the time and error of the earlier commit for the same task, measured by turns.
+def beside_earlier(
+    bench: Bench, own: BenchRow, task: Answer, truth: Forces | None, least: float, earlier: Answer | None = None
+) -> BenchRow:
+    """Return a row with the time and error of the earlier commit for the same scene, measured by turns.
 
-    `least` is how many times as fast it should be: a goal more of the row; 0 for no goal.
+    Parameters
+    ----------
+    least : how many times as fast it should be: a goal more of the row; 0 for no goal.
+    earlier : what the earlier commit solves, if not `task` as well.
     """
     if bench.earlier is None or own.status != "ok" or own.cpu_s is None:
         return own
+    earlier = task if earlier is None else earlier
     bench.say(f"{own.case}: commit {COMMIT} by turns")
     count = 1 if own.cpu_s > LONG_S else SHORT_TURNS if own.cpu_s < SHORT_S and not bench.quick else bench.runs
-    turns = [(peers.magtip(task), peers.magtip(task, packages=bench.earlier)) for _ in range(count)]
-    failed = next((earlier for _, earlier in turns if earlier["status"] != "ok"), None)
+    turns = [(peers.magtip(task), peers.magtip(earlier, packages=bench.earlier)) for _ in range(count)]
+    failed = next((then for _, then in turns if then["status"] != "ok"), None)
     if failed is not None:
         return replace(own, message=f"commit {COMMIT}: {failed['message']}")
-    times = statistics.median(earlier["cpu_s"] / now.get("cpu_s", math.inf) for now, earlier in turns)
+    times = statistics.median(then["cpu_s"] / now.get("cpu_s", math.inf) for now, then in turns)
     error = None
     if truth is not None:
-        error = max(errors_percent(compared(earlier), truth) for _, earlier in turns)
+        error = max(errors_percent(compared(then), truth) for _, then in turns)
     own = replace(
         own,
-        earlier_s=statistics.median(earlier["cpu_s"] for _, earlier in turns),
+        earlier_s=statistics.median(then["cpu_s"] for _, then in turns),
         earlier_error_percent=error,
         times_as_fast=times,
     )
