@@ -108,5 +108,5 @@ def test_a_moving_load_is_followed_from_the_last_state(paths, shear, way):
         assert moved.shift == pytest.approx(fresh.shift, rel=1e-7, abs=1e-8)
     # a hand that rests gets the path of a solve
     resting = paths.solve(Scene(Design(), (load,), QUICK))
-    assert resting.newton_iterations > moving.newton_iterations
+    assert resting.newton_iterations >= moving.newton_iterations
     assert_equal(resting.response, fresh)

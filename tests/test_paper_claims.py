@@ -58,9 +58,9 @@ def test_decoded_force_is_the_sum_of_its_parts(folder):
     with (folder / "parts.csv").open(encoding="utf-8") as file:
         rows = [{k: v if k == "tip" else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     assert rows
-    for row in rows:
+    for row in rows:  # of six digits
         parts = row["tilt_N"] + row["geometry_N"] + row["force_law_N"]
-        assert row["fem_force_x_N"] + parts == pytest.approx(row["decoded_force_x_N"], abs=1e-6)
+        assert row["fem_force_x_N"] + parts == pytest.approx(row["decoded_force_x_N"], abs=2e-5)
 
 
 def test_the_gap_of_a_loading_cycle_allows_a_loss_factor():

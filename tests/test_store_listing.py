@@ -68,7 +68,7 @@ def test_a_summary_counts_all_states(file):
     assert (summary.paths, summary.states, summary.states_in_store) == (2, 4, 4)
     assert (summary.ok, summary.failed, summary.transient) == (2, 1, 1)
     assert summary.solving_s == pytest.approx(4.0)
-    assert summary.states_by_model == ("axisymmetric (physics 2): 3", "harmonic (physics 2): 1")
+    assert summary.states_by_model == ("axisymmetric (physics 2): 3", "harmonic (physics 3): 1")
     assert summary.size_MB > 0
 
 
@@ -131,7 +131,7 @@ def test_dates_limit_the_states(file):
 def test_older_physics_is_that_below_the_version_of_today(file, monkeypatch):
     assert listing(file, older_physics=True).summary.states == 0
     monkeypatch.setattr(
-        "fem.physics_version.PHYSICS", {"axisymmetric": 3, "harmonic": 2, "states of another kind": 3}
+        "fem.physics_version.PHYSICS", {"axisymmetric": 3, "harmonic": 3, "states of another kind": 3}
     )
     assert listing(file, older_physics=True).summary.states_by_model == ("axisymmetric (physics 2): 3",)
 
