@@ -38,7 +38,8 @@ def assert_equal(fast, slow, D):
 def test_papers_section(size, magnet):
     shape = paper().shape
     for rim in (None, (0.9, 0.1)):
-        assert_equal(*both(shape, size * shape.D, rim=rim, magnet=magnet), shape.D)
+        glued = rim is not None and magnet == "hole"
+        assert_equal(*both(shape, size * shape.D, rim=rim, magnet=magnet, glued=glued), shape.D)
 
 
 def random_cases(count, seed):

@@ -55,7 +55,9 @@ def file(tmp_path):
     with store.opened(file) as kept:
         kept.add(CONTENT, [PRESSED, FAILED, DIED])
         other = CONTENT | {"law": ["yeoh", 0.1, 0.0], "model": "harmonic", "accuracy": ACCURACY | {"harmonics": 7}}
-        kept.add(other | {"nu": 0.45, "load": {"friction": 0.3}}, [replace(PRESSED, shear=0.1, seconds=2.5)])
+        kept.add(
+            other | {"physics": 3, "nu": 0.45, "load": {"friction": 0.3}}, [replace(PRESSED, shear=0.1, seconds=2.5)]
+        )
     return file
 
 

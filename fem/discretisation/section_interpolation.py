@@ -20,6 +20,8 @@ from geometry.arrays import Array, Ints
 NEAREST, CORRECTIONS = 12, 3
 """Triangles, those with the nearest centres, among which that of a point is sought; and Newton steps for its local
 coordinates, whose error is far below that of the guess after them."""
+STRAIGHT = 1e-9
+"""Largest distance of middle nodes from the middles of the sides of a straight triangle, over its size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,17 +74,26 @@ def _locate(e: Elements, points: Array) -> tuple[Ints, Array]:
     """Return the triangle of each point (n, 2), and the point's local coordinates (n, 2) in it."""
     corners = e.nodes[e.corners]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAREST, len(corners)))
-    sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
-    local = np.einsum("nkij,nkj->nki", np.linalg.inv(sides)[near], points[:, None] - corners[near, 0])
+    (a, b), (c, d) = np.moveaxis(corners[:, 1:] - corners[:, :1], 0, -1)
+    r, z = (points[:, None] - corners[near, 0]).T.swapaxes(1, 2)
+    area = a * d - b * c
+    # local coordinates in the straight triangles, shape (n, near) each
+    x, y = (d / area)[near] * r - (c / area)[near] * z, (a / area)[near] * z - (b / area)[near] * r
     # a point beside the straight triangles, at a curved side, belongs to the one that it is least outside of
-    best = np.argmax(_barycentric(local).min(axis=-1), axis=1)
-    cells, local = near[np.arange(len(points)), best], local[np.arange(len(points)), best]
-    nodes = e.nodes[e.cells[cells]]
+    best = np.argmax(np.minimum(np.minimum(x, y), 1 - x - y), axis=1)
+    each = np.arange(len(points))
+    cells, local = near[each, best], np.stack([x[each, best], y[each, best]], axis=1)
+    # side k of a straight triangle joins its corners k and k + 1, and has its middle node halfway
+    halfway = (corners + corners[:, [1, 2, 0]]) / 2
+    bent = np.abs(e.nodes[e.cells[:, 3:]] - halfway).max(axis=(1, 2)) > STRAIGHT * np.sqrt(np.abs(area))
+    moved = np.flatnonzero(bent[cells])
+    nodes = e.nodes[e.cells[cells[moved]]]
     for _ in range(CORRECTIONS):
-        shape, slopes = _shape_functions(local)
-        jacobian = np.einsum("nai,naj->nij", nodes, slopes)
-        off = points - np.einsum("na,nai->ni", shape, nodes)
-        local = local + np.linalg.solve(jacobian, off[..., None])[..., 0]
+        shape, slopes = _shape_functions(local[moved])
+        off = points[moved] - np.einsum("na,nai->ni", shape, nodes)
+        (a, b), (c, d) = np.moveaxis(np.einsum("nai,naj->nij", nodes, slopes), 0, -1)
+        u, v = off.T
+        local[moved] += np.stack([d * u - b * v, a * v - c * u], axis=1) / (a * d - b * c)[:, None]
     return cells, local
 
 
