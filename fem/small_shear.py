@@ -31,6 +31,9 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 
+EDGE = 0.5
+"""Edge length at the edge of the glued area over that of a shear along a path: an infinitesimal shear depends more
+on where exactly the press ends. At 1 the stiffness of one design of `magtip accuracy` was 4.7 % off at quick."""
 ROUGH = 0.3
 """Edge length over D of the mesh on which the edge of the contact is located; it is refined there."""
 
@@ -113,8 +116,9 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), accuracy.section_patch, depth)
-    section = replace(fine_section(scene), rim=(edge, min(accuracy.section_patch, edge / 4)), glued=True)
+    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), EDGE * accuracy.section_patch, depth)
+    rim = edge, min(EDGE * accuracy.section_patch, edge / 4)
+    section = replace(fine_section(scene), rim=rim, glued=True)
     path = Path(section.build(), rough=press)
     try:
         reason, pressed = path.go(depth, np.zeros(2)), path.state

@@ -154,9 +154,9 @@ def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
 
 
 def test_estimates_of_a_shear_on_tetrahedra_hold_where_its_companion_agrees():
-    """The paper's sensor at level quick by one mesh of many, 1.7 % off sideways, as if another gave the very same."""
+    """The paper's sensor at level quick by the worst of eight meshes sideways, as if another gave the very same."""
     load = Load(depth=0.8, shear_x=1.2, friction="stick")
-    one = Response((0.70558, 0.0, 2.74163), (0.48175, 0.0, -0.21013), 0.097449, 1.86)
-    true = Response((0.69371, 0.0, 2.72686), (0.48187, 0.0, -0.21182), 0.097655, 1.86)
+    one = Response((0.69691, 0.0, 2.74601), (0.48058, 0.0, -0.21109), 0.097607, 1.90)
+    true = Response((0.69338, 0.0, 2.72850), (0.48171, 0.0, -0.21189), 0.097661, 1.94)
     estimates = estimate_response(one, one, load, Scene(paper(), (load,), QUICK, "rigid", "half"), "half")
     assert estimates.sideways > one.force[0] / true.force[0] - 1

@@ -31,8 +31,8 @@ from geometry.meshing.exact_surfaces import Masks
 About = Callable[[Array, Shape], exact_surfaces.Near]
 
 LEAST_JACOBIAN = 0.05
-"""Least allowed ratio, in a cell, of the least to the greatest Jacobian at the quadrature points of order 4; at a ring,
-where a graded cell with straight edges has 0.05 itself, half of that."""
+"""Least allowed ratio, in a cell, of the least to the greatest Jacobian at the quadrature points of order 4; half of
+that at a ring, where a graded cell with straight edges has 0.05 itself."""
 LEAST_SHAPE = 0.02
 """Least allowed shape of a straight cell: three times its inscribed over its circumscribed radius."""
 ROUNDS, VOLUME = 10, 1e-5
