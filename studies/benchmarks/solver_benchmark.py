@@ -31,7 +31,16 @@ from studies.benchmarks.benchmark_cases import (
     Fields,
 )
 from studies.benchmarks.benchmark_state import Bench, row, spec
-from studies.benchmarks.benchmark_statistics import Answer, Forces, candidates, compared, exponents, measured, median
+from studies.benchmarks.benchmark_statistics import (
+    Answer,
+    Forces,
+    candidates,
+    compared,
+    errors_percent,
+    exponents,
+    measured,
+    median,
+)
 from studies.benchmarks.benchmark_tables import BenchRow
 from studies.benchmarks.peer_calculix import Press
 from studies.benchmarks.speed_comparison import (
@@ -60,8 +69,8 @@ less than a second. The median over the turns counts: of the ratio for FElupe, a
 shear.
 
 "Times as fast as commit f83a532" is the median of ratios of CPU seconds by turns: today's packages, and those of that
-commit, unpacked from git. Where the force has a tolerance, each of both runs the mesh of the series that is its
-cheapest within it; else both have the same mesh sizes. They run in new processes on one thread, after the imports and
+commit, unpacked from git. Both have the same mesh sizes; where the earlier commit is not within the tolerance on
+them, it has the cheapest of the series on which it is. They run in new processes on one thread, after the imports and
 after a small solve of another design, which loads the functions that numba has compiled. The wait for compiling them
 once after an installation, and for loading them, has its own table; it counts as imports. The sample of the section's
 meshes is that of `magtip range`, without impossible designs; the ratio is that of each design.
@@ -187,22 +196,23 @@ def _setting(rung: Fields) -> str:
 def _earlier_rung(
     bench: Bench, case: Case, own: BenchRow, rung: Fields, truth: Forces | None
 ) -> tuple[BenchRow, Fields]:
-    """Return the cheapest mesh of the earlier commit within the tolerance, and the row, which says so if it differs.
+    """Return the mesh for the earlier commit, and the row, which says so if it differs from today's, `rung`.
 
-    Without a reference or a tolerance it is the same mesh as today's, `rung`.
+    It is the same mesh if the earlier commit is within the tolerance on it, or if there is no tolerance; else its
+    cheapest one within the tolerance.
     """
     packages = bench.earlier
     if packages is None or own.status != "ok" or truth is None or not math.isfinite(case.tolerance_percent):
         return own, rung
     bench.say(f"{case.name}: commit {earlier_commit.COMMIT}")
-    earlier: Fields = candidates(
-        lambda fields: peers.magtip(spec(case.model, case.magnet, case.loads, fields), packages=packages),
-        case.ladder,
-        truth,
-        case.tolerance_percent,
-    )[0][0]
-    if earlier == rung:
+
+    def solve(fields: Fields) -> Answer:
+        return peers.magtip(spec(case.model, case.magnet, case.loads, fields), packages=packages)
+
+    same = solve(rung)
+    if same["status"] == "ok" and errors_percent(compared(same), truth) <= case.tolerance_percent:
         return own, rung
+    earlier: Fields = candidates(solve, case.ladder, truth, case.tolerance_percent)[0][0]
     return replace(own, message=f"commit {earlier_commit.COMMIT} needs {_setting(earlier)}"), earlier
 
 
