@@ -107,11 +107,11 @@ def section(
     skin = elements.surface(
         mesh, "skin", e, axisymmetric=True, order=5, angles=4 * max(harmonics, around) + 4 if harmonics else None
     )
-    if glued and rim is not None:
-        skin = _release_next_point(skin, shape, rim[0])
     held = elements.boundary_nodes(mesh, "magnet") if rigid else NONE
     body = rigid_inclusion.section(e.nodes[held] - [0, shape.H], e.angles) if rigid else None
     dead = distribute_push(skin, fixed.shape, shape.H, push) if push else None
+    if glued and rim is not None:
+        skin = _release_next_point(skin, shape, rim[0])
     system = System(e, skin, *lame(1.0, nu), fixed, held, body, dead, law=law)
     return Discretisation("harmonic" if harmonics else "axisymmetric", mesh, system, 1.0, shape)
 
