@@ -4,7 +4,8 @@ The constants come from the study `magtip accuracy --out results/accuracy`, whic
 at levels quick, standard and fine with much finer meshes (1766 states in results/accuracy/accuracy.csv). m, p and q
 are chosen so that half of the differences in the study exceed the usual one; c and s are about the least that cover
 95 % of the true errors. For glued and gripped shears, the presses before them and small shears, p, q and s are those
-of some round values with which most estimates are sharp, and c covers 97 %. Constants from other states, or copied from another rule, are listed beside the table.
+of some round values with which most estimates are sharp, and c covers 97 %. Constants from other states, or copied
+from another rule, are listed beside the table.
 """
 
 from __future__ import annotations
