@@ -17,6 +17,7 @@ from fem.contact.contact_extent import find_press
 from fem.discretisation import angular_fields, single_order
 from fem.discretisation.assembled_state import Assembly
 from fem.discretisation.gradient_recovery import build_recovery
+from fem.discretisation.mesh_specification import MeshSpecification, specification
 from fem.error_estimate_rules import LEAST_RADIUS, TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.results.lateral_stiffness import integrate_normal_force
@@ -26,7 +27,6 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, about, glue
-from fem.stability import fine_section
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
@@ -116,9 +116,9 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     D, accuracy = scene.design.D, scene.accuracy
     depth = scene.loads[0].depth / D
     rough = replace(QUICK, section_size=max(ROUGH, accuracy.section_size))
-    edge, press = find_press(fine_section(replace(scene, accuracy=rough)), EDGE * accuracy.section_patch, depth)
+    edge, press = find_press(_section(replace(scene, accuracy=rough)), EDGE * accuracy.section_patch, depth)
     rim = edge, min(EDGE * accuracy.section_patch, edge / 4)
-    section = replace(fine_section(scene), rim=rim, glued=True)
+    section = replace(_section(scene), rim=rim, glued=True)
     path = Path(section.build(), rough=press)
     try:
         reason, pressed = path.go(depth, np.zeros(2)), path.state
@@ -131,12 +131,20 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     glued = glue(about(pressed, single_order.build(pressed.d, 1)), edge)
     system, plate = glued.d.system, glued.plate
     at_press = system.assemble(system.state(glued.q), plate)
-    shear = replace(plate, shear=np.array([1.0, 0.0]))
-    moved = system.assemble(system.state(glued.q), shear, tangent=False)
-    # the springs are linear: moving the plate with the body fixed changes the residual by the load of a unit shear
-    return _read_small_shear(
-        scene.design, pressed, glued, _solve_linear(at_press, at_press.residual - moved.residual)
+    # the springs are linear: moving the plate with the body fixed changes their forces by the load of a unit shear
+    moved = replace(plate, shear=np.array([1.0, 0.0]))
+    before, after = (
+        plate_contact.assemble_springs(glued.skin, glued.u, one, tangent=False)[0] for one in (plate, moved)
     )
+    forces, load = np.zeros(system.fixed.shape), np.zeros(system.size)
+    np.add.at(forces, glued.skin.nodes, before - after)
+    load[: system.n_free] = forces[system.free]
+    return _read_small_shear(scene.design, pressed, glued, _solve_linear(at_press, load))
+
+
+def _section(scene: Scene) -> MeshSpecification:
+    """Return the section of a press from which a small shear starts."""
+    return specification(scene, scene.accuracy.section_size, scene.accuracy.section_size / 2)
 
 
 def check_depth(design: Design, depth: float, magnet: Magnet) -> None:

@@ -6,7 +6,8 @@ import scipy.sparse as sp
 from test_nonlinear_system import plate, smooth
 
 from fem.solvers import band_factors
-from fem.solvers.direct_solver import SingularMatrixError, Solver
+from fem.solvers.direct_solver import Solver
+from fem.solvers.pardiso import SingularMatrixError
 from geometry import compiled
 
 pytest.importorskip("numba", reason="the loops need the extra `fast`")

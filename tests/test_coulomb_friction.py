@@ -13,7 +13,8 @@ from fem.contact.plate_contact import KAPPA, Plate
 from fem.discretisation import symmetry_models
 from fem.equilibrium import solve, trace
 from fem.scene import choose_model
-from fem.solvers.direct_solver import Solver, have_pardiso
+from fem.solvers.direct_solver import Solver
+from fem.solvers.pardiso import have_pardiso
 from geometry.design import Design, paper
 from geometry.loads import Load
 

@@ -9,8 +9,9 @@ import scipy.sparse as sp
 
 from fem.contact.plate_contact import Plate
 from fem.discretisation import symmetry_models
-from fem.solvers import direct_solver
-from fem.solvers.direct_solver import SingularMatrixError, Solver, have_pardiso
+from fem.solvers import pardiso
+from fem.solvers.direct_solver import Solver
+from fem.solvers.pardiso import SingularMatrixError, have_pardiso
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)
@@ -43,8 +44,8 @@ def test_both_linear_solvers_agree():
     q[system.n_free + system.n_rigid :] = 0.1 * RNG.normal(size=system.n_pressure)
     here = system.assemble(system.state(q), Plate(1.125 - 0.1, 50.0, np.zeros(2)))
     answers = []
-    for pardiso in LIBRARIES:
-        solver = Solver(pardiso=pardiso)
+    for library in LIBRARIES:
+        solver = Solver(pardiso=library)
         solver.factorise(here.tangent)
         answers.append(solver.solve(here.residual))
         solver.close()
@@ -104,18 +105,57 @@ def test_large_matrices_have_factors_in_single_precision_where_these_are_accurat
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
 def test_a_path_that_becomes_too_stiff_for_single_precision_goes_on_in_double_precision():
     solver, order = Solver(), lambda: np.arange(12_002)
-    for foundation in (0.1, *[1e-10] * direct_solver.CHECKED):
+    for foundation in (0.1, *[1e-10] * pardiso.CHECKED):
         solver.factorise(springs(foundation), order=order)
     single = solver._handles[True].single
     solver.close()
     assert not single
 
 
+def pairs_of_pivots() -> np.ndarray:
+    """A symmetric matrix (7, 7) with a zero diagonal, which has no pivots of single unknowns."""
+    A = RNG.normal(size=(7, 7))
+    return A + A.T - 2 * np.diag(A.diagonal())
+
+
+def with_diagonal(matrix: np.ndarray) -> sp.csr_matrix:
+    """The upper triangle of a dense matrix, with zeros as entries."""
+    n = len(matrix)
+    rows, columns = np.triu_indices(n)
+    return sp.csr_matrix((matrix[rows, columns], (rows, columns)), shape=(n, n))
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+def test_a_matrix_that_needs_pairs_of_pivots_gets_them():
+    block, solver = pairs_of_pivots(), Solver(pardiso=True)
+    matrix, b = np.kron(np.eye(300), block), RNG.normal(size=2100)
+    blocks = sp.block_diag([with_diagonal(block)] * 300, format="csr")
+    solver.factorise(blocks, order=lambda: np.arange(2100))
+    x, handle = solver.solve(b), solver._handles[True]
+    solver.close()
+    np.testing.assert_allclose(matrix @ x, b, atol=1e-9)
+    assert (handle.single, handle.pairs) == (False, True)
+
+
+@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
+def test_kept_unknowns_beside_pairs_of_pivots_get_the_schur_complement():
+    matrix, solver, kept, inner = pairs_of_pivots(), Solver(pardiso=True), np.array([0, 3, 5]), [1, 2, 4, 6]
+    # twice, because the second condensation reuses the analysis of the first
+    for factor in (1, 2):
+        schur = solver.condense(with_diagonal(factor * matrix), kept)
+        inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
+        dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
+        np.testing.assert_allclose(schur, factor * dense, rtol=1e-9, atol=1e-12)
+    pairs = solver._condensing.pairs
+    solver.close()
+    assert pairs
+
+
 @pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
 def test_the_library_is_found_as_the_package_lists_it():
     """The quick look where pip puts it must not find another one."""
     files = [file for file in metadata.files("mkl") or [] if "mkl_rt" in file.name]
-    found = direct_solver._library()
+    found = pardiso._library()
     assert found is not None
     assert found.resolve() in [Path(str(file.locate())).resolve() for file in files]
 

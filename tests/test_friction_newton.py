@@ -10,9 +10,10 @@ from fem.contact import plate_contact
 from fem.discretisation import symmetry_models
 from fem.equilibrium import trace
 from fem.solvers import load_increments
-from fem.solvers.direct_solver import Solver, have_pardiso
+from fem.solvers.direct_solver import Solver
 from fem.solvers.friction_newton import contact_zone, newton_with_friction
 from fem.solvers.newton import newton
+from fem.solvers.pardiso import have_pardiso
 from fem.solvers.path_state import at_rest
 from geometry.design import paper
 from geometry.loads import Load

@@ -49,6 +49,46 @@ def largest_strains(cells, D, u, strains):
 
 
 @compiled
+def place_elements(
+    cells, corners, number, pressure_number, on_magnet, inner, inner_coupled, near, near_coupled, diagonal, inside,
+    outside, stiffness, coupling,
+):  # fmt: skip
+    """Write the positions of the entries of stiffness (m, 12, 12) and coupling (m, 12, 3) in the upper triangle.
+
+    Parameters
+    ----------
+    number, pressure_number : numbers of the unknowns, (nodes, 2) and (corners,); -1 where eliminated.
+    inner, near, inner_coupled, near_coupled : starts of the pairs of blocks of the elements that do not touch the
+        magnet, which come first, and of those that do, whose last block is the magnet; as diagonal and inside, see
+        `sparse_pattern`.
+    outside : position of entries that are not in the upper triangle.
+    """
+    for cell in range(len(cells)):
+        own, at_magnet = cells[cell], cell >= len(inner)
+        offset = near[cell - len(inner)] if at_magnet else inner[cell]
+        coupled = near_coupled[cell - len(inner)] if at_magnet else inner_coupled[cell]
+        for x in range(FIELDS):
+            # u_z of a node on the magnet is the unknown of the magnet
+            i, first = number[own[x % NODES], x // NODES], x % NODES
+            if x >= NODES and on_magnet[own[first]]:
+                first = NODES
+            for y in range(FIELDS):
+                k, second = number[own[y % NODES], y // NODES], y % NODES
+                if y >= NODES and on_magnet[own[second]]:
+                    second = NODES
+                upper = i >= 0 and k >= i
+                stiffness[cell, x, y] = diagonal[i] + offset[first, second] + inside[k] if upper else outside
+            for c in range(CORNERS):
+                k = pressure_number[corners[cell, c]]
+                upper = i >= 0 and k >= i
+                coupling[cell, x, c] = diagonal[i] + coupled[first, c] + inside[k] if upper else outside
+        # the block of u_r by u_z stands for that of u_z by u_r too
+        for x in range(NODES):
+            for y in range(NODES, FIELDS):
+                stiffness[cell, x, y] = min(stiffness[cell, x, y], stiffness[cell, y, x])
+
+
+@compiled
 def strain_points(cells, corners, D, M, w, u, p, G, Jm1, Hm1, pressure, weighted):
     """Write G and F^-T - 1 (9, n), whose other rows are 0, J - 1, pressures, and pressures times weights (n,).
 

@@ -96,7 +96,6 @@ class AxisymmetricLoops:
     on_magnet : (nodes,) mask of the nodes on the magnet.
     eliminated : (nodes, 2) mask of the displacements that are no unknowns.
     pattern : sparse pattern; its groups are those of `System`.
-    inner : number of elements that do not touch the magnet; they come first.
     compliance : (m, 3, 3) constant matrices of the pressures.
     """
 
@@ -113,7 +112,6 @@ class AxisymmetricLoops:
         on_magnet: NDArray[np.bool_],
         eliminated: NDArray[np.bool_],
         pattern: Pattern,
-        inner: int,
         compliance: Array,
     ) -> None:
         from fem import laws_compiled
@@ -127,7 +125,7 @@ class AxisymmetricLoops:
         self._pressures = int((pressure_number >= 0).sum())
         # the last entry is a dump for those that are not in the upper triangle
         self._constant = _compliance_entries(compliance, pressure_number[corners], pattern)
-        places = _places(elements.cells, corners, number, pressure_number, on_magnet, pattern, inner)
+        places = self._place_elements(elements.cells, corners, on_magnet, pattern)
         cuts = cut_batches(elements, 0, len(elements.cells))
         most = max(end - begin for begin, end in cuts) * elements.weights.shape[1]
         # results of the law, which each batch overwrites
@@ -141,6 +139,19 @@ class AxisymmetricLoops:
         """The skin; the section must have one."""
         assert self._skin is not None
         return self._skin
+
+    def _place_elements(
+        self, cells: Ints, corners: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern
+    ) -> tuple[Ints, Ints]:
+        """Return the positions of the elements' stiffness (m, 12, 12) and coupling (m, 12, 3), see `_entries`."""
+        (m, a), c = cells.shape, corners.shape[1]
+        stiffness, coupling = np.empty((m, 2 * a, 2 * a), dtype=np.int64), np.empty((m, 2 * a, c), dtype=np.int64)
+        offsets = tuple(pattern.offsets[group] for group in (INNER, INNER + 1, NEAR, NEAR + 1))
+        self._kernels.place_elements(
+            cells, corners, self._number, self._pressure_number, on_magnet, *offsets, pattern.diagonal,
+            pattern.inside, pattern.entries, stiffness, coupling,
+        )  # fmt: skip
+        return stiffness, coupling
 
     def least_volume_change(self, u: Array, p: Array) -> float:
         """Return the least J - 1 at the integration points; nan where any is nan."""
@@ -220,30 +231,6 @@ def _batch(
         (np.zeros(n), np.zeros(n)),
         (stress[0][:n], stress[1][: 9 * n].reshape(9, n), stress[2][: 81 * n].reshape(9, 9, n)),
         (places[0][part], places[1][part]),
-    )
-
-
-def _places(
-    cells: Ints, corners: Ints, number: Ints, pressure_number: Ints, on_magnet: NDArray[np.bool_], pattern: Pattern,
-    inner: int,
-) -> tuple[Ints, Ints]:  # fmt: skip
-    """Return the positions of the elements' stiffness (m, 12, 12) and coupling (m, 12, 3), see `_entries`."""
-    (m, a), c = cells.shape, corners.shape[1]
-    unknowns = np.swapaxes(number[cells], 1, 2).reshape(m, 2 * a)
-    # u_z of a node on the magnet is the unknown of the magnet, the last block of the elements at it
-    blocks = np.tile(np.arange(a), (m, 2))
-    blocks[:, a:][on_magnet[cells]] = a
-    offset, coupled = np.zeros((m, a + 1, a + 1), dtype=np.int64), np.zeros((m, a + 1, c), dtype=np.int64)
-    offset[:inner, :a, :a], offset[inner:] = pattern.offsets[INNER], pattern.offsets[NEAR]
-    coupled[:inner, :a], coupled[inner:] = pattern.offsets[INNER + 1], pattern.offsets[NEAR + 1]
-    each = np.arange(m)[:, None, None]
-    rows = unknowns[:, :, None]
-    stiff = _entries(pattern, rows, unknowns[:, None], offset[each, blocks[:, :, None], blocks[:, None]])
-    # the block of u_r by u_z stands for that of u_z by u_r too
-    stiff[:, :a, a:] = np.minimum(stiff[:, :a, a:], np.swapaxes(stiff[:, a:, :a], 1, 2))
-    return (
-        stiff,
-        _entries(pattern, rows, pressure_number[corners][:, None], coupled[each[:, :, 0], blocks]),
     )
 
 

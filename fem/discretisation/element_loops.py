@@ -246,7 +246,7 @@ class Loops:
         for part in (*self._inner, *self._near):
             own, cells = pieces[part], e.cells[part]
             K = self._buffer("K", len(cells), self._products.size)
-            if e.B is not None:
+            if e.angles.components is not None:
                 K[:, where] = np.transpose(own.reshape(-1, fields, a, fields, a), (0, 2, 1, 4, 3))
             else:
                 for group in self._products.groups:

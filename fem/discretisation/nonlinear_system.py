@@ -167,7 +167,7 @@ class System:
     def _stiffness_sides(self, cells: Ints) -> tuple[Side, Side]:
         """Return rows and columns of the pieces of `element_integrals.displacement_stiffness`."""
         e = self.elements
-        if e.B is not None:
+        if e.angles.components is not None:
             return (Side.whole(self._reduced, cells),) * 2
         first, second = (np.concatenate(f) for f in zip(*((p.first, p.second) for p in e.angles.pairs), strict=True))
         return Side.pieces(self._reduced, cells, first), Side.pieces(self._reduced, cells, second)
@@ -325,7 +325,7 @@ class System:
         mu, inverse_K = self.mu[:, 0], self.inverse_K[:, 0]
         return AxisymmetricLoops(
             self.elements, self.surface, self.law, mu, inverse_K, self._corners, number, self._pressures[:, 0],
-            on_magnet, self.eliminated, self.pattern, self._free_cells, self._compliance,
+            on_magnet, self.eliminated, self.pattern, self._compliance,
         )  # fmt: skip
 
     def _add_small_groups(self, motion: Array | None, facets: list[Array | None], data: Array) -> None:

@@ -24,6 +24,9 @@ five or so matrices of a path."""
 MOST_UNKNOWNS, MOST_WORK, MOST_TURNS = 3500, 4.5e7, 2
 """Limits of all matrices: beyond these PARDISO is faster even for one matrix of a pattern, and beyond those of small
 matrices from the matrix after MOST_TURNS on."""
+LEAST_WIDTH = 4.5
+"""Mean length of the rows of a band over that of the rows of the matrix, at least: 4.8 to 10 on sections. A band that
+is too long is recognised without its order, which takes longest."""
 SAVING_S = 1e-4
 """CPU time that a factorisation saves, s."""
 DENSE = 4
@@ -173,7 +176,8 @@ class Border:
 
 def band_factors(matrix: sp.csr_matrix) -> BandFactors | None:
     """Return an object that factorises matrices of this pattern (upper triangles), or None where that is slower."""
-    if matrix.shape[0] > MOST_UNKNOWNS or not compiled.worthwhile(SAVING_S):
+    n = matrix.shape[0]
+    if n > MOST_UNKNOWNS or (LEAST_WIDTH * matrix.nnz) ** 2 > 2 * n * MOST_WORK or not compiled.worthwhile(SAVING_S):
         return None
     if compiled.load("fem.solvers.band_compiled") is None:
         return None

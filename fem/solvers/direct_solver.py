@@ -7,74 +7,20 @@ these are faster (`band_factors`).
 
 from __future__ import annotations
 
-import ctypes
-import functools
-import math
-import os
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
 from fem.solvers.band_factors import BandFactors, band_factors
+from fem.solvers.pardiso import FEW, Pardiso, SingularMatrixError, have_pardiso
 from fem.solvers.sparse_pattern import nested_dissection
 from geometry.arrays import Array, Ints
 
-FEW = 10_000
-"""Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
 SINGLE = 2_000
 """Unknowns from which single precision is worth its check."""
-LARGEST_ERROR = 1e-2
-"""Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
-the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
-CHECKED = 4
-"""The error is computed for each of so many matrices of a path, whose condition changes slowly."""
-
-
-class SingularMatrixError(ArithmeticError):
-    """The factorisation met a zero or undefined pivot."""
-
-
-def have_pardiso() -> bool:
-    """Return whether the extra `fast` is installed and its library loads."""
-    return _mkl() is not None
-
-
-@functools.cache
-def _mkl() -> Any:
-    """Return the MKL library, initialised by a first call; None if it is not installed."""
-    if "1" in (os.environ.get("MKL_NUM_THREADS"), os.environ.get("OMP_NUM_THREADS")):
-        os.environ.setdefault("MKL_THREADING_LAYER", "SEQUENTIAL")  # loads in half the time
-    library = _library()
-    if library is None:
-        return None
-    try:
-        mkl = ctypes.CDLL(str(library))
-    except OSError:
-        return None
-    mkl.MKL_Get_Max_Threads()
-    return mkl
-
-
-def _library() -> Path | None:
-    """MKL's library: where pip puts it, or else by the list of the package's files, None if there is none."""
-    folder, pattern = ("Library/bin", "mkl_rt*.dll") if sys.platform == "win32" else ("lib", "libmkl_rt.so*")
-    usual = sorted((Path(sys.prefix) / folder).glob(pattern))
-    if usual:
-        return usual[-1]
-    # only here, for the module of package lists imports those of e-mail and sockets, a tenth of a press's imports
-    from importlib import metadata
-
-    try:
-        files = metadata.files("mkl") or []
-    except metadata.PackageNotFoundError:
-        return None
-    return next((Path(str(file.locate())) for file in files if "mkl_rt" in file.name), None)
 
 
 class Solver:
@@ -95,13 +41,13 @@ class Solver:
         self._try_band = pardiso is None
         self.band: BandFactors | None = None
         self._turns = 0
-        self._handles: dict[bool, _Pardiso] = {}
+        self._handles: dict[bool, Pardiso] = {}
         self._symmetric = True
         self._order: Ints | None = None
         self._inner_order: Ints | None = None
         self.kept: Ints = np.zeros(0, dtype=np.int64)
         self.schur: Array | None = None
-        self._condensing: _Pardiso | None = None
+        self._condensing: Pardiso | None = None
 
     def factorise(
         self, matrix: sp.csr_matrix, *, symmetric: bool = True, order: Callable[[], Ints] | None = None
@@ -125,16 +71,18 @@ class Solver:
                 size = matrix.shape[0]
                 own = None if order is None or not symmetric or size < FEW else order()
                 single = order is not None and symmetric and size >= SINGLE
-                handle = _Pardiso(matrix, symmetric=symmetric, match=not symmetric, order=own, single=single)
+                handle = Pardiso(
+                    matrix, symmetric=symmetric, match=not symmetric, order=own, single=single, pairs=not single
+                )
                 self._handles[symmetric] = handle
             handle.factorise(matrix)
             if not handle.is_accurate(matrix):
                 handle.close()
-                handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=True, match=False, order=handle.order)
+                handle = self._handles[symmetric] = Pardiso(matrix, symmetric=True, match=False, order=handle.order)
                 handle.factorise(matrix)
             if handle.iparm[12] == 0 and handle.iparm[13] > 0:  # pivots were perturbed: matching is needed
                 handle.close()
-                handle = self._handles[symmetric] = _Pardiso(matrix, symmetric=symmetric, match=True)
+                handle = self._handles[symmetric] = Pardiso(matrix, symmetric=symmetric, match=True)
                 handle.factorise(matrix)
             return
         # SuperLU has no symmetric indefinite factorisation: it gets the whole matrix, in an order computed once
@@ -172,13 +120,8 @@ class Solver:
             raise SingularMatrixError("the stiffness has entries that are not finite")
         same, self.kept, self.schur = np.array_equal(kept, self.kept), kept, None
         if self._use_pardiso:
-            if self._condensing is None or not same:
-                if self._condensing is not None:
-                    self._condensing.close()
-                self._condensing = _Pardiso(matrix, symmetric=True, match=False, kept=kept)
-            schur = np.zeros((len(kept), len(kept)))
-            self._condensing.factorise(matrix, schur)
-            if self._condensing.iparm[13] > 0:  # pivots were perturbed
+            schur = self._condense_by_pardiso(matrix, kept, same=same)
+            if schur is None:
                 return None
             upper = np.triu(schur)
             self.schur = upper + np.triu(upper, 1).T
@@ -193,6 +136,24 @@ class Solver:
         inside = self._coupling.T @ self._lu.solve(self._coupling.toarray())
         self.schur = np.asarray(full[kept][:, kept].toarray() - inside)
         return self.schur
+
+    def _condense_by_pardiso(self, matrix: sp.csr_matrix, kept: Ints, *, same: bool) -> Array | None:
+        """Return the upper triangle (c, c) of the Schur complement; None where pivots were perturbed.
+
+        same : whether the unknowns `kept` are those of the last call.
+        """
+        for pairs in (False, True):
+            if self._condensing is None or not same or pairs > self._condensing.pairs:
+                if self._condensing is not None:
+                    self._condensing.close()
+                self._condensing = Pardiso(matrix, symmetric=True, match=False, kept=kept, pairs=pairs)
+            schur = np.zeros((len(kept), len(kept)))
+            self._condensing.factorise(matrix, schur)
+            if self._condensing.iparm[13] == 0:
+                return schur
+            if self._condensing.pairs:
+                break
+        return None
 
     def forward(self, b: Array) -> Array:
         """Return b (n,) with the entries of the unknowns kept replaced by b_c - K_ci K_ii^-1 b_i, for `backward`."""
@@ -277,119 +238,3 @@ def _negative_pivots(lu: Any) -> int | None:
     if not np.array_equal(lu.perm_r, lu.perm_c):
         return None
     return int(np.count_nonzero(lu.U.diagonal() < 0))
-
-
-class _Pardiso:
-    """PARDISO for matrices of one pattern: upper triangles of symmetric indefinite matrices, or unsymmetric ones.
-
-    MKL is called directly, as its reference describes: the package pypardiso copies the structure at each call, and
-    its imports take some 50 ms.
-
-    Parameters
-    ----------
-    matrix : a matrix with the pattern.
-    match : scale rows and permute large entries to the diagonal first. This takes most of the symbolic phase; mixed
-        displacement-pressure systems need it only where elements, and with them pivots, differ by orders of
-        magnitude.
-    kept : unknowns that are not eliminated, but left in a Schur complement.
-    order : order in which the unknowns are eliminated; default: PARDISO's own. Without `match` or `kept`.
-    single : whether to factorise and solve in single precision. Without `kept`.
-
-    Attributes
-    ----------
-    order, single : as above.
-    iparm : (64,) MKL's parameters, numbered from 0.
-    """
-
-    def __init__(
-        self,
-        matrix: sp.csr_matrix,
-        *,
-        symmetric: bool,
-        match: bool,
-        kept: Ints | None = None,
-        order: Ints | None = None,
-        single: bool = False,
-    ) -> None:
-        self._mkl, self.order, self.single = _mkl(), order, single
-        self._pardiso = self._mkl["pardiso"]
-        self._pardiso.argtypes, self._pardiso.restype = [ctypes.c_void_p] * 16, None
-        size = matrix.shape[0]
-        # Newton's method corrects small errors of a solve, so solutions are refined only where pivots were perturbed
-        method, perturb = 0 if size < FEW else 2, 8 if symmetric else 13
-        self.iparm = np.zeros(64, dtype=np.int32)
-        for i, value in {1: 1, 2: method, 10: perturb, 11: int(match), 13: int(match), 21: 1, 35: 1}.items():
-            self.iparm[i - 1] = value
-        # MKL takes all arguments by address: these arrays hold them, and must stay where they are in memory
-        self._numbers = np.array([1, 1, -2 if symmetric else 11, 0, size, 1, 0, 0], dtype=np.int32)
-        memory, permutation = np.zeros(64, dtype=np.int64), np.zeros(size, dtype=np.int32)
-        if kept is not None:
-            permutation[kept], self.iparm[35] = 1, 2
-        elif order is not None:
-            permutation[:], self.iparm[4] = order, 1
-        self.iparm[27] = int(single)
-        self._kept = memory, permutation, matrix.indptr, matrix.indices
-        first = _address(self._numbers)
-        most, which, kind, phase, many, right, talk, error = range(first, first + 32, 4)
-        structure = _address(matrix.indptr), _address(matrix.indices)
-        self._before = _address(memory), most, which, kind, phase, many
-        self._between = *structure, _address(permutation), right, _address(self.iparm), talk
-        self._error = error
-        self._values, self._known, self._negative, self._turn = matrix.data, False, -1, 0
-        self._type = np.dtype(np.float32 if single else np.float64)
-
-    def factorise(self, matrix: sp.csr_matrix, schur: Array | None = None) -> None:
-        """Factorise a matrix of the pattern; raises SingularMatrixError.
-
-        schur : (c, c) array for the upper triangle of the Schur complement, where unknowns are kept.
-        """
-        nothing = np.zeros(0)
-        with np.errstate(over="ignore"):  # `error` shows what does not fit into single precision
-            self._values = matrix.data.astype(self._type, copy=False)
-        self._call(22 if self._known else 12, nothing, nothing if schur is None else schur)
-        self._known = True
-
-    def solve(self, b: Array, phase: int = 33) -> Array:
-        """Solve for b (n,) or (n, m); phases 331 and 333 are the steps before and after a Schur complement."""
-        b = np.asfortranarray(b, dtype=self._type)
-        x = np.zeros_like(b)
-        self._call(phase, b, x)
-        return np.asarray(x, dtype=np.float64)
-
-    def is_accurate(self, matrix: sp.csr_matrix) -> bool:
-        """Return whether the factors of an upper triangle serve Newton's method, by a known solution.
-
-        It is computed where the number of negative pivots has changed, and for each CHECKED-th matrix.
-        """
-        if not self.single:
-            return True
-        self._turn, before, self._negative = self._turn + 1, self._negative, int(self.iparm[22])
-        known = self._negative == before and self._turn % CHECKED
-        return self.iparm[13] == 0 and bool(known or self.error(matrix) <= LARGEST_ERROR)
-
-    def error(self, matrix: sp.csr_matrix) -> float:
-        """Return the root mean square error of the solution 1, 1, ... by the factors of an upper triangle."""
-        ones = np.ones(matrix.shape[0])
-        # the first entry of a row of an upper triangle is on the diagonal
-        b = matrix @ ones + matrix.T @ ones - matrix.data[matrix.indptr[:-1]]
-        return float(np.linalg.norm(self.solve(b) - ones) / math.sqrt(len(b)))
-
-    def close(self) -> None:
-        """Free the memory of the factorisation."""
-        nothing = np.zeros(0)
-        self._call(-1, nothing, nothing)
-
-    def _call(self, phase: int, b: Array, x: Array) -> None:
-        numbers = self._numbers
-        numbers[3], numbers[5], numbers[7] = phase, b.shape[1] if b.ndim == 2 else 1, 0
-        # in a small system, synchronising threads costs more than they save
-        own = self._mkl.MKL_Set_Num_Threads_Local(int(numbers[4] < FEW))
-        values = _address(self._values)
-        self._pardiso(*self._before, values, *self._between, _address(b), _address(x), self._error)
-        self._mkl.MKL_Set_Num_Threads_Local(own)
-        if numbers[7]:
-            raise SingularMatrixError(f"PARDISO error {numbers[7]}")
-
-
-def _address(array: NDArray[Any]) -> int:
-    return int(array.__array_interface__["data"][0])

@@ -26,7 +26,7 @@ from fem.contact.plate_contact import Plate, Springs
 from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.elements import Surface
 from fem.discretisation.nonlinear_system import System
-from fem.solvers.direct_solver import SingularMatrixError, Solver, count_negative
+from fem.solvers.direct_solver import Solver, count_negative
 from fem.solvers.newton import (
     MOST_ITERATIONS,
     TOLERANCE,
@@ -36,6 +36,7 @@ from fem.solvers.newton import (
     keeps_factorisation,
     reference_size,
 )
+from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array, Ints
 
 Mask = NDArray[np.bool_]

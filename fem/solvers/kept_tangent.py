@@ -25,8 +25,9 @@ from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.elements import Surface
 from fem.discretisation.nonlinear_system import System
 from fem.solvers.active_set import Switches, settle_contact
-from fem.solvers.direct_solver import SingularMatrixError, Solver
+from fem.solvers.direct_solver import Solver
 from fem.solvers.newton import TOLERANCE, Equilibrium, backtrack, reference_size
+from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array
 
 Mask = NDArray[np.bool_]

@@ -16,8 +16,9 @@ from fem.contact.plate_contact import Plate, hold_reversing_points
 from fem.discretisation.assembled_state import Assembly, State
 from fem.discretisation.nonlinear_system import System
 from fem.solvers.active_set import settle_contact
-from fem.solvers.direct_solver import SingularMatrixError, Solver
+from fem.solvers.direct_solver import Solver
 from fem.solvers.nonlinear_elimination import find_patch
+from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array
 
 TOLERANCE = 1e-9

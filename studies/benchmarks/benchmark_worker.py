@@ -39,7 +39,7 @@ from typing import Any
 
 Answer = dict[str, Any]
 
-SOLVER = ("fem.solvers.direct_solver", "fem.linear")
+SOLVER = ("fem.solvers.pardiso", "fem.linear")
 ACCURACY = ("fem.accuracy", "fem.levels")
 LOADS = ("geometry.loads", "geometry.scene")
 CACHE = ("geometry.meshing.mesh_cache", "geometry.cache")

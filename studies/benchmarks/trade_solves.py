@@ -151,13 +151,13 @@ def _solve(connection: Connection, run: Run) -> None:
     """Solve a run and send its answer; runs in the solve's own process."""
     import signal
 
-    from fem.solvers import direct_solver
+    from fem.solvers import pardiso
     from geometry.meshing import mesh_cache
 
     # an interruption of the study reaches the parent, which then ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # loading the solver's library is an import
-    direct_solver.have_pardiso()
+    pardiso.have_pardiso()
     assert isinstance(run.method, Accuracy)
     base, begin = _peak(), _cpu()
     with mesh_cache.bypassed():
