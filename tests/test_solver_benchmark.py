@@ -95,6 +95,16 @@ def test_the_cheapest_mesh_within_tolerance_is_chosen():
     assert benchmark_statistics.measured(ladder.get, ["lost"], truth, 0.5, 2)[1]["status"] == "failed"
 
 
+@pytest.mark.parametrize(
+    ("coarse", "fine", "found"),
+    [(0.4, 0.1, ("coarse", True)), (2, 0.1, ("fine", True)), (2, 0.9, ("fine", False))],
+    ids=["the same mesh", "a finer one", "none within tolerance"],
+)
+def test_another_program_is_compared_at_the_same_error(coarse, fine, found):
+    ladder = {"coarse": answer(coarse, 1), "fine": answer(fine, 3)}
+    assert benchmark_statistics.matching_rung(ladder.get, "coarse", ladder, [(0, 0, 1.0)], 0.5) == found
+
+
 def test_medians_keep_the_worst_error_and_a_failure():
     runs = [answer(0, cpu) | {"error_percent": e} for cpu, e in ((1.0, 0.1), (9.0, 0.4), (2.0, 0.2))]
     found = benchmark_statistics.median(runs)

@@ -105,6 +105,20 @@ def measured(
     return rung, found
 
 
+def matching_rung(
+    solve: Callable[[Any], Answer], rung: Any, ladder: Iterable[Any], truth: Forces, tolerance: float
+) -> tuple[Any, bool]:
+    """The rung on which another program is compared, and whether it is within tolerance (%) on it.
+
+    It is `rung` if the program is within tolerance on that one, else its cheapest within, else its most accurate.
+    """
+    same = solve(rung)
+    if same["status"] == "ok" and errors_percent(compared(same), truth) <= tolerance:
+        return rung, True
+    found, answer = candidates(solve, ladder, truth, tolerance)[0]
+    return found, answer["status"] == "ok" and answer["error_percent"] <= tolerance
+
+
 def exponents(answers: Sequence[Answer]) -> dict[str, tuple[float, float]]:
     """Fits a n^p over the number n of unknowns: of time, of time an iteration, of meshing and of memory."""
     n = [answer["dofs"] for answer in answers]

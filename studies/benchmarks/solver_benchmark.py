@@ -34,10 +34,9 @@ from studies.benchmarks.benchmark_state import Bench, row, spec
 from studies.benchmarks.benchmark_statistics import (
     Answer,
     Forces,
-    candidates,
     compared,
-    errors_percent,
     exponents,
+    matching_rung,
     measured,
     median,
 )
@@ -209,11 +208,11 @@ def _earlier_rung(
     def solve(fields: Fields) -> Answer:
         return peers.magtip(spec(case.model, case.magnet, case.loads, fields), packages=packages)
 
-    same = solve(rung)
-    if same["status"] == "ok" and errors_percent(compared(same), truth) <= case.tolerance_percent:
+    earlier, reached = matching_rung(solve, rung, case.ladder, truth, case.tolerance_percent)
+    if earlier == rung:
         return own, rung
-    earlier: Fields = candidates(solve, case.ladder, truth, case.tolerance_percent)[0][0]
-    return replace(own, message=f"commit {earlier_commit.COMMIT} needs {_setting(earlier)}"), earlier
+    words = "needs" if reached else "is within the tolerance on no mesh, and nearest on"
+    return replace(own, message=f"commit {earlier_commit.COMMIT} {words} {_setting(earlier)}"), earlier
 
 
 def _over_half(bench: Bench, case: Case, answer: Answer) -> float | None:
