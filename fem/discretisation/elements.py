@@ -161,14 +161,16 @@ class Surface:
         for (i, j), C in entries.items():
             # most facets of the skin are far from the plate, and have no springs
             touched = np.flatnonzero(C.any(axis=1))
-            pairs = self._upward_pairs if upright and i == j == 2 else self._pairs(frame[i], frame[j])
+            if upright and (i, j) not in self._upright_pairs:
+                self._upright_pairs[i, j] = self._pairs(frame[i], frame[j])
+            pairs = self._upright_pairs[i, j] if upright else self._pairs(frame[i], frame[j])
             matrices[touched] += ((self.weights[touched] * C[touched]) @ pairs).reshape(-1, n, n)
         return matrices
 
     @functools.cached_property
-    def _upward_pairs(self) -> Array:
-        """The products of `_pairs` for displacements along z."""
-        return self._pairs(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0]))
+    def _upright_pairs(self) -> dict[tuple[int, int], Array]:
+        """The products of `_pairs` under an upright plate, for the directions i and j that were needed so far."""
+        return {}
 
     def _pairs(self, first: Array, second: Array) -> Array:
         """Return the products of a facet's displacements along two directions (3,), shape (q, fields f fields f)."""
