@@ -71,6 +71,7 @@ class Solver:
                 size = matrix.shape[0]
                 own = None if order is None or not symmetric or size < FEW else order()
                 single = order is not None and symmetric and size >= SINGLE
+                # pairs of pivots are rarely needed: factors in single precision are checked anyway
                 handle = Pardiso(
                     matrix, symmetric=symmetric, match=not symmetric, order=own, single=single, pairs=not single
                 )
@@ -139,6 +140,8 @@ class Solver:
 
     def _condense_by_pardiso(self, matrix: sp.csr_matrix, kept: Ints, *, same: bool) -> Array | None:
         """Return the upper triangle (c, c) of the Schur complement; None where pivots were perturbed.
+
+        Pairs of pivots are tried only where single ones were perturbed, and kept for the matrices after that.
 
         same : whether the unknowns `kept` are those of the last call.
         """
