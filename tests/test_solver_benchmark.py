@@ -96,13 +96,13 @@ def test_the_cheapest_mesh_within_tolerance_is_chosen():
 
 
 @pytest.mark.parametrize(
-    ("coarse", "fine", "found"),
-    [(0.4, 0.1, ("coarse", True)), (2, 0.1, ("fine", True)), (2, 0.9, ("fine", False))],
-    ids=["the same mesh", "a finer one", "none within tolerance"],
+    ("errors", "found"),
+    [((0.4, 0.1, 0.2), ["same"]), ((2, 0.1, 0.2), ["cheap", "dear"]), ((2, 0.9, 0.8), ["dear"])],
+    ids=["the same mesh", "others", "none within tolerance"],
 )
-def test_another_program_is_compared_at_the_same_error(coarse, fine, found):
-    ladder = {"coarse": answer(coarse, 1), "fine": answer(fine, 3)}
-    assert benchmark_statistics.matching_rung(ladder.get, "coarse", ladder, [(0, 0, 1.0)], 0.5) == found
+def test_another_program_is_compared_at_the_same_error(errors, found):
+    ladder = dict(zip(("same", "cheap", "dear"), map(answer, errors, (1, 3, 9)), strict=True))
+    assert benchmark_statistics.matching_rungs(ladder.get, "same", ladder, [(0, 0, 1.0)], 0.5) == found
 
 
 def test_medians_keep_the_worst_error_and_a_failure():

@@ -105,18 +105,18 @@ def measured(
     return rung, found
 
 
-def matching_rung(
+def matching_rungs(
     solve: Callable[[Any], Answer], rung: Any, ladder: Iterable[Any], truth: Forces, tolerance: float
-) -> tuple[Any, bool]:
-    """The rung on which another program is compared, and whether it is within tolerance (%) on it.
+) -> list[Any]:
+    """The rungs on which another program may be compared at the same error, the one to try first at the front.
 
-    It is `rung` if the program is within tolerance on that one, else its cheapest within, else its most accurate.
+    It is `rung` if the program is within tolerance (%) on that one; else its rungs within, the cheapest first, or its
+    most accurate one.
     """
     same = solve(rung)
     if same["status"] == "ok" and errors_percent(compared(same), truth) <= tolerance:
-        return rung, True
-    found, answer = candidates(solve, ladder, truth, tolerance)[0]
-    return found, answer["status"] == "ok" and answer["error_percent"] <= tolerance
+        return [rung]
+    return [found for found, _ in candidates(solve, ladder, truth, tolerance)]
 
 
 def exponents(answers: Sequence[Answer]) -> dict[str, tuple[float, float]]:
