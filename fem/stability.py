@@ -122,20 +122,20 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     """Return the critical state of a scene, without error estimates."""
     D = scene.design.D
     end = scene.loads[0].depth / D
-    rough = fine_section(replace(scene, accuracy=QUICK))
+    rough = _fine_section(replace(scene, accuracy=QUICK))
     coarse = _find_on_mesh(rough, guided, 0.0, min(STEP, end / 8), end)
     if coarse is None or isinstance(coarse, float):
         return _report_none(coarse or 0.0, end, D)
     edge = find_contact_edge(rough, RIM * scene.accuracy.section_patch, coarse.depth)
-    state = _find_near(fine_section(scene, edge), guided, coarse.depth, end)
+    state = _find_near(_fine_section(scene, edge), guided, coarse.depth, end)
     if not isinstance(state, float) and abs(state.edge / edge - 1) > MOVED:
-        state = _find_near(fine_section(scene, state.edge), guided, state.depth, end)
+        state = _find_near(_fine_section(scene, state.edge), guided, state.depth, end)
     if isinstance(state, float):
         return _report_none(state, end, D)
     return Critical(state.depth * D, state.force * scene.design.E * D**2, state.stable * D, "")
 
 
-def fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
+def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:
     """Return the axisymmetric section, refined at the undeformed radius `edge` over D at which the contact ends."""
     size, patch = scene.accuracy.section_size, RIM * scene.accuracy.section_patch
     rim = None if edge is None else (edge, min(patch, EDGE_SHARE * edge))

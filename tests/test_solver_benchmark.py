@@ -16,6 +16,7 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.benchmarks import (
     benchmark_cases,
+    benchmark_state,
     benchmark_statistics,
     benchmark_tables,
     earlier_commit,
@@ -103,6 +104,33 @@ def test_the_cheapest_mesh_within_tolerance_is_chosen():
 def test_another_program_is_compared_at_the_same_error(errors, found):
     ladder = dict(zip(("same", "cheap", "dear"), map(answer, errors, (1, 3, 9)), strict=True))
     assert benchmark_statistics.matching_rungs(ladder.get, "same", ladder, [(0, 0, 1.0)], 0.5) == found
+
+
+@pytest.mark.parametrize(
+    ("errors", "message"),
+    [
+        ({0.1: 0.4}, "commit f83a532 needs section_size 0.1 D"),
+        ({0.1: 0.7, 0.08: 0.4}, "commit f83a532 needs section_size 0.08 D"),
+        ({0.1: 0.7, 0.08: 0.6}, "commit f83a532 has an error of 0.6 % on section_size 0.08 D, beyond the tolerance"),
+    ],
+    ids=["the first mesh", "misses on the first mesh", "misses on all"],
+)
+def test_the_earlier_commit_stays_within_the_tolerance_in_all_turns(monkeypatch, errors, message):
+    """One solve may be within it by luck: the earlier commit's tetrahedra differ from run to run."""
+    sizes = {size: {"section_size": size} for size in errors}
+    monkeypatch.setattr(solver_benchmark, "matching_rungs", lambda *_: list(sizes.values()))
+    monkeypatch.setattr(
+        solver_benchmark,
+        "beside_earlier",
+        lambda bench, own, task, truth, least, other: replace(
+            own, earlier_error_percent=errors[other["accuracy"]["section_size"]]
+        ),
+    )
+    bench = benchmark_state.Bench(True, Path("none"), "ccx", None, earlier=Path("none"))
+    own = benchmark_tables.BenchRow("press curve to 3 mm", "magtip", "", status="ok")
+    case = next(case for case in solver_benchmark.CASES if case.key == "press-curve")
+    found = solver_benchmark._beside_earlier_rung(bench, case, own, {"section_size": 0.16}, [(0, 0, 1.0)])
+    assert found.message == message
 
 
 def test_medians_keep_the_worst_error_and_a_failure():

@@ -69,10 +69,10 @@ shear.
 
 "Times as fast as commit f83a532" is the median of ratios of CPU seconds by turns: today's packages, and those of that
 commit, unpacked from git. Both have the same mesh sizes; where the earlier commit is not within the tolerance on
-them, it has the cheapest of the series on which it is. They run in new processes on one thread, after the imports and
-after a small solve of another design, which loads the functions that numba has compiled. The wait for compiling them
-once after an installation, and for loading them, has its own table; it counts as imports. The sample of the section's
-meshes is that of `magtip range`, without impossible designs; the ratio is that of each design.
+them, it has the cheapest of the series on which it is in all turns. They run in new processes on one thread, after
+the imports and after a small solve of another design, which loads the functions that numba has compiled. The wait for
+compiling them once after an installation, and for loading them, has its own table; it counts as imports. The sample
+of the section's meshes is that of `magtip range`, without impossible designs; the ratio is that of each design.
 """
 
 LEAST, MORE_S, MODES_S, TIMES = {"FElupe": 12.0, "CalculiX": 4.0}, 0.2, 0.5, 10.0
@@ -211,7 +211,10 @@ def _beside_earlier_rung(bench: Bench, case: Case, own: BenchRow, rung: Fields, 
         error = beside.earlier_error_percent
         if error is None or error <= case.tolerance_percent:
             return beside
-    return replace(beside, message=f"commit {earlier_commit.COMMIT} is within the tolerance on no mesh")
+    words = (
+        f"commit {earlier_commit.COMMIT} has an error of {error:.2g} % on {_setting(earlier)}, beyond the tolerance"
+    )
+    return replace(beside, message=words)
 
 
 def _over_half(bench: Bench, case: Case, answer: Answer) -> float | None:
