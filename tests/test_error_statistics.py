@@ -1,7 +1,10 @@
 """Statistics of the study of error estimates: shares, missed goals and mesh noise."""
 
+import math
+
 import pytest
 
+from studies.output import goals
 from studies.validation import error_statistics
 from studies.validation.error_study import QUANTITIES
 from studies.validation.error_study_records import ErrorState, Judged, PathSolve
@@ -20,15 +23,37 @@ def solve(force_z=0.0, shift_z=0.0):
     return PathSolve(0.0, force_z, 0.0, shift_z, 0.0, 100, 5, 0.1)
 
 
-def test_shares_and_verdicts():
+def missed(states):
+    """Names of the missed goals."""
+    return [str(goal) for goal in goals.missed(error_statistics.goals(states))]
+
+
+def test_shares_and_goals():
     safe = [state(0.010, 0.015) for _ in range(19)]
-    assert error_statistics.verdicts([*safe, state(0.02, 0.015)]) == []
-    unsafe = error_statistics.verdicts([*safe, state(0.02, 0.015), state(0.02, 0.015)])
+    assert missed([*safe, state(0.02, 0.015)]) == []
+    unsafe = missed([*safe, state(0.02, 0.015), state(0.02, 0.015)])
     assert len(unsafe) == len(QUANTITIES)
-    assert "90% of the true errors" in unsafe[0]
-    blunt = error_statistics.verdicts([state(0.001, 0.0031) for _ in range(20)])
-    assert all("0% of the estimates" in said for said in blunt)
-    assert "goal 3 %" in error_statistics.verdicts([state(0.031, 0.04)])[0]
+    assert "at most the estimate: 90.5 %, goal at least 95 %" in unsafe[0]
+    blunt = missed([state(0.001, 0.0031) for _ in range(20)])
+    assert all("true error: 0 %, goal at least 50 %" in said for said in blunt)
+    assert "largest error: 3.1 %, goal at most 3 %" in missed([state(0.031, 0.04)])[0]
+
+
+def test_an_unknown_estimate_covers_nothing():
+    assert all(
+        "at most the estimate: 50 %" in said for said in missed([state(0.01, e) for e in (0.015, math.nan)] * 4)
+    )
+
+
+def test_states_without_a_comparison_miss_a_goal():
+    for status in ("not_run", "crashed", "disagrees"):
+        lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=status)])
+        assert lost == ["states without a comparison: 1, goal at most 0"]
+    assert not missed([state(0.01, 0.015), state(0.0, 0.0, status="unstable")])
+
+
+def test_a_large_error_stays_in_the_statistics():
+    assert error_statistics.summary([state(0.4, 0.015)])[0].statistics.max_percent == pytest.approx(40)
 
 
 def test_mesh_noise_is_the_spread_over_meshes():

@@ -15,7 +15,7 @@ from studies.output import checkpoint
 from studies.output.atomic_files import json_line
 from studies.validation import error_statistics, error_study, error_study_cases, error_study_tangents
 from studies.validation.error_study import QUANTITIES, Task
-from studies.validation.error_study_records import ErrorState, Judged, SolvedState, restored
+from studies.validation.error_study_records import ROLES, ErrorState, Judged, SolvedState, error_state, restored
 
 
 @pytest.fixture(scope="module")
@@ -182,10 +182,23 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     )
     assert entry_point.main(["accuracy", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
-    assert "goals are missed" in said.err
+    assert "largest error: 3.1 %, goal at most 3 %" in said.err
     assert all(json.loads(line)["quantity"] for line in said.out.splitlines())
     report = (tmp_path / "ACCURACY.md").read_text("utf-8")
     assert "1 of 2 states compared" in report
     assert "unstable; !" in report
     assert (tmp_path / "errors.png").stat().st_size > 10_000
     assert (tmp_path / "accuracy.csv").read_text("utf-8").count("\n") == 3
+
+
+def test_no_comparison_is_no_success(tmp_path, capsys):
+    assert entry_point.main(["accuracy", "--quick", "--minutes", "0", "--out", str(tmp_path)]) == FAILED
+    assert "states without a comparison: 17, goal at most 0" in capsys.readouterr().err
+    assert "All goals are met" not in (tmp_path / "ACCURACY.md").read_text("utf-8")
+
+
+def test_a_state_that_is_unstable_by_one_solve_only_disagrees(press):
+    ok, unstable = SolvedState("ok", ""), SolvedState("unstable", "since 1 mm")
+    for solves, status in (((ok, ok, unstable), "disagrees"), ((unstable,) * 3, "unstable")):
+        states = dict(zip(ROLES, solves, strict=True))
+        assert error_state(press.trial, QUICK, press.trial.loads[0], states).status == status

@@ -7,7 +7,8 @@ from typing import Any
 
 from geometry.design import Design
 from studies.inputs.exit_status import FAILED, GOOD
-from studies.output import console
+from studies.output import console, goals
+from studies.output.goals import Goal
 
 
 def print_record(record: Mapping[str, Any], title: str, left_out: Sequence[str], *, as_json: bool) -> None:
@@ -38,3 +39,12 @@ def report_failures(records: Sequence[Mapping[str, Any]]) -> int:
     if failed:
         console.say(f"magtip: {failed[-1].get('message') or 'the solve failed: ' + failed[-1]['status']}")
     return FAILED if failed else GOOD
+
+
+def report_goals(posed: Sequence[Goal]) -> int:
+    """Return exit status 0 if goals were posed and all are met; else print the missed ones and return 3."""
+    lost = goals.missed(posed)
+    if posed and not lost:
+        return GOOD
+    console.say(f"magtip: {' '.join([goals.verdict(posed), '; '.join(map(str, lost))])}")
+    return FAILED

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from geometry.design import BadInput
+from studies.cli.command_output import report_goals
 from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
@@ -148,10 +149,7 @@ def accuracy(
             first=("scene", "quantity", "states", "median_percent", "coverage"),
             wide=wide,
         )
-    missed = error_statistics.verdicts(states)
-    if missed:
-        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
-    return FAILED if missed else GOOD
+    return report_goals(error_statistics.goals(states))
 
 
 def crosscheck(

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from studies.output import records
+from studies.output.goals import Goal
 from studies.output.records import FlatRow
 from studies.validation.error_study import CLEAR, COVERAGE, GOALS, QUANTITIES, RESPONSES, SHARP, SHARPNESS, WIDER
-from studies.validation.error_study_records import ErrorState, PathSolve
+from studies.validation.error_study_records import UNSTABLE, ErrorState, PathSolve
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -48,11 +49,16 @@ class LevelErrors:
     quantity: str
     statistics: Statistics = field(metadata={"prefix": ""})
     goal_percent: float
-    met: bool
+
+    @property
+    def goal(self) -> Goal:
+        """The goal of the largest error."""
+        name = f"{self.model} {self.scene}, {self.quantity}, {self.level}, largest error"
+        return Goal(name, self.statistics.max_percent, self.goal_percent, self.statistics.states, "%")
 
     def row(self) -> FlatRow:
         """Return the columns of ACCURACY.md, of a printed table and of JSON."""
-        return records.flat(self)
+        return records.flat(self) | {"met": self.goal.met}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +117,8 @@ def summary(states: Sequence[ErrorState]) -> list[LevelErrors]:
     for (level, model, scene), members in groups.items():
         for name in QUANTITIES:
             if pairs := pairs_of(members, name):
-                goal, worst = WIDER.get(scene, GOALS)[level], max(true for true, _ in pairs)
-                table.append(LevelErrors(level, model, scene, name, _statistics(pairs), 100 * goal, worst <= goal))
+                goal = 100 * WIDER.get(scene, GOALS)[level]
+                table.append(LevelErrors(level, model, scene, name, _statistics(pairs), goal))
     return table
 
 
@@ -146,34 +152,26 @@ def ended_well(states: Iterable[ErrorState]) -> list[ErrorState]:
 
 
 def pairs_of(states: Iterable[ErrorState], name: str) -> list[tuple[float, float]]:
-    """Return true error and estimate of a quantity in each state that has both."""
+    """Return true error and estimate of a quantity in each state that has an error; an unknown estimate is NaN."""
     judged = [one for state in states for one in state.judged if one.quantity == name]
-    return [(one.error, one.estimate) for one in judged if math.isfinite(one.error) and math.isfinite(one.estimate)]
+    return [(one.error, one.estimate) for one in judged if math.isfinite(one.error)]
 
 
-def verdicts(states: Sequence[ErrorState]) -> list[str]:
-    """Return one sentence for each goal that is missed."""
-    sentences = []
+def goals(states: Sequence[ErrorState]) -> list[Goal]:
+    """Return the goals of the study: states compared, coverage and sharpness, largest error of each level."""
+    lost = sum(state.status not in ("ok", *UNSTABLE) for state in states)
+    posed = [Goal("states without a comparison", lost, 0, len(states))]
     for share in shares(states):
         numbers = share.statistics
         if share.designs != "all" or numbers.states < LEAST_STATES:
             continue
         where = f"{share.model} {share.scene}, {share.quantity}"
-        if not numbers.coverage >= COVERAGE:
-            sentences.append(
-                f"{where}: {numbers.coverage:.0%} of the true errors are at most the estimate, goal {COVERAGE:.0%}"
-            )
-        if not numbers.sharpness >= SHARPNESS:
-            sentences.append(
-                f"{where}: {numbers.sharpness:.0%} of the estimates are at most {SHARP:g} times the true error, "
-                f"goal {SHARPNESS:.0%}"
-            )
-    for errors in summary(states):
-        if not errors.met:
-            where = f"{errors.model} {errors.scene}, {errors.quantity}, {errors.level}"
-            worst = errors.statistics.max_percent
-            sentences.append(f"{where}: largest error {worst:.2g} %, goal {errors.goal_percent:g} %")
-    return sentences
+        for name, value, bound in (
+            ("true errors that are at most the estimate", numbers.coverage, COVERAGE),
+            (f"estimates that are at most {SHARP:g} times the true error", numbers.sharpness, SHARPNESS),
+        ):
+            posed.append(Goal(f"{where}, {name}", 100 * value, 100 * bound, numbers.states, "%", at_least=True))
+    return posed + [errors.goal for errors in summary(states)]
 
 
 def noise(states: Sequence[ErrorState]) -> list[MeshNoise]:

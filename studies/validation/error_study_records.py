@@ -28,8 +28,10 @@ ROLES = ("", "companion_", "reference_")
 """Prefixes of the columns of a state's three solves: its level, the coarser level of its estimate, the reference."""
 NAMES = {"": "level", "companion_": "coarser level", "reference_": "reference"}
 """Names of ROLES in messages."""
-JUMP = 0.25
-"""A larger true error does not come from the mesh: the two solutions are different equilibria."""
+UNSTABLE = ("unstable", "stable")
+"""Statuses of a path beyond its instability, and of a search that found none: no error can be measured."""
+DISAGREES = "disagrees"
+"""Status of a state that is stable, or has an answer, by some of its three solves only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +190,9 @@ def error_state(
     lost : whether a path stopped before this load.
     """
     bad = {role: state for role, state in states.items() if state.status != "ok"}
+    status = next((state.status for state in bad.values()), "lost" if lost else "ok")
+    if status in UNSTABLE and len({state.status for state in states.values()}) > 1:
+        status = DISAGREES
     return ErrorState(
         design=trial.number,
         odd=trial.odd,
@@ -199,16 +204,9 @@ def error_state(
         repeat=repeat,
         depth_mm=load.depth,
         shear_mm=0.0 if trial.scene in TANGENTS else load.shear_x,
-        status=next((state.status for state in bad.values()), "lost" if lost else "ok"),
+        status=status,
         message="; ".join(f"{NAMES[role]}: {state.message}" for role, state in bad.items()),
     )
-
-
-def without_jump(state: ErrorState) -> ErrorState:
-    """Return the state, with status "jump" if an error exceeds JUMP."""
-    if any(judged.error > JUMP for judged in state.judged):
-        return replace(state, status="jump", message=f"an error exceeds {JUMP:g}")
-    return state
 
 
 def nan_if_none(estimate: float | None) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 
 from studies.output.atomic_files import write_text
 from studies.output.csv_tables import write_table
+from studies.output.goals import page_lines
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.validation import error_statistics, error_study, error_study_cases
@@ -39,12 +40,10 @@ def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str,
     """Write accuracy.csv with all states, the report ACCURACY.md, and errors.png."""
     write_table(folder / "accuracy.csv", [state.row() for state in states], digits=9)
     picture(folder / "errors.png", states)
-    good, missed = sum(state.status == "ok" for state in states), error_statistics.verdicts(states)
+    good, (verdict, *missed) = sum(s.status == "ok" for s in states), page_lines(error_statistics.goals(states))
     estimates = [one.row() for one in error_statistics.shares(states)]
     levels = [one.row() for one in error_statistics.summary(states)]
-    lines = ["# Accuracy", "", f"{good} of {len(states)} states compared. "]
-    lines[-1] += f"{len(missed)} goals are missed." if missed else "All goals are met."
-    lines += ["", *(f"- {sentence}" for sentence in missed)] if missed else []
+    lines = ["# Accuracy", "", f"{good} of {len(states)} states compared. {verdict}", *missed]
     lines += ["", *error_study.ABOUT.splitlines(), "", "![Estimates over true errors](errors.png)", ""]
     lines += ["## Estimates", "", *_markdown(estimates), "", "## Levels", "", *_markdown(levels), ""]
     if noise := error_statistics.noise(states):
