@@ -20,6 +20,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from geometry.cad import beam_volume, magnet_volume
 from geometry.design import Design
 
 
@@ -67,6 +68,5 @@ def moving_mass(design: Design) -> float:
     >>> round(moving_mass(paper()), 3)
     0.318
     """
-    core = math.pi * design.magnet_diameter**2 / 4 * design.magnet_height
-    volume = math.pi * design.R**2 * (design.H + 2 / 3 * design.R)
+    volume, core = beam_volume(design.shape), magnet_volume(design.shape)
     return 1e-6 * (design.density * (volume - core) / 3 + design.magnet_density * core)

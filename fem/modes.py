@@ -35,6 +35,7 @@ from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
 from fem.solvers.path_state import PathState, about, glue
 from geometry.arrays import Array
+from geometry.cad import beam_volume, magnet_inertia, magnet_volume
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 
@@ -142,9 +143,8 @@ def spring_mass(design: Design) -> tuple[float, float]:
     The frequency is sqrt(k / m) / 2 pi with k = E A / L and a third of the silicone's mass (Rayleigh's rod). Without
     the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
     """
-    area, volume = math.pi * design.R**2, math.pi * design.R**2 * (design.H + 2 / 3 * design.R)
-    core = math.pi * design.magnet_diameter**2 / 4 * design.magnet_height
-    k = 1e3 * design.E * area / design.L
+    volume, core = beam_volume(design.shape), magnet_volume(design.shape)
+    k = 1e3 * design.E * math.pi * design.R**2 / design.L
     light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
@@ -187,20 +187,19 @@ def solve_press(scene: Scene) -> Press:
     return Press(state, edge)
 
 
-def magnet_inertia(scene: Scene) -> tuple[float, float, float]:
+def inertia_of_magnet(scene: Scene) -> tuple[float, float, float]:
     """Return the magnet's mass and its moments of inertia across and along its axis, over those of silicone and D."""
     design = scene.design
     if scene.magnet != "rigid":
         return 0.0, 0.0, 0.0
-    a, h = design.magnet_diameter / 2 / design.D, design.magnet_height / design.D
-    m = design.magnet_density / design.density * math.pi * a**2 * h
-    return m, m * (3 * a**2 + h**2) / 12, m * a**2 / 2
+    ratio, (across, along) = design.magnet_density / design.density, magnet_inertia(scene.shape)
+    return ratio * magnet_volume(scene.shape), ratio * across, ratio * along
 
 
 def _order_matrices(press: Press, scene: Scene, order: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
     """Return tangent and mass of the block of one order about a press."""
     state = about(press.state, single_order.build(press.state.d, order)) if order else press.state
-    system, (m, across, _) = state.d.system, magnet_inertia(scene)
+    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
     moved = ((m,), (m, across), ())[order]
     K = system.assemble(system.state(state.q), press.glue(state)).tangent
     return K, system.mass(1.0, np.array(moved[: system.n_rigid]))
@@ -228,7 +227,7 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
         prescribed=np.insert(at_press.u, 1, 0.0, axis=1),
         held=held,
     )
-    m, _, along = magnet_inertia(scene)
+    m, _, along = inertia_of_magnet(scene)
     K = system.assemble(system.state(np.zeros(system.size)), press.glue(press.state)).tangent
     M = system.mass(1.0, np.array([m, along])[: system.n_rigid])
     # the magnet's motion along the axis is not part of torsion either

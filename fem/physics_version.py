@@ -20,8 +20,8 @@ PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], i
     "half": 3,
     "full": 3,
     "critical depth": 1,
-    "modes": 1,
-    "response": 2,
+    "modes": 2,
+    "response": 3,
     "cycle": 2,
 }
 """Version of each model, and of the critical depth, natural frequencies, vibrations and cycles, counted from 1."""

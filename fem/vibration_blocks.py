@@ -35,7 +35,7 @@ from fem.discretisation.elements import Surface
 from fem.discretisation.gradient_recovery import build_recovery
 from fem.discretisation.nonlinear_system import CHUNK, System
 from fem.equilibrium import start_path
-from fem.modes import Press, magnet_inertia, solve_press
+from fem.modes import Press, inertia_of_magnet, solve_press
 from fem.results.postprocess import recover_pose
 from fem.scene import Scene
 from fem.solvers.newton import STOPPED
@@ -134,7 +134,7 @@ def _press_block(scene: Scene, press: Press, order: int, *, glued: bool) -> Bloc
 
 def build_block(scene: Scene, state: PathState, plate: Plate | None, motions: tuple[Motion, ...]) -> Block:
     """Return the system about a state for some motions."""
-    system, (m, across, _) = state.d.system, magnet_inertia(scene)
+    system, (m, across, _) = state.d.system, inertia_of_magnet(scene)
     at_state = system.state(state.q)
     if plate is not None:
         plate = replace(plate, pressed=plate_contact.overlap(state.skin, at_state.u, plate) > 0)

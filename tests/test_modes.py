@@ -8,7 +8,7 @@ import pytest
 import skfem
 from scipy.optimize import brentq
 
-from fem import modes
+from fem import modes, vibration
 from fem.accuracy import QUICK, STANDARD
 from fem.discretisation import angular_fields, elements
 from fem.discretisation.nonlinear_system import System
@@ -17,8 +17,9 @@ from fem.error_estimate_rules import TANGENT_RULES
 from fem.error_estimates import estimate_number
 from fem.material import lame
 from fem.scene import Scene
-from geometry.design import BadInput, paper
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from geometry.section import section
 
 NU = 0.4998
 
@@ -139,3 +140,44 @@ def test_companions_are_paired_by_shape():
     pairs = [(1.0, 1.1), (2.0, 3.3), (3.0, 2.2)]
     assert found[:3] == tuple(estimate_number(rule, a, b, STANDARD.section_size, 1.0) for a, b in pairs)
     assert found[3] is None
+
+
+ROUNDED = Design(D=10.0, L=13.0, l0=13.0, f=10.0, magnet_diameter=5.0, magnet_height=3.0, magnet_edge_radius=0.6)
+"""A sensor whose magnet loses 4 % of its cylinder to its rounded edges."""
+
+
+def meshed_magnet():
+    """Volume of the meshed magnet over D^3, and its moments across and along the axis over D^5, revolved."""
+    shape = ROUNDED.shape.scaled(1 / ROUNDED.D)
+    mesh = section(shape, 0.03, magnet="meshed")
+    basis = skfem.Basis(mesh, skfem.ElementTriP2(), elements=mesh.subdomains["magnet"], intorder=8)
+    r, z = np.asarray(basis.global_coordinates())
+    weights = 2 * math.pi * r * basis.dx
+    return weights.sum(), (weights * (r**2 / 2 + (z - shape.H) ** 2)).sum(), (weights * r**2).sum()
+
+
+def test_the_rounded_magnet_has_the_mass_and_the_inertia_of_its_mesh():
+    m, across, along = modes.inertia_of_magnet(Scene(ROUNDED, (Load(),)))
+    ratio = ROUNDED.magnet_density / ROUNDED.density
+    np.testing.assert_allclose((m, across, along), ratio * np.array(meshed_magnet()), rtol=1e-5)
+    light = replace(ROUNDED, magnet_density=ROUNDED.density)
+    silicone = math.pi * light.R**2 * (light.H + 2 / 3 * light.R)
+    k = 1e3 * light.E * math.pi * light.R**2 / light.L
+    alone, with_magnet = modes.spring_mass(light)
+    # the silicone in the edge of the magnet counts a third, as all silicone does
+    heavier = (k / (2 * math.pi * with_magnet) ** 2 - k / (2 * math.pi * alone) ** 2) / (light.density * 1e-9)
+    assert heavier == pytest.approx(2 / 3 * meshed_magnet()[0] * light.D**3, rel=1e-5)
+    assert k / (2 * math.pi * alone) ** 2 == pytest.approx(light.density * 1e-9 * silicone / 3, rel=1e-12)
+
+
+def test_axial_modes_of_a_press_have_the_mass_of_the_rounded_magnet():
+    scene = Scene(ROUNDED, (Load(depth=1.0, friction="stick"),), QUICK)
+    press = modes.solve_press(scene)
+    K, system = modes._order_matrices(press, scene, 0)[0], press.state.d.system
+    m = ROUNDED.magnet_density / ROUNDED.density * meshed_magnet()[0]
+    value = modes.eigen(K, system.mass(1.0, np.array([m])), 1)[0][0]
+    right = modes.frequency_unit(ROUNDED) * math.sqrt(value)
+    found = modes.modes(ROUNDED, depth=1.0, accuracy=QUICK, estimate=False)
+    assert found.frequency[found.shape.index("axial")] == pytest.approx(right, rel=1e-5)
+    sensor = vibration.vibrating_sensor(ROUNDED, scene.loads[0], (10.0, 500.0), QUICK)
+    assert sensor.undamped(1)["z"][0] == pytest.approx(right, rel=1e-5)
