@@ -49,9 +49,9 @@ def test_the_beam_assumption_fails_in_short_and_in_slender_beams():
     assert all(abs(error) < 0.1 for (_, level), both in errors.items() if level == "finite" for error in both)
 
 
-def test_the_search_and_a_press_to_the_force_agree_on_the_depth(tmp_path):
+def test_the_search_and_a_press_to_the_force_agree_on_the_depth():
     """The sizing reads the depth from its solved states, with the softest silicone; the press searches for it."""
-    searched, sized = size_variant.main(str(tmp_path))
+    searched, sized = size_variant.main()
     assert searched == pytest.approx(sized, rel=2e-3)
 
 

@@ -1,16 +1,11 @@
-"""The search for a Pareto front: known fronts, choices, and interruption at any point."""
-
-import signal
-import subprocess
-import sys
-import time
+"""The search for a Pareto front: known fronts, choices, and reproducibility."""
 
 import numpy as np
 import pytest
 from pymoo.problems.multi.bnh import BNH
 from pymoo.problems.multi.osy import OSY
 
-from studies.sizing.front_search import Effort, Variable, restored, search
+from studies.sizing.front_search import Effort, Variable, search
 
 
 def variables_of(problem):
@@ -90,62 +85,3 @@ def same(one, other):
 def test_seed_fixes_the_result():
     assert same(search(MIXED, mixed, Effort(12, 4, seed=5)), search(MIXED, mixed, Effort(12, 4, seed=5)))
     assert not same(search(MIXED, mixed, Effort(12, 4, seed=5)), search(MIXED, mixed, Effort(12, 4, seed=6)))
-
-
-def test_interrupted_search_continues_to_the_same_front(tmp_path):
-    file, calls = tmp_path / "search.npz", []
-
-    def interrupted(X):
-        calls.append(len(X))
-        if len(calls) == 4:
-            raise KeyboardInterrupt
-        return mixed(X)
-
-    with pytest.raises(KeyboardInterrupt):
-        search(MIXED, interrupted, Effort(12, 6), file=file, case="one")
-    continued = search(MIXED, mixed, Effort(12, 6), file=file, case="one")
-    assert same(continued, search(MIXED, mixed, Effort(12, 6)))
-
-
-def test_file_of_another_case_is_not_continued(tmp_path):
-    file = tmp_path / "search.npz"
-    search(MIXED, mixed, Effort(12, 2), file=file, case="one")
-    other = search(MIXED, lambda X: (mixed(X)[0] + 1, mixed(X)[1]), Effort(12, 2), file=file, case="two")
-    assert other.F.min() >= 1
-
-
-def test_damaged_file_is_not_continued(tmp_path):
-    file = tmp_path / "search.npz"
-    search(MIXED, mixed, Effort(12, 2), file=file)
-    file.write_bytes(file.read_bytes()[:200])
-    assert restored(file, "") is None
-    assert search(MIXED, mixed, Effort(12, 2), file=file).number == 2
-
-
-SLOW = """
-import sys, time, numpy as np
-from pathlib import Path
-from studies.sizing.front_search import Effort, Variable, search
-
-def mixed(X):
-    time.sleep(0.02)
-    x, choice = X[:, 0], X[:, 1]
-    return np.column_stack([x**2, (x - 1) ** 2]), np.abs(choice - 3)[:, None]
-
-search([Variable("x", -2.0, 2.0), Variable("choice", choices=7)], mixed, Effort(12, 1000), file=Path(sys.argv[1]))
-"""
-
-
-def test_killed_search_continues_to_the_same_front(tmp_path):
-    file = tmp_path / "search.npz"
-    process = subprocess.Popen([sys.executable, "-c", SLOW, str(file)])
-    end = time.monotonic() + 60
-    while not file.exists() and process.poll() is None and time.monotonic() < end:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
-    with np.load(file) as kept:
-        reached = int(kept["number"])
-    assert 0 < reached < 1000
-    continued = search(MIXED, mixed, Effort(12, reached + 3), file=file)
-    assert same(continued, search(MIXED, mixed, Effort(12, reached + 3)))

@@ -1,12 +1,8 @@
-"""Verb size: a small sizing with finite elements, its files, its continuation after a kill, and refusals."""
+"""Verb size: a small sizing with finite elements, its files, what an earlier one leaves, and refusals."""
 
 import csv
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
+import shutil
 
 import pytest
 
@@ -53,7 +49,7 @@ def test_files(sizing):
     folder, _ = sizing
     names = {file.name for file in folder.iterdir() if not file.name.startswith(".")}
     written = {"sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json"}
-    assert names == written | {"search_1.npz"}
+    assert names == written
     assert (folder / "SIZING.md").read_text("utf-8").startswith("# Sizing")
 
 
@@ -79,22 +75,56 @@ def test_yield_has_all_requirements(sizing):
     assert {"force_z", "largest_strain", "no_saturation", "unique_decoding"} <= {row["requirement"] for row in rows}
 
 
-def test_killed_command_continues_to_the_same_result(sizing, tmp_path):
+def test_other_generations_are_another_search(sizing, tmp_path):
+    """Nothing of an earlier search is kept: the folder of a longer one gives what an empty folder gives."""
     folder, store = sizing
     words = size(tmp_path, NEEDED, store)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "studies.cli", *words], stderr=subprocess.DEVNULL, env=os.environ | {"COLUMNS": "80"}
-    )
-    state, end = tmp_path / "out" / "search_1.npz", time.monotonic() + 60
-    while not state.exists() and process.poll() is None and time.monotonic() < end:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert state.exists()
-    assert not (tmp_path / "out" / "SIZING.md").exists()
+    words[words.index("--generations") + 1] = "6"
     assert commands.run(words) == 0
-    assert (tmp_path / "out" / "front.csv").read_bytes() == (folder / "front.csv").read_bytes()
-    assert (tmp_path / "out" / "yield.csv").read_bytes() == (folder / "yield.csv").read_bytes()
+    assert commands.run(size(tmp_path, NEEDED, store)) == 0
+    assert json.loads((tmp_path / "out" / "sizing.json").read_text("utf-8"))["search"]["generations"] == 2
+    for name in ("front.csv", "yield.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_parts_of_earlier_requirements_are_removed(sizing, tmp_path):
+    folder, store = sizing
+    shutil.copytree(folder, tmp_path / "out")
+    parts = tmp_path / "out" / "fabrication"
+    parts.mkdir()
+    for file in (tmp_path / "out" / "winner.toml", parts / "base.stl", parts / "mine.txt"):
+        file.write_text("of an earlier sizing", encoding="utf-8")
+    (parts / "README.md").write_text("Made with `magtip cad`", encoding="utf-8")
+    impossible = NEEDED.replace("100 %", "3 %").replace('"30 mm"', '"14 mm"')
+    assert commands.run(size(tmp_path, impossible, store)) == 3
+    assert not (tmp_path / "out" / "winner.toml").exists()
+    assert [file.name for file in parts.iterdir()] == ["mine.txt"]
+
+
+def test_a_users_parts_are_refused_before_the_search(tmp_path, capsys):
+    parts = tmp_path / "out" / "fabrication"
+    parts.mkdir(parents=True)
+    (parts / "base.stl").write_text("mine", encoding="utf-8")
+    assert commands.run(size(tmp_path, NEEDED, tmp_path / "store.db")) == 2
+    assert "was not written by magtip" in capsys.readouterr().err
+    assert (parts / "base.stl").read_text("utf-8") == "mine"
+
+
+def test_a_store_that_cannot_be_used_is_refused_before_the_search(tmp_path, capsys, monkeypatch):
+    from studies.sizing import variant_search
+
+    monkeypatch.setattr(variant_search, "search", lambda *_, **__: pytest.fail("searched first"))
+    (tmp_path / "store.db").write_text("no store", encoding="utf-8")
+    assert commands.run(size(tmp_path, NEEDED, tmp_path / "store.db")) == 2
+    assert "store.db" in capsys.readouterr().err
+
+
+def test_a_limit_that_rejects_every_candidate_is_named(tmp_path, capsys):
+    soft = '[[silicone]]\nname = "soft"\nE = ["0.5 MPa", "0.6 MPa", "0.7 MPa"]\nnu = [0.3, 0.3, 0.3]\n'
+    (tmp_path / "mine.toml").write_text(soft, encoding="utf-8")
+    needed = NEEDED.replace("Smooth-Sil 940", "soft") + 'catalogues = ["mine.toml"]\n'
+    assert commands.run(size(tmp_path, needed, tmp_path / "store.db")) == 2
+    assert "nu within 0.45 and 0.5; got 0.3" in capsys.readouterr().err
 
 
 def test_contradiction_names_a_smallest_set(tmp_path, capsys):

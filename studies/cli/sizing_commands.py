@@ -44,13 +44,14 @@ def size(
 
     Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
     by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: the
-    message then names a smallest set that conflicts, and by how much each of them would have to give. The same
-    command continues after an interruption.
+    message then names a smallest set that conflicts, and by how much each of them would have to give. After an
+    interruption the same command solves no state again.
 
     Parameters
     ----------
     out
-        Folder for SIZING.md, sizing.json, front.csv, yield.csv, front.png, and the state of the search.
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv, and front.png; a design file and parts of an earlier sizing are
+        removed from it.
     export
         Write design file, mould and casting recipe of the best variant too.
     population
@@ -91,12 +92,15 @@ def size(
     for warning in requirements.warnings():
         console.warn(warning)
     atomic_files.check_apart([*atomic_files.inside(out, sizing_report.FILES), store], [source])
+    sizing_export.check_parts(out)
     effort = Effort(population, generations, requirements.seed)
     settings = sizing_study.Settings(effort, LEVELS[accuracy], Processes(workers), store, points, sensors)
     origin = versions(("pymoo",))
     with atomic_files.filled(out) as folder, console.progress(as_json=as_json) as progress:
-        sizing = sizing_study.run(requirements, folder, settings, progress)
+        sizing = sizing_study.run(requirements, settings, progress)
         progress(0.97, "SIZING.md, tables and front.png")
+        # parts of earlier requirements must not stand beside a new result
+        sizing_export.remove(folder)
         sizing_report.write(folder, sizing, origin, command_line)
         run_record.write(folder, command_line, sizing_report.design_of(sizing), origin)
         exported = None

@@ -6,7 +6,6 @@ is short: it has one magnet, one silicone and few candidates. A full one, with t
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 from fem.accuracy import QUICK
 from fem.force_targets import solve_force
@@ -16,10 +15,9 @@ from studies.sizing.requirements import Requirements
 from studies.sizing.sizing_study import Settings, run
 
 
-def main(folder: str = "out/size") -> tuple[float, float]:
+def main() -> tuple[float, float]:
     needed = Requirements(force_z=5.0, largest_strain=1.0, magnets=("5x3 N45",), silicones=("Smooth-Sil 940",))
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    sizing = run(needed, Path(folder), Settings(Effort(16, 8), QUICK, Processes(0), None, 1, 20), lambda *_: None)
+    sizing = run(needed, Settings(Effort(16, 8), QUICK, Processes(0), None, 1, 20), lambda *_: None)
     (best,), design = sizing.front, sizing.front[0].variant.design
     print(f"D {design.D:g} mm, L {design.L:g} mm, Hall part {best.variant.hall_part.name}: {best.status}")
     state = solve_force(replace(design, E=best.variant.silicone.E_low), 5.0, QUICK)

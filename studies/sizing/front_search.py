@@ -1,8 +1,6 @@
-"""Search for a Pareto front by NSGA-II, with continuous variables and choices from lists, that can be interrupted.
+"""Search for a Pareto front by NSGA-II, with continuous variables and choices from lists.
 
-Selection, crossover, mutation and survival are pymoo's. A generation depends on nothing but a `Generation`, whose
-arrays and random state are numbers, so a search that continues from a file gives the same front, bit by bit, as one
-that was not interrupted. Constraints follow Deb's rule: a feasible candidate is better than an infeasible one, and of
+Selection, crossover, mutation and survival are pymoo's; the seed fixes the front to the last bit. Constraints follow Deb's rule: a feasible candidate is better than an infeasible one, and of
 two infeasible ones the one with the smaller sum of violations.
 
 Deb, Pratap, Agarwal, Meyarivan, IEEE Trans. Evol. Comput. 6 (2002) 182.
@@ -10,19 +8,15 @@ Deb, Pratap, Agarwal, Meyarivan, IEEE Trans. Evol. Comput. 6 (2002) 182.
 
 from __future__ import annotations
 
-import json
 import types
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.arrays import Array, Ints
 from geometry.messages import Progress
-from studies.output import atomic_files
 
 if TYPE_CHECKING:
     from pymoo.core.population import Population
@@ -65,7 +59,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Generation:
-    """A population of n candidates, and everything on which the next one depends.
+    """A population of n candidates.
 
     Attributes
     ----------
@@ -73,7 +67,6 @@ class Generation:
     X : values of the variables, shape (n, m); choices as numbers.
     F, G : objectives, shape (n, k), and constraints, shape (n, q).
     rank, crowding : of NSGA-II, shape (n,); NaN for infeasible candidates.
-    random : state of the generator of random numbers.
     """
 
     number: int
@@ -82,7 +75,6 @@ class Generation:
     G: Array
     rank: Array
     crowding: Array
-    random: dict[str, Any]
 
     @property
     def front(self) -> Ints:
@@ -96,59 +88,23 @@ def search(
     evaluate: Evaluate,
     effort: Effort = Effort(),
     *,
-    file: Path | None = None,
-    case: str = "",
     progress: Progress | None = None,
 ) -> Generation:
-    """Return the last generation of a search; it continues from a file that holds one of its generations.
-
-    Parameters
-    ----------
-    file : receives each generation; a file of another case is replaced.
-    case : text that identifies the problem, such as a digest of it.
-    """
-    identity = json.dumps([case, effort.population, effort.seed, [repr(each) for each in variables]])
-    state = None if file is None else restored(file, identity)
-    if state is None:
-        state = _first(variables, evaluate, effort)
+    """Return the last generation of a search."""
+    random = np.random.default_rng(effort.seed)
+    state = _first(variables, evaluate, effort, random)
     while state.number < effort.generations:
         if progress is not None:
             feasible = int((state.G <= 0).all(axis=1).sum())
             progress(state.number / effort.generations, f"generation {state.number}, {feasible} feasible")
-        state = _next(variables, evaluate, state)
-        if file is not None:
-            keep(file, identity, state)
+        state = _next(variables, evaluate, state, random)
     return state
 
 
-def keep(file: Path, identity: str, state: Generation) -> None:
-    """Write a generation into a file of numbers and texts (.npz), replaced as a whole."""
-    names = ("X", "F", "G", "rank", "crowding")
-    with atomic_files.atomic(file) as temporary:
-        np.savez(
-            temporary,
-            identity=np.array(identity),
-            number=np.array(state.number),
-            random=np.array(json.dumps(state.random)),
-            **{name: getattr(state, name) for name in names},
-        )
-
-
-def restored(file: Path, identity: str) -> Generation | None:
-    """Return the generation in a file; None if there is no such file, it is damaged, or it is of another case."""
-    try:
-        with np.load(file, allow_pickle=False) as kept:
-            if str(kept["identity"]) != identity:
-                return None
-            arrays = {name: kept[name] for name in ("X", "F", "G", "rank", "crowding")}
-            return Generation(int(kept["number"]), **arrays, random=json.loads(str(kept["random"])))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-        return None
-
-
-def _first(variables: Sequence[Variable], evaluate: Evaluate, effort: Effort) -> Generation:
+def _first(
+    variables: Sequence[Variable], evaluate: Evaluate, effort: Effort, random: np.random.Generator
+) -> Generation:
     """Return the best of a random pool: a Latin hypercube, so that each choice appears about equally often."""
-    random = np.random.default_rng(effort.seed)
     columns, count = [], POOL * effort.population
     for variable in variables:
         share = (random.permutation(count) + random.random(count)) / count
@@ -161,7 +117,9 @@ def _first(variables: Sequence[Variable], evaluate: Evaluate, effort: Effort) ->
     return _survivors(variables, X, F, G, effort.population, random, 0)
 
 
-def _next(variables: Sequence[Variable], evaluate: Evaluate, state: Generation) -> Generation:
+def _next(
+    variables: Sequence[Variable], evaluate: Evaluate, state: Generation, random: np.random.Generator
+) -> Generation:
     """Return the generation that follows: as many offspring as parents, of which the better half survives."""
     from pymoo.algorithms.moo.nsga2 import binary_tournament
     from pymoo.core.duplicate import NoDuplicateElimination
@@ -174,7 +132,6 @@ def _next(variables: Sequence[Variable], evaluate: Evaluate, state: Generation) 
     from pymoo.operators.repair.rounding import RoundingRepair
     from pymoo.operators.selection.tournament import TournamentSelection
 
-    random = _generator(state.random)
     mating = MixedVariableMating(
         selection=TournamentSelection(func_comp=binary_tournament),
         crossover={
@@ -221,11 +178,11 @@ def _survivors(
 
     missing = np.full(len(X), np.nan)
     population = _population(variables, X, F, G, missing, missing)
-    problem = _problem(variables, Generation(number, X, F, G, missing, missing, {}))
+    problem = _problem(variables, Generation(number, X, F, G, missing, missing))
     chosen = RankAndCrowding().do(problem, population, n_survive=count, random_state=random)
     index, rank, crowding = (chosen.get(name).astype(np.float64) for name in ("index", "rank", "crowding"))
     at = index.astype(np.int64)
-    return Generation(number, X[at], F[at], G[at], rank, crowding, dict(random.bit_generator.state))
+    return Generation(number, X[at], F[at], G[at], rank, crowding)
 
 
 def _population(
@@ -256,10 +213,3 @@ def _problem(variables: Sequence[Variable], state: Generation) -> Problem:
 
     kinds = {each.name: kind(each) for each in variables}
     return Problem(vars=kinds, n_obj=state.F.shape[1], n_ieq_constr=state.G.shape[1])
-
-
-def _generator(state: dict[str, Any]) -> np.random.Generator:
-    """Return a generator of random numbers in a state."""
-    random = np.random.default_rng()
-    random.bit_generator.state = state
-    return random

@@ -45,7 +45,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from analytic.parts import CONVERTER_NOISE, CONVERTER_STEP
-from geometry.design import BadInput
+from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from studies.inputs.quantity_input import quantity
 from studies.inputs.user_input import check_keys, toml_table, validated
@@ -56,6 +56,8 @@ CATALOGUES = ("magnets", "hall_parts", "silicones")
 """Kinds of parts, each with a shipped catalogue."""
 OBJECTIVES = ("range", "resolution", "size")
 """What the search improves, and the ranking weighs."""
+MOST_SAMPLES = int(next(spec for spec in dataclasses.fields(Design) if spec.name == "hall_average").metadata["high"])
+"""Largest number of averaged readings of a design."""
 LEAST_SLENDERNESS = 0.75
 """Least L/D of the beams that the search considers."""
 
@@ -133,8 +135,8 @@ class Requirements:
             if value is not None:
                 low, high = spec.metadata["low"], spec.metadata["high"]
                 object.__setattr__(self, name, quantity(name, value, spec.metadata["unit"], low, high))
-        if self.samples < 1:
-            raise BadInput(f"samples must be at least 1; got {self.samples}")
+        if not 1 <= self.samples <= MOST_SAMPLES:
+            raise BadInput(f"samples must lie between 1 and {MOST_SAMPLES}; got {self.samples}")
         if self.seed < 0:
             raise BadInput(f"seed must be 0 or more; got {self.seed}")
         weights = {name: getattr(self, f"weight_{name}") for name in OBJECTIVES}

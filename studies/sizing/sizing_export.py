@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,25 @@ if TYPE_CHECKING:
 
 DESIGN, PARTS = "winner.toml", "fabrication"
 """Design file of the best variant, and folder of its mould and recipe."""
+
+
+def check_parts(folder: Path) -> None:
+    """Raise BadInput if the folder of the parts has files of their names that magtip did not write."""
+    from studies.fabrication import sensor_parts
+    from studies.output import own_files
+
+    own_files.check(folder / PARTS, sensor_parts.names())
+
+
+def remove(folder: Path) -> None:
+    """Remove the design file and the parts of an earlier best variant; files of other names stay."""
+    from studies.fabrication import sensor_parts
+
+    for name in (DESIGN, *(f"{PARTS}/{name}" for name in sensor_parts.names())):
+        (folder / name).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        # a folder that holds anything else stays
+        (folder / PARTS).rmdir()
 
 
 def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FabricationRow:

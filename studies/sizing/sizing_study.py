@@ -1,7 +1,7 @@
 """The study of `magtip size`: from requirements to a ranked front that finite elements confirm, and to its yield.
 
-The search keeps its state in the output folder, and solved states are in the store: the same command continues after
-any interruption, and gives the same result.
+Solved states are in the store, and the seed fixes the search: the same command gives the same result after any
+interruption, and solves no state again.
 """
 
 from __future__ import annotations
@@ -89,32 +89,30 @@ class Sizing:
         )
 
 
-def run(requirements: Requirements, folder: Path, settings: Settings, progress: Progress) -> Sizing:
+def run(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
     """Search for variants, solve the front by finite elements, and return the result.
-
-    Parameters
-    ----------
-    folder : existing output folder, which keeps the state of the search.
 
     Raises
     ------
     BadInput
-        A catalogue cannot be used.
+        A catalogue or the store cannot be used, or a limit of the program rejects every candidate.
     """
     from studies.exploration import store as stores
     from studies.sizing import conflict_search, front_solves, front_yield
     from studies.sizing.catalogues import catalogues_of
-    from studies.sizing.variant_search import islands, searched
+    from studies.sizing.variant_search import check_rated, islands, searched
     from studies.training.training_states import Solver
 
     catalogues = catalogues_of(requirements)
     groups = islands(requirements, catalogues)
     first = functools.partial(_part, progress, 0.0, SEARCHED)
-    lasts, variants = searched(groups, settings.effort, folder, first)
-    if not variants:
-        conflict = conflict_search.conflict_of(groups, lasts, functools.partial(_part, progress, SEARCHED, 1.0))
-        return Sizing(requirements, catalogues, settings.effort, 0, [], None, conflict)
+    # a store that cannot be used is refused before the search
     with stores.opened(settings.store or stores.default()) as store:
+        lasts, variants = searched(groups, settings.effort, first)
+        if not variants:
+            check_rated(groups)
+            conflict = conflict_search.conflict_of(groups, lasts, functools.partial(_part, progress, SEARCHED, 1.0))
+            return Sizing(requirements, catalogues, settings.effort, 0, [], None, conflict)
         solver = Solver(
             store, settings.processes, functools.partial(_part, progress, SEARCHED, SOLVED), settings.accuracy
         )

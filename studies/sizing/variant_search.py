@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
-import json
+from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.arrays import Array, Ints
+from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.sizing.candidate_performance import performance
 from studies.sizing.candidate_variables import Variant, shortage, variables, variant
@@ -39,23 +38,30 @@ def objectives(result: Performance) -> Array:
 
 
 class Candidates:
-    """Evaluates candidates for the search."""
+    """Evaluates candidates for the search, and counts those that were rated, and the reasons why others were not."""
 
     def __init__(self, requirements: Requirements, catalogues: Catalogues) -> None:
         self.requirements, self.catalogues = requirements, catalogues
         self.variables = variables(requirements, catalogues)
+        self.rated = 0
+        self.refusals: Counter[str] = Counter()
 
     def possible(self, X: Array) -> tuple[Ints, list[Variant]]:
         """Return the indices of the candidates (n, m) whose designs are possible and in range, and their variants."""
         kept, variants = [], []
         for k in np.flatnonzero(shortage(X, self.catalogues) == 0).tolist():
             answer = variant(X[k].tolist(), self.requirements, self.catalogues)
-            if not isinstance(answer, str):
+            if isinstance(answer, str):
+                self.refusals[answer] += 1
+            else:
                 kept.append(k)
                 variants.append(answer)
         if not variants:
             return np.zeros(0, dtype=np.int64), []
-        inside = np.flatnonzero(beams_of(variants).outside == "")
+        outside = beams_of(variants).outside
+        self.refusals.update(reason for reason in outside.tolist() if reason)
+        inside = np.flatnonzero(outside == "")
+        self.rated += len(inside)
         return np.array(kept)[inside], [variants[k] for k in inside.tolist()]
 
     def evaluate(self, X: Array) -> tuple[Array, Array]:
@@ -71,6 +77,15 @@ class Candidates:
         return F, violation[:, None]
 
 
+def check_rated(groups: Sequence[Candidates]) -> None:
+    """Raise BadInput with the most frequent reason if a limit of the program has rejected every candidate."""
+    if any(group.rated for group in groups):
+        return
+    reasons = sum((group.refusals for group in groups), Counter[str]())
+    reason = reasons.most_common(1)[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
+    raise BadInput(f"no candidate could be rated, so that nothing is known of the requirements: {reason}")
+
+
 def beams_of(variants: Sequence[Variant]) -> prediction.Beams:
     """Return the surrogate's answers for the beams of variants."""
     designs = [each.design for each in variants]
@@ -78,12 +93,6 @@ def beams_of(variants: Sequence[Variant]) -> prediction.Beams:
         (d.L / d.D, d.magnet_diameter / d.D, d.magnet_height / d.D, d.nu, d.magnet_edge_radius / d.D) for d in designs
     ]
     return prediction.beams(*np.array(rows).reshape(-1, 5).T)
-
-
-def digest(requirements: Requirements, catalogues: Catalogues) -> str:
-    """Return a digest of all on which a search depends beside its effort and the code."""
-    text = json.dumps([dataclasses.asdict(requirements), dataclasses.asdict(catalogues)], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def islands(requirements: Requirements, catalogues: Catalogues) -> list[Candidates]:
@@ -103,20 +112,13 @@ def islands(requirements: Requirements, catalogues: Catalogues) -> list[Candidat
 
 
 def searched(
-    groups: Sequence[Candidates], effort: Effort, folder: Path | None = None, progress: Progress | None = None
+    groups: Sequence[Candidates], effort: Effort, progress: Progress | None = None
 ) -> tuple[list[Generation], list[Variant]]:
-    """Return the last generation of each group, and the distinct variants that none of any group dominates.
-
-    Parameters
-    ----------
-    folder : keeps the states of the searches in search_1.npz, and so on.
-    """
+    """Return the last generation of each group, and the distinct variants that none of any group dominates."""
     lasts, variants, rows = [], [], []
-    for number, group in enumerate(groups, 1):
-        case = digest(group.requirements, group.catalogues)
-        file = None if folder is None else folder / f"search_{number}.npz"
-        part = None if progress is None else functools.partial(_part, progress, number - 1, len(groups))
-        last = search(group.variables, group.evaluate, effort, file=file, case=case, progress=part)
+    for number, group in enumerate(groups):
+        part = None if progress is None else functools.partial(_part, progress, number, len(groups))
+        last = search(group.variables, group.evaluate, effort, progress=part)
         lasts.append(last)
         _, feasible = group.possible(last.X[last.front])
         variants += feasible
