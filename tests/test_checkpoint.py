@@ -1,5 +1,6 @@
 """Which code kept answers depend on."""
 
+import json
 from pathlib import Path
 
 from studies.output import checkpoint
@@ -28,3 +29,23 @@ def test_a_module_is_left_out_by_its_path_and_not_by_its_name(tmp_path, monkeypa
         (tmp_path / name).write_text("a = 1\n")
     monkeypatch.setattr(checkpoint, "ROOT", tmp_path)
     assert checkpoint.modules("fem", apart=["fem/accuracy.py"]) == [tmp_path / "fem/solvers/accuracy.py"]
+
+
+def test_a_result_keeps_the_commit_that_computed_it(tmp_path, monkeypatch):
+    file = tmp_path / "solves.jsonl"
+    monkeypatch.setattr(checkpoint, "commit", lambda: "abc")
+    checkpoint.opened(file, "code").keep("a", 1.0)
+    monkeypatch.setattr(checkpoint, "commit", lambda: "def")
+    resumed = checkpoint.opened(file, "code")
+    resumed.keep("b", 2.0)
+    assert resumed.commits == {"a": "abc", "b": "def"}
+    assert resumed.commits_of(["a", "b", "c"]) == "abc - def"
+    assert checkpoint.solved_at(resumed.commits.values()) == "Computed at commits abc (1 results), def (1)."
+
+
+def test_a_line_with_another_commit_than_it_was_written_with_is_damaged(tmp_path):
+    file = tmp_path / "solves.jsonl"
+    checkpoint.opened(file, "code").keep("a", 1.0)
+    line = json.loads(file.read_text("utf-8"))
+    file.write_text(json.dumps(line | {"commit": "other"}) + "\n", "utf-8")
+    assert not checkpoint.opened(file, "code").known

@@ -1,5 +1,7 @@
 """Solves in processes of their own, with their cost."""
 
+import math
+
 import pytest
 
 from fem.accuracy import QUICK
@@ -9,6 +11,7 @@ from studies.benchmarks.trade_solves import Run, measure, solved
 from studies.surrogate import surrogate_response
 from studies.validation import error_study
 from studies.validation.error_study_cases import Trial
+from studies.validation.error_study_records import SolvedState
 
 TRIAL = trade_cases.trial(0, "press", "axisymmetric")
 
@@ -28,6 +31,22 @@ def test_a_process_that_dies_is_an_answer(monkeypatch):
     monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
     (state,) = solved(TRIAL, measure(Run(TRIAL, QUICK))).states
     assert (state.status, state.message) == ("not_finished", "stopped after 0 s")
+
+
+def test_a_lost_process_has_no_cost_and_is_not_kept(monkeypatch):
+    monkeypatch.setattr(trade_solves, "LIMIT_S", 0.0)
+    answer = measure(Run(TRIAL, QUICK))
+    assert math.isnan(answer["cpu_s"])
+    assert not trade_solves.is_kept(Run(TRIAL, QUICK), answer)
+
+
+def test_what_may_change_without_a_version_is_not_kept():
+    assert not any(
+        trade_solves.is_kept(Run(TRIAL, level), measure(Run(TRIAL, level))) for level in ("finite", "paper")
+    )
+    crashed = {"states": [SolvedState("crashed", "IndexError").kept()], "cpu_s": 1.0}
+    assert not trade_solves.is_kept(Run(TRIAL, QUICK), crashed)
+    assert trade_solves.is_kept(Run(TRIAL, QUICK), {"states": [{"status": "ok"}], "cpu_s": 1.0})
 
 
 def test_formulas_are_measured_without_a_process():

@@ -16,6 +16,7 @@ from studies.benchmarks.trade_cases import CALCULATED, KINDS, SHIPPED, SURROGATE
 from studies.benchmarks.trade_reference import QUANTITIES
 from studies.benchmarks.trade_rule import COUNTED, Confirmation, percentile
 from studies.benchmarks.trade_study import TradeState
+from studies.output.checkpoint import solved_at
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.simulation.model_choice import Statement
@@ -124,6 +125,7 @@ def _cell(own: Sequence[TradeState]) -> Cell:
     # the surrogate refuses most paths outside its range as a whole, at no cost
     answered = [s for s in own if first.model != SURROGATE or s.status != "refused"] or own
     costs = [s.cost for s in answered if s.cost is not None]
+    ended = [s for s in answered if math.isfinite(s.cpu_s)]
     return Cell(
         first.kind,
         first.model,
@@ -133,9 +135,9 @@ def _cell(own: Sequence[TradeState]) -> Cell:
         len(inside),
         errors,
         _spread([largest(s) for s in inside]),
-        statistics.median(s.cpu_s for s in answered),
+        statistics.median(s.cpu_s for s in ended) if ended else math.nan,
         statistics.median(costs) if costs else math.nan,
-        statistics.median(s.peak_MB for s in own),
+        statistics.median(s.peak_MB for s in ended) if ended else math.nan,
         sum(not error.clear for error in counted) / len(counted) if counted else math.nan,
     )
 
@@ -178,7 +180,8 @@ def write(
     if results:
         write_table(folder / "confirm.csv", [each.row() for each in results])
         lines += [*_confirmation(results), ""]
-    lines += ["## States without an error", "", *_left_out(states), "", made(command, origin)]
+    lines += ["## States without an error", "", *_left_out(states), ""]
+    lines += [solved_at(state.commit for state in states), "", made(command, origin)]
     write_text(folder / "TRADE.md", "\n".join(lines) + "\n")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import multiprocessing
 import os
 import resource
@@ -26,8 +27,7 @@ from geometry.design import BadInput
 from studies.benchmarks import trade_cases
 from studies.benchmarks.peers import THREADS
 from studies.benchmarks.trade_cases import SHIPPED, SURROGATE, Kind
-from studies.output import checkpoint
-from studies.surrogate import surrogate_file, surrogate_response
+from studies.surrogate import surrogate_response
 from studies.validation import error_study
 from studies.validation.error_study_cases import Trial
 from studies.validation.error_study_records import SolvedState, restored
@@ -71,11 +71,9 @@ class Run:
 
     @property
     def key(self) -> str:
-        """All that the answer depends on beside the code, as text."""
-        if self.method == SHIPPED:
-            return f"{SURROGATE} {_surrogate_digest()}, {error_study.key(self.trial, QUICK)}"
+        """All that the answer depends on, as text; for finite elements with the version of their physics."""
         if isinstance(self.method, str):
-            return f"formula {self.method}, {error_study.key(self.trial, QUICK)}"
+            return f"{self.model} {self.method}, {error_study.key(self.trial, QUICK)}"
         model = Scene(self.trial.design, self.trial.loads, self.method, self.trial.magnet, self.trial.model).model
         return f"{model} {PHYSICS[model]}, {error_study.key(self.trial, self.method)}"
 
@@ -91,13 +89,15 @@ class Solved:
 
     Attributes
     ----------
-    cpu_s : CPU seconds of the whole path, mesher included, without imports.
-    peak_MB : largest memory beyond that of the imported modules.
+    cpu_s : CPU seconds of the whole path, mesher included, without imports; NaN if the process was lost.
+    peak_MB : largest memory beyond that of the imported modules; NaN if the process was lost.
+    commit : that of the code that solved it.
     """
 
     states: tuple[SolvedState, ...]
     cpu_s: float
     peak_MB: float
+    commit: str = ""
 
 
 def measure(run: Run) -> dict[str, Any]:
@@ -125,14 +125,24 @@ def measure(run: Run) -> dict[str, Any]:
     return answer
 
 
-def solved(trial: Trial, answer: Mapping[str, Any]) -> Solved:
+def solved(trial: Trial, answer: Mapping[str, Any], commit: str = "") -> Solved:
     """Return the states of an answer of `measure`."""
     states = tuple(restored(trial.scene, state) for state in answer["states"])
-    return Solved(states, answer["cpu_s"], answer["peak_MB"])
+    return Solved(states, answer["cpu_s"], answer["peak_MB"], commit)
+
+
+def is_kept(run: Run, answer: Mapping[str, Any]) -> bool:
+    """Whether an answer may serve a later run: not that of a formula or surrogate, of a lost process, or of a crash.
+
+    Formulas and the surrogate take milliseconds, and their code may change without a version that says so. A lost
+    process may have met a busy machine, and a crash is a fault of the code.
+    """
+    crashed = any(state["status"] == "crashed" for state in answer["states"])
+    return not isinstance(run.method, str) and math.isfinite(answer["cpu_s"]) and not crashed
 
 
 def _lost(status: str, message: str) -> dict[str, Any]:
-    return {"states": [SolvedState(status, message).kept()], "cpu_s": 0.0, "peak_MB": 0.0}
+    return {"states": [SolvedState(status, message).kept()], "cpu_s": math.nan, "peak_MB": math.nan}
 
 
 @contextlib.contextmanager
@@ -164,12 +174,6 @@ def _solve(connection: Connection, run: Run) -> None:
         states = error_study.follow(run.trial, run.method)
     spent = _cpu() - begin
     connection.send({"states": [state.kept() for state in states], "cpu_s": spent, "peak_MB": _peak() - base})
-
-
-@functools.cache
-def _surrogate_digest() -> str:
-    """Return a digest of the shipped surrogate and of its code: another surrogate has other answers."""
-    return checkpoint.digest([surrogate_file.FILE, *checkpoint.modules("studies/surrogate")])
 
 
 def _measure_calculated(trial: Trial, level: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ ABOUT, which the report prints, describes the measurements.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -58,8 +59,9 @@ class TradeState:
     model, level : finite-element model and accuracy, "formula" and its level, or "surrogate" and "shipped".
     outside : reason why a formula is outside its range, or why a model has no answer; else empty.
     errors : true errors by quantity; none where the model or the reference has no answer.
-    cpu_s, peak_MB : of the whole path.
-    cost : CPU seconds over those of the section model at level standard on the same path; None if not run.
+    cpu_s, peak_MB : of the whole path; NaN if the process was lost.
+    cost : CPU seconds over those of the section model at level standard on the same path; None if one is not known.
+    commit : that of the code that solved it.
     """
 
     design: int
@@ -74,6 +76,7 @@ class TradeState:
     cpu_s: float
     peak_MB: float
     cost: float | None = None
+    commit: str = ""
 
     def row(self) -> FlatRow:
         """Return the columns of trade.csv."""
@@ -92,7 +95,8 @@ class TradeState:
             error = self.errors.get(name)
             row[f"{name}_error_percent"] = None if error is None else error.percent
             row[f"{name}_bar_percent"] = None if error is None else error.bar_percent
-        return row | {"cpu_s": self.cpu_s, "peak_MB": self.peak_MB, "cost": self.cost, "message": self.outside}
+        costs = {"cpu_s": self.cpu_s, "peak_MB": self.peak_MB, "cost": self.cost}
+        return row | costs | {"message": self.outside, "commit": self.commit}
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,10 +142,10 @@ def plan(count: int = trade_cases.STUDIED, *, quick: bool = False, solids: bool 
 
 
 def confirming_plan(*, quick: bool = False) -> Plan:
-    """Return the runs of the random designs: all that the rule can choose for them, except fine shears."""
+    """Return the runs of the random designs: all that the rule can choose for them."""
     references, runs = {}, []
     for kind in QUICK_KINDS if quick else KINDS:
-        levels = ("quick",) if quick else tuple(LEVELS) if kind == "press" else ("quick", "standard")
+        levels = ("quick",) if quick else ("quick", "standard") if kind == "friction" else tuple(LEVELS)
         for number in trade_cases.CONFIRMING[kind][: 2 if quick else None]:
             fineness: Fineness = "rough" if quick else "coarser"
             references[number, kind] = _references(number, kind, fineness, confirm=True)
@@ -174,15 +178,19 @@ def _calculated(number: int, kind: Kind, *, confirm: bool = False) -> list[Run]:
 def run(planned: Plan, folder: Path | None, progress: Progress | None = None) -> list[TradeState]:
     """Return all states with costs and errors; solves that the folder's solves.jsonl holds are not repeated."""
     # the key of a run holds the version of its model's physics
-    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 1")
+    store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", "trade 2")
     runs = [*(one for three in planned.references.values() for one in three), *planned.runs]
     needed = {one.key: one for one in runs}
+    solves = {}
     for i, (key, one) in enumerate(needed.items()):
-        if key not in store.known:
+        answer = store.known.get(key)
+        if answer is None:
             if progress is not None:
                 progress(i / len(needed), one.name)
-            store.keep(key, trade_solves.measure(one))
-    solves = {key: trade_solves.solved(one.trial, store.known[key]) for key, one in needed.items()}
+            answer = trade_solves.measure(one)
+            if trade_solves.is_kept(one, answer):
+                store.keep(key, answer)
+        solves[key] = trade_solves.solved(one.trial, answer, store.commits.get(key) or checkpoint.commit())
     return list(_states(planned, solves))
 
 
@@ -204,11 +212,16 @@ def _states(planned: Plan, solves: Mapping[str, Solved]) -> Iterator[TradeState]
             errors={},
             cpu_s=solves[one.key].cpu_s,
             peak_MB=solves[one.key].peak_MB,
-            cost=None if unit is None or not unit.cpu_s else solves[one.key].cpu_s / unit.cpu_s,
+            cost=None if unit is None else _finite(solves[one.key].cpu_s / unit.cpu_s),
+            commit=solves[one.key].commit,
         )
         scales = trade_reference.full_scales(one.trial.design, [truth for truth in truths if truth is not None])
         for i, load in enumerate(one.trial.loads):
             yield _with_errors(replace(state, load=load), one.trial, solves[one.key].states, i, truths[i], scales)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _with_errors(

@@ -11,7 +11,7 @@ import math
 import statistics
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
 from geometry.messages import Progress
@@ -113,14 +113,14 @@ def run(count: int, folder: Path | None, progress: Progress) -> Iterator[DesignR
             name = json.dumps([number, *astuple(sample)])
             if name not in store.known:
                 store.keep(name, design_range_steps.examine(number, sample, Path(cache)).row())
-            yield DesignResult(**store.known[name])
+            yield replace(DesignResult(**store.known[name]), commit=store.commits[name])
 
 
 @functools.cache
 def code() -> str:
-    """Return a digest of the modules of `geometry` and of this study."""
+    """Return a digest of the modules that make solids and meshes, of the accuracy levels, and of this study."""
     study = [Path(__file__), Path(design_range_steps.__file__)]
-    return checkpoint.digest([*checkpoint.modules("geometry"), *study])
+    return checkpoint.digest([*checkpoint.modules("geometry", "fem"), *study])
 
 
 MEASURED = (
@@ -163,7 +163,8 @@ def write(folder: Path, results: Sequence[DesignResult], origin: str, command: s
         cells = [str(result.design), f"{result.D_mm:g}", f"{result.L_mm:g}", magnet, _text(result.wall_mm)]
         cells += [result.status, _text(result.tetrahedra, 6), _text(result.mesh_s), _text(result.least_jacobian)]
         lines.append(f"| {' | '.join([*cells, result.message])} |")
-    write_text(folder / "RANGE.md", "\n".join([*lines, "", made(command, origin)]) + "\n")
+    lines += ["", checkpoint.solved_at(result.commit for result in results), "", made(command, origin)]
+    write_text(folder / "RANGE.md", "\n".join(lines) + "\n")
 
 
 def _text(value: float | None, digits: int = 3) -> str:

@@ -45,6 +45,7 @@ class DesignResult:
     wall_mm : thickness of the silicone around the magnet.
     solids, section, solid_mesh : outcomes of the steps.
     section_volume_error, silicone_volume_error, magnet_volume_error, base_error : relative errors.
+    commit : that of the code that made it.
     """
 
     design: int
@@ -75,6 +76,7 @@ class DesignResult:
     least_jacobian: float | None = None
     least_shape: float | None = None
     mean_shape: float | None = None
+    commit: str = ""
 
     def row(self) -> FlatRow:
         """Return the result as columns of range.csv, JSON and rows.jsonl."""

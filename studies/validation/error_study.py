@@ -164,7 +164,11 @@ def run(
         for name, (trial, _) in needed.items()
         if name in store.known
     }
-    return [state for task in chosen for state in states_of(task, known)]
+    return [
+        replace(state, commit=store.commits_of(key(*solve) for solve in task.solves.values()))
+        for task in chosen
+        for state in states_of(task, known)
+    ]
 
 
 def follow(trial: Trial, accuracy: Accuracy) -> list[SolvedState]:

@@ -144,6 +144,7 @@ class ErrorState:
     path : scene of the whole path.
     shape : shape of a natural mode.
     judged : true errors and estimates, one for each quantity.
+    commit : that of the code that solved it.
     """
 
     design: int
@@ -163,6 +164,7 @@ class ErrorState:
     reference: PathSolve | TangentSolve | None = field(default=None, metadata={"prefix": "reference_"})
     shape: str | None = None
     judged: tuple[Judged, ...] = ()
+    commit: str = ""
 
     def row(self) -> FlatRow:
         """Return the state as columns of accuracy.csv."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from studies.output.atomic_files import write_text
+from studies.output.checkpoint import solved_at
 from studies.output.csv_tables import write_table
 from studies.output.goals import page_lines
 from studies.output.provenance import made
@@ -63,6 +64,7 @@ def write(folder: Path, states: Sequence[ErrorState], origin: str, command: str,
             "",
         ]
     lines += ["## States left out", "", *_left_out(states), "", "## Designs", "", *_designs(states), ""]
+    lines += [solved_at(state.commit for state in states if state.commit), ""]
     write_text(folder / "ACCURACY.md", "\n".join([*lines, made(command, origin)]) + "\n")
 
 

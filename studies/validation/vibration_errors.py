@@ -11,6 +11,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,11 +53,7 @@ FINE_DESIGNS = (0, 3, 6, 9)
 GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 """Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
-APART = (
-    "fem/accuracy.py",
-    "fem/error_estimates.py",
-    "fem/error_estimate_rules.py",
-)
+APART = ("fem/error_estimates.py", "fem/error_estimate_rules.py")
 """Modules on which no kept solve depends."""
 
 
@@ -86,6 +83,7 @@ class Judged:
     largest_error : of all frequencies.
     difference : median relative difference to the coarser mesh, over its amplification by resonances.
     holds, sharp : shares of the frequencies, see ABOUT.
+    commit : that of the code that solved it.
     """
 
     design: int
@@ -101,6 +99,7 @@ class Judged:
     difference: float
     holds: float
     sharp: float
+    commit: str = ""
 
 
 def cases(*, quick: bool = False) -> list[Case]:
@@ -122,23 +121,28 @@ def cases(*, quick: bool = False) -> list[Case]:
 
 def run(folder: Any = None, *, quick: bool = False, progress: Progress | None = None) -> list[Judged]:
     """Solve and judge all cases; solves in the folder's solves.jsonl by the same code are not repeated."""
-    code = checkpoint.digest(checkpoint.modules("geometry", "fem", "analytic", apart=APART))
+    curves = Path(response_curves.__file__)
+    code = checkpoint.digest([*checkpoint.modules("geometry", "fem", "analytic", apart=APART), curves])
     store = checkpoint.opened(None if folder is None else folder / "solves.jsonl", code)
     chosen, judged = cases(quick=quick), list[Judged]()
     for i, case in enumerate(chosen):
         levels = case.levels[:1] if quick else case.levels
         truth = replace(REFERENCE, section_size=0.06, section_patch=0.003, harmonics=3) if quick else REFERENCE
         needed = [truth, *(one for level in levels for one in (level, coarser(level)))]
-        solved = {}
+        solved, names = {}, {}
         for accuracy in needed:
             name = json.dumps([astuple(replace(accuracy, name="")), astuple(case.design), astuple(case.load)])
             if name not in store.known:
                 if progress is not None:
                     progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
                 store.keep(name, solve(case, accuracy))
-            solved[accuracy] = store.known[name]
+            solved[accuracy], names[accuracy] = store.known[name], name
         for level in levels:
-            judged += judge(case, level, *(restored(solved[one]) for one in (level, coarser(level), truth)))
+            three = level, coarser(level), truth
+            commit = store.commits_of(names[one] for one in three)
+            judged += [
+                replace(one, commit=commit) for one in judge(case, level, *(restored(solved[one]) for one in three))
+            ]
     return judged
 
 
@@ -201,7 +205,7 @@ def judge(
     free = not load.depth
     scene = Scene(case.design, (load,), level, "rigid", "axisymmetric" if free else vibration_model(load))
     judged = []
-    for motion in fine.keys() & coarse.keys() & truth.keys():
+    for motion in sorted(fine.keys() & coarse.keys() & truth.keys()):
         one, other, true = fine[motion], coarse[motion], truth[motion]
         k = one.readers[0] if one.readers else 0
         gains: dict[str, tuple[VibrationQuantity, list[Complex]]] = {}
@@ -278,7 +282,7 @@ def report(judged: Sequence[Judged], command: str, origin: str) -> str:
     lines += ["", *ABOUT.splitlines(), "", markdown(summary(judged)), ""]
     edges = f"{REFERENCE.section_size:g} D, and {REFERENCE.section_patch:g} D at the edge of a glued area"
     lines += ["Errors are the largest over the frequencies of a case.", f"Edges of the reference are {edges}."]
-    lines += ["", made(command, origin)]
+    lines += ["", checkpoint.solved_at(one.commit for one in judged), "", made(command, origin)]
     return "\n".join(lines) + "\n"
 
 
