@@ -381,10 +381,14 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     unit = "" if unit == "1" else f" {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise BadInput(f"{spec.name} must be a number ({spec.metadata['text']}); got {value!r}")
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        number = math.inf if value > 0 else -math.inf
     # a NaN fails this comparison, and so is refused as well
-    if not low <= value <= high:
-        raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {value:g}{unit}")
-    return float(value)
+    if not low <= number <= high:
+        raise BadInput(f"{spec.name} must lie between {low:g} and {high:g}{unit}; got {number:g}{unit}")
+    return number
 
 
 def paper() -> Design:

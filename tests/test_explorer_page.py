@@ -7,6 +7,7 @@ import json
 import re
 import time
 import tomllib
+import webbrowser
 from itertools import pairwise
 from urllib.parse import urlsplit
 
@@ -16,6 +17,7 @@ from explorer_scripts import BOXES, CLIPPED, CONTRAST, COUNT, DRAG, LATE, PLATE,
 from explorer_session import NOISE, ask, click, drawn, go, heap, memory, move, other_value, random_moves, rest, server
 
 from geometry.design import BadInput, Design
+from studies.cli import explorer_commands
 from studies.inputs import user_input
 
 QUICK = "#preset=paper&level=quick"
@@ -350,6 +352,19 @@ def test_other_origins_and_requests_without_the_token_are_refused(served):
         connection.request("GET", path, headers=headers)
         assert connection.getresponse().status == status, (path, headers)
         connection.close()
+
+
+def test_file_for_the_browser_leads_to_the_page(chromium, served, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", lambda address: not opened.append(address))
+    explorer_commands._open(f"{served[1]}#preset=paper&D=3&L=8&depth=0.2", tmp_path / "explorer.html")
+    assert "token" not in opened[0]
+    sheet = chromium.page(opened[0], 1400, 900)
+    try:
+        sheet.wait("typeof Explorer !== 'undefined' && Explorer.sides.a !== null")
+        assert sheet.run("[Explorer.sides.a.D, Explorer.sides.a.depth]") == [3, 0.2]
+    finally:
+        sheet.call("Page.close")
 
 
 def test_page_of_another_origin_cannot_open_the_connection(chromium, served):

@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+import pickle
 import random
 import signal
 import subprocess
@@ -17,6 +18,7 @@ import zipfile
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
@@ -26,7 +28,7 @@ from fem.accuracy import LEVELS
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design
 from studies.cli import commands
-from studies.explorer import explorer_server, explorer_state
+from studies.explorer import explorer_answers, explorer_process, explorer_server, explorer_state, explorer_workers
 from studies.inputs import user_input
 
 PATIENCE = 60.0
@@ -126,7 +128,7 @@ def estimated(number, level):
     ("path", "token", "headers"),
     [
         ("/", False, {}),
-        ("/", False, {"Cookie": "magtip_token=guess"}),
+        ("/", False, {"Cookie": "{cookie}=guess"}),
         ("/page/explorer.js", False, {"X-Token": "guess"}),
         ("/", True, {"Host": "example.org"}),
         ("/page/fields.json", True, {"Origin": "http://example.org"}),
@@ -135,6 +137,8 @@ def estimated(number, level):
 )
 def test_refuses_requests_that_are_not_from_its_page(loop, page, path, token, headers):
     post = {"method": "POST", "body": "{}"} if path.startswith("/export") else {}
+    name = explorer_server.cookie_name(page.running.shared)
+    headers = {key: value.format(cookie=name) for key, value in headers.items()}
     answer = loop.run_until_complete(page.fetch(path, token=token, headers=headers, **post))
     assert answer.code == 403
 
@@ -148,6 +152,7 @@ def test_refuses_connections_of_other_pages(loop, page, headers):
 def test_page_and_its_files_are_served_to_the_token(loop, page):
     index = loop.run_until_complete(page.fetch("/"))
     cookie = index.headers["Set-Cookie"]
+    assert cookie.startswith(f"{explorer_server.cookie_name(page.running.shared)}=")
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     assert "http" not in index.headers["Content-Security-Policy"]
@@ -158,9 +163,97 @@ def test_page_and_its_files_are_served_to_the_token(loop, page):
     assert (script.code, script.headers["Content-Type"]) == (200, "text/javascript; charset=utf-8")
 
 
-@pytest.mark.parametrize("path", ["/page/../explorer_server.py", "/page/%2e%2e/explorer_server.py", "/page/none.js"])
-def test_other_files_are_not_served(loop, page, path):
-    assert loop.run_until_complete(page.fetch(path)).code in (400, 404)
+OUTSIDE = explorer_server.PAGE.parent.parent / "report" / "plots.js"
+"""A file of a type that the server sends, beside its pages."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../report/plots.js",
+        "%2e%2e/%2e%2e/report/plots.js",
+        str(OUTSIDE),
+        "none.js",
+        "%00",
+        "a" * 5000 + ".js",
+        "",
+    ],
+    ids=["dots", "escaped dots", "absolute", "no file", "zero byte", "long", "folder"],
+)
+def test_other_files_are_not_served(loop, page, name):
+    assert (explorer_server.PAGE / "../../report/plots.js").resolve() == OUTSIDE
+    assert OUTSIDE.is_file()
+    assert loop.run_until_complete(page.fetch(f"/page/{name}")).code == 404
+
+
+def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(monkeypatch, capsys):
+    stream, answers = io.BytesIO(), explorer_answers.Answers()
+    worker = explorer_process.Worker(stream)
+
+    def sent():
+        stream.seek(0)
+        with contextlib.suppress(EOFError):
+            while True:
+                yield pickle.load(stream)
+
+    for number, error in enumerate([np.linalg.LinAlgError("Singular matrix"), ValueError("a\nb"), KeyError("x")], 1):
+
+        def raising(*_, error=error):
+            raise error
+
+        monkeypatch.setattr(answers, "all_of", raising)
+        worker.do(answers, explorer_process.Job(number, {"number": 10 * number}, "quick"))
+        *_, (said, kind, text), end = sent()
+        assert (said, kind, end) == (number, "answer", (number, "done", ""))
+        assert (json.loads(text)["number"], type(error).__name__ in text) == (10 * number, True)
+        assert json.loads(text)["error"].count("\n") == 0
+        assert f"{type(error).__name__}: " in capsys.readouterr().err
+
+    def ending(*_):
+        raise SystemExit(3)
+
+    monkeypatch.setattr(answers, "all_of", ending)
+    with pytest.raises(SystemExit):
+        worker.do(answers, explorer_process.Job(4, {"number": 40}, "quick"))
+    # the process ends during this job, which the server then still knows as the running one
+    assert list(sent())[-1][0] == 3
+
+
+def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch, capfd):
+    monkeypatch.setattr(explorer_workers, "COMMAND", (sys.executable, "-c", "import sys; sys.exit(7)"))
+
+    async def answers():
+        process = explorer_workers.WorkerProcess(asyncio.get_running_loop())
+        first, later = asyncio.Queue(), asyncio.Queue()
+        process.ask("early", {"number": 1}, "quick", first.put_nowait)
+        said = [await asyncio.wait_for(first.get(), PATIENCE)]
+        process.ask("late", {"number": 2, "side": "b"}, "quick", later.put_nowait)
+        said.append(await asyncio.wait_for(later.get(), 1))
+        process.close()
+        return [json.loads(text) for text in said]
+
+    early, late = loop.run_until_complete(answers())
+    assert [(one["number"], one["side"]) for one in (early, late)] == [(1, "a"), (2, "b")]
+    assert early["error"] == late["error"]
+    assert "exit code 7" in early["error"]
+
+
+def test_numbers_of_any_length_are_refused_in_a_sentence(loop, live):
+    digits = "9" * 400
+
+    async def answers():
+        said = []
+        for state in ('{"load": {"depth": %s}}', '{"design": {"D": -%s}}', '{"load": {"depth": 1, "friction": %s}}'):
+            await live.socket.write_message(f'{{"number": 1, "state": {state % digits}}}')
+            said.append((await live.next())["error"])
+        await live.socket.write_message(f'{{"number": {"9" * 5000}}}')
+        return [*said, (await live.next())["error"]]
+
+    depth, diameter, friction, number = loop.run_until_complete(answers())
+    assert depth.startswith("depth must be a finite number; got 9999")
+    assert diameter.startswith("D must lie between ")
+    assert friction.startswith("friction must be a finite number; got 9999")
+    assert number == "the request is not valid JSON"
 
 
 def test_state_is_the_solution_of_the_command_line(loop, live):
@@ -334,6 +427,41 @@ def test_mould_is_that_of_the_command_line(loop, page, tmp_path):
     assert {"mold_a.stl", "mold_a.3mf", "mold.step", "README.md"} <= names
 
 
+def molding():
+    """Processes of this one that make moulds."""
+    found = []
+    for pid in children(os.getpid()):
+        with contextlib.suppress(OSError):
+            if b"\0cad\0" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found.append(pid)
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
+def test_moulds_are_made_one_at_a_time_and_end_with_their_page(loop, page):
+    body = b'{"state": {}}'
+    head = f"POST {page.address.path}export/mold.zip?{page.address.query} HTTP/1.1\r\nHost: {page.address.netloc}\r\n"
+    request = head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
+
+    async def most_at_once():
+        pages = [await asyncio.open_connection(page.address.hostname, page.address.port) for _ in range(5)]
+        for _, writer in pages:
+            writer.write(request)
+        counts = []
+        for _ in range(20):
+            counts.append(len(molding()))
+            await asyncio.sleep(0.1)
+        for _, writer in pages:
+            writer.close()
+        end = time.monotonic() + 10
+        while molding() and time.monotonic() < end:
+            await asyncio.sleep(0.1)
+        return max(counts), len(molding())
+
+    assert loop.run_until_complete(most_at_once()) == (1, 0)
+    assert not page.running.shared.molding.locked()
+
+
 def test_export_of_a_bad_state_is_refused_in_a_sentence(loop, page):
     answer = loop.run_until_complete(page.export("state.csv", {"design": {"L": 3}}))
     assert (answer.code, answer.body.decode()) == (400, "L must exceed the tip radius D/2 = 4 mm; got 3 mm")
@@ -390,6 +518,33 @@ def test_interrupt_ends_the_server_and_its_workers():
     while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+
+
+def test_token_is_in_no_command_line(tmp_path):
+    browser, said = tmp_path / "browser", tmp_path / "said"
+    browser.write_text(
+        '#!/bin/sh\nfile=${1#file://}\n{ echo "$*"; stat -c %a "$(dirname "$file")"; cat "$file"; } '
+        f"> {said}.new\nmv {said}.new {said}\n"
+    )
+    browser.chmod(0o700)
+    command = [sys.executable, "-m", "studies.cli", "explore"]
+    environment = {**os.environ, "BROWSER": f"{browser} %s"}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    try:
+        address = process.stdout.readline().strip()
+        end = time.monotonic() + PATIENCE
+        while not said.exists() and time.monotonic() < end:
+            time.sleep(0.05)
+        line, mode, *content = said.read_text().splitlines()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE)
+    token = urlsplit(address).query
+    assert token.startswith("token=")
+    assert token not in line
+    assert mode == "700"
+    assert f"url={address}" in "\n".join(content)
+    assert not Path(line.removeprefix("file://")).exists()
 
 
 def test_files_of_the_page_are_in_the_wheel():

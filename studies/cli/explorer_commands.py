@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 from geometry.design import BadInput, Design
@@ -42,13 +43,15 @@ def explore(
         return GOOD
     from studies.explorer import explorer_server, state_commands
 
-    def ready(address: str) -> None:
-        print(f"{address}\n", end="", flush=True)
-        console.note("The address is for this computer only. Ctrl-C ends the explorer.")
-        if not no_browser:
-            _open(address)
+    with tempfile.TemporaryDirectory(prefix="magtip-") as folder:
 
-    explorer_server.serve(state_commands.address_fields(design), port, ready)
+        def ready(address: str) -> None:
+            print(f"{address}\n", end="", flush=True)
+            console.note("The address is for this user of this computer only. Ctrl-C ends the explorer.")
+            if not no_browser:
+                _open(address, Path(folder, "explorer.html"))
+
+        explorer_server.serve(state_commands.address_fields(design), port, ready)
     return GOOD
 
 
@@ -62,9 +65,22 @@ def _export(design: Design, path: Path) -> None:
     console.note(f"{file}: open it in a browser; it needs no server and no network")
 
 
-def _open(address: str) -> None:
-    """Open the page in the user's browser; say what to do if there is none."""
+def _open(address: str, file: Path) -> None:
+    """Open the page in the user's browser; say what to do if there is none.
+
+    All users see the command lines of processes, and the address holds the token: the browser gets it from a file in
+    a folder that only this user may read.
+    """
+    import html
     import webbrowser
 
-    if not webbrowser.open(address):
+    link = html.escape(address)
+    file.write_text(
+        f'<!DOCTYPE html>\n<meta charset="utf-8">\n<meta http-equiv="refresh" content="0; url={link}">\n'
+        f'<title>magtip explore</title>\n<a href="{link}">magtip explore</a>\n',
+        encoding="utf-8",
+    )
+    if webbrowser.open(file.as_uri()):
+        console.note("If your browser shows no sensor, open the address in it.")
+    else:
         console.note("No browser was found: open the address in one.")

@@ -103,6 +103,7 @@ async def _run(command: tuple[str, ...]) -> tuple[int, str]:
         if process.returncode is None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
+            await process.wait()
     return process.returncode or 0, errors.decode(errors="replace")
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, OF_TIME, Design
 from geometry.loads import STEEPEST
+from studies.explorer.state_commands import OPENING_DEPTH
 
 Field = dict[str, Any]
 """A control as the page takes it: group, name, label, unit, low, high, slider, step, kind, choices, help, value."""
@@ -172,7 +173,17 @@ def _load_fields(design: Design) -> list[Field]:
 
     room = design.L - design.magnet_height
     return [
-        number("depth", "Depth", "mm", 0.0, room, slider=[0, far], step=0.01, value=1.0, help="travel of the plate"),
+        number(
+            "depth",
+            "Depth",
+            "mm",
+            0.0,
+            room,
+            slider=[0, far],
+            step=0.01,
+            value=OPENING_DEPTH,
+            help="travel of the plate",
+        ),
         number(
             *("shear", "Shear", "mm", -2 * design.L, 2 * design.L),
             slider=[-far, far],

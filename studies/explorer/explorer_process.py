@@ -20,6 +20,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -89,7 +90,10 @@ class Worker:
         self._changed.set()
 
     def do(self, answers: Answers, job: Job) -> None:
-        """Do a job; its end is always announced."""
+        """Do a job, and announce its end after whatever it raised has been said.
+
+        What ends the process ends it before the announcement, so that the server blames this job and no later one.
+        """
         from fem.solvers.increment_watch import watched
         from studies.explorer.explorer_state import request_of
 
@@ -107,13 +111,11 @@ class Worker:
             pass
         except BadInput as error:
             self.send("answer", encoded(number, side, error=str(error), field=None))
-        except (RuntimeError, ArithmeticError, MemoryError) as error:
-            # a mesher that failed, or a matrix that cannot be factorised: said, and the next job starts afresh
+        except Exception as error:
+            # the next job starts afresh
             answers.forget()
-            text = str(error) or type(error).__name__
-            self.send("answer", encoded(number, side, error=f"the solve failed: {text}", field=None))
-        finally:
-            self.send("done")
+            self.send("answer", encoded(number, side, error=fault(error), field=None))
+        self.send("done")
 
     def _answer(self, answers: Answers, request: Request, level: str) -> None:
         for answer in answers.all_of(request, level):
@@ -149,6 +151,13 @@ class Worker:
             number, side = self._job.message.get("number", 0), self._job.message.get("side", "a")
             progress = {"share": round(share, 3), "seconds": round(now - self._begin, 1), "level": self._job.level}
             self.send("answer", encoded(number, side, progress=progress))
+
+
+def fault(error: Exception) -> str:
+    """Return a sentence on an error that is no refusal of the input, and print its traceback on the terminal."""
+    traceback.print_exception(error)
+    text = str(error).strip().partition("\n")[0]
+    return f"magtip failed at this state ({type(error).__name__}{text and ': '}{text:.200}): change the state"
 
 
 def encoded(number: int, side: str, **content: Any) -> str:

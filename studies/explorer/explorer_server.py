@@ -28,7 +28,7 @@ import tornado.websocket
 from geometry.design import BadInput, paper
 from studies.explorer import explorer_exports, explorer_workers, state_commands
 from studies.explorer.explorer_fields import explorer_fields
-from studies.explorer.explorer_process import encoded
+from studies.explorer.explorer_process import encoded, fault
 from studies.explorer.explorer_state import request_of, wrong_field
 
 PAGE = Path(__file__).parent / "page"
@@ -51,6 +51,8 @@ TYPES = {
     ".LICENSE": "text/plain; charset=utf-8",
 }
 """Types of the page's files by their last suffix; others are not served."""
+FILES = {path.relative_to(PAGE).as_posix(): path for path in PAGE.rglob("*") if path.suffix in TYPES}
+"""The page's files by their names in an address: there is no way from a name to another file."""
 MOST_BYTES = 100_000
 """Largest message or export request, bytes: a state has some 1000."""
 MOST_PAGES = 16
@@ -65,12 +67,14 @@ class Shared:
     ----------
     hosts : values of the Host header that name this server.
     pages : connections of the pages that are open.
+    molding : held by the one export of a mould that runs.
     """
 
     token: str
     hosts: frozenset[str]
     workers: explorer_workers.Workers
     pages: set[Live]
+    molding: asyncio.Lock
 
 
 class Guarded(tornado.web.RequestHandler):
@@ -143,12 +147,10 @@ class Files(Guarded):
     """The page's scripts, styles and pictures."""
 
     def get(self, name: str) -> None:
-        path = (PAGE / name).resolve()
-        kind = TYPES.get(path.suffix)
-        if kind is None or not path.is_relative_to(PAGE.resolve()) or not path.is_file():
+        if name not in FILES:
             raise tornado.web.HTTPError(404)
-        self.set_header("Content-Type", kind)
-        self.finish(path.read_bytes())
+        self.set_header("Content-Type", TYPES[FILES[name].suffix])
+        self.finish(FILES[name].read_bytes())
 
 
 class Controls(Guarded):
@@ -180,20 +182,24 @@ class Live(tornado.websocket.WebSocketHandler):
         self.shared.pages.add(self)
 
     def on_message(self, message: str | bytes) -> None:
-        content: Any = None
+        content: object = None
         try:
-            content = json.loads(message)
-            checked = explorer_workers.check(content)
-        except (ValueError, RecursionError) as error:
-            self.send(refusal(content, error))
-            return
-        number, side = checked.get("number", 0), checked.get("side", "a")
-        request = request_of(checked)
+            content = explorer_workers.parsed(message)
+            self._answer(explorer_workers.check(content))
+        except BadInput as error:
+            field = wrong_field(content) if isinstance(content, dict) else None
+            self.send(refusal(content, str(error), field))
+        except Exception as error:
+            self.send(refusal(content, fault(error)))
+
+    def _answer(self, message: dict[str, Any]) -> None:
+        """Send the commands of a checked request, and hand its other parts to the workers."""
+        request = request_of(message)
         if "commands" in request.parts:
             data = state_commands.commands(request.state)
-            self.send(encoded(number, side, part="commands", level="formula", data=data))
+            self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
         if set(request.parts) - {"commands"}:
-            self.shared.workers.ask((id(self), side), checked, self.send)
+            self.shared.workers.ask((id(self), request.side), message, self.send)
 
     def send(self, text: str | bytes) -> None:
         """Send a text unless the page has been closed."""
@@ -212,20 +218,13 @@ class Live(tornado.websocket.WebSocketHandler):
             super().log_exception(*error)
 
 
-def refusal(content: object, error: Exception) -> str:
+def refusal(content: object, sentence: str, field: str | None = None) -> str:
     """Return the answer to a request that cannot be used: one sentence, and the field that it is about."""
     table = content if isinstance(content, dict) else {}
     number, side = table.get("number", 0), table.get("side", "a")
-    sentence = sentence_of(error)
-    field = wrong_field(table) if isinstance(error, BadInput) else None
     return encoded(
         number if isinstance(number, int) else 0, side if side == "b" else "a", error=sentence, field=field
     )
-
-
-def sentence_of(error: Exception) -> str:
-    """Return the sentence about a request that cannot be used."""
-    return str(error) if isinstance(error, BadInput) else "the request is not valid JSON"
 
 
 def application(shared: Shared) -> tornado.web.Application:
@@ -250,17 +249,22 @@ def application(shared: Shared) -> tornado.web.Application:
 class Export(Guarded):
     """A file of the state that the page sends."""
 
+    making: asyncio.Task[bytes] | None = None
+
     async def post(self, name: str) -> None:
         if name not in explorer_exports.TYPES:
             raise tornado.web.HTTPError(404)
         try:
-            message = explorer_workers.check(json.loads(self.request.body))
-            content = await self._content(name, message)
-        except (ValueError, RecursionError) as error:
+            message = explorer_workers.check(explorer_workers.parsed(self.request.body))
+            self.making = asyncio.ensure_future(self._content(name, message))
+            content = await self.making
+        except BadInput as error:
             self.set_status(400)
             self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.finish(sentence_of(error))
+            self.finish(str(error))
             return
+        except asyncio.CancelledError:
+            return  # the client has left
         self.set_header("Content-Type", explorer_exports.TYPES[name])
         self.set_header("Content-Disposition", f'attachment; filename="magtip-{name}"')
         self.finish(content)
@@ -269,7 +273,15 @@ class Export(Guarded):
         state = request_of(message).state
         if name in explorer_exports.OF_WORKER:
             return await self.shared.workers.export(name, message)
-        return await explorer_exports.mold(state) if name == "mold.zip" else explorer_exports.text_of(name, state)
+        if name != "mold.zip":
+            return explorer_exports.text_of(name, state)
+        async with self.shared.molding:
+            return await explorer_exports.mold(state)
+
+    def on_connection_close(self) -> None:
+        """End the export of a client that has left."""
+        if self.making is not None:
+            self.making.cancel()
 
 
 class Missing(Guarded):
@@ -325,7 +337,7 @@ def start(changed: dict[str, str], port: int = 0) -> Running:
     hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
     token = secrets.token_urlsafe(24)
     workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, set())
+    shared = Shared(token, hosts, workers, set(), asyncio.Lock())
     server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
     server.add_sockets(sockets)
     fragment = f"#{urlencode(changed)}" if changed else ""

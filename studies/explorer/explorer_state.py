@@ -191,7 +191,7 @@ def wrong_field(message: Mapping[str, Any]) -> str | None:
 def _accepts(content: Mapping[str, Any]) -> bool:
     try:
         state_of(content)
-    except (BadInput, TypeError, ValueError):
+    except BadInput:
         return False
     return True
 
@@ -210,7 +210,7 @@ def _number(name: str, value: object) -> float:
         if isinstance(value, bool):
             raise TypeError
         number = float(cast(Any, value))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise BadInput(f"{name.replace('_', ' ')} must be a finite number; got {value!r:.60}") from None
     if name in ("direction", "plate_tilt") and not math.isfinite(number):
         raise BadInput(f"{name.replace('_', ' ')} must be a finite number of degrees; got {number:g}")

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple
 
 from geometry.design import BadInput
 from studies.exploration.worker_process import environment
-from studies.explorer.explorer_process import BACKGROUND, Job, Kind
+from studies.explorer.explorer_process import BACKGROUND, Job, Kind, encoded
+from studies.explorer.explorer_state import request_of
 
 COMMAND = (sys.executable, "-P", "-m", "studies.explorer.explorer_process")
 """Command line of a worker process. -P keeps it from importing modules of the user's current folder."""
@@ -29,6 +30,8 @@ REST = 0.25
 """Time without a newer request after which an answer is refined, s."""
 MOST_STARTS = 3
 """Starts of a process that dies before it has done anything."""
+ENDING = 1.0
+"""Longest time that a process may take to end after it has closed its pipe, s."""
 
 Key = Hashable
 """A page and a side: a newer request replaces an older one with the same key."""
@@ -45,6 +48,11 @@ class Asked(NamedTuple):
     send: Send
     time: float
 
+    def refuse(self, sentence: str) -> None:
+        """Answer that there is no answer, and why."""
+        number, side = self.message.get("number", 0), self.message.get("side", "a")
+        self.send(encoded(number, side, error=sentence, field=None))
+
 
 class WorkerProcess:
     """One worker process, restarted if it dies, and the jobs that wait for it.
@@ -59,6 +67,7 @@ class WorkerProcess:
         self._number = 0
         self._failures = 0
         self._closed = False
+        self._given_up = ""
         self._ready = False
         self._start()
 
@@ -66,6 +75,8 @@ class WorkerProcess:
         """Queue a request, or an export, in place of an older one of this key."""
         self.drop(key)
         self._waiting[key] = Asked(message, level, export, send, time.monotonic())
+        if self._given_up:
+            self._refuse_waiting()
         self._next()
 
     def drop(self, key: Key) -> None:
@@ -97,11 +108,14 @@ class WorkerProcess:
         """Hand everything that a process sends to the event loop, in a thread of its own."""
         assert process.stdout is not None
         with contextlib.suppress(RuntimeError):  # the loop is closed
-            with contextlib.suppress(EOFError, pickle.UnpicklingError, OSError, ValueError):
+            try:
                 while True:
                     number, kind, content = pickle.load(process.stdout)
                     self._loop.call_soon_threadsafe(self._take, number, kind, content)
-            self._loop.call_soon_threadsafe(self._lost, process)
+            except (EOFError, pickle.UnpicklingError, OSError, ValueError):
+                pass  # the process has ended, or `close` has closed the pipe
+            finally:
+                self._loop.call_soon_threadsafe(self._lost, process)
 
     def _take(self, number: int, kind: Kind, content: str | bytes) -> None:
         """Pass an answer on, or begin the next job."""
@@ -113,21 +127,31 @@ class WorkerProcess:
 
     def _lost(self, process: subprocess.Popen[bytes]) -> None:
         """Start another process after one has died, and say so to the page that waits for it."""
-        from studies.explorer.explorer_process import encoded
-
         if self._closed or process is not self._process:
             return
-        code = process.wait()
-        _close_pipes(process)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(ENDING)
+        _kill(process)
+        ending = _ending(process.wait())
         if self._running is not None:
-            message, send = self._running[1].message, self._running[1].send
-            sentence = f"the process that solved this state ended ({_ending(code)}): change the state and try again"
-            send(encoded(message.get("number", 0), message.get("side", "a"), error=sentence, field=None))
+            self._running[1].refuse(
+                f"the process that solved this state ended ({ending}): change the state and try again"
+            )
+            self._running = None
         self._failures += 1
-        if self._failures > MOST_STARTS:
-            self._closed = True
+        if self._failures <= MOST_STARTS:
+            self._start()
             return
-        self._start()
+        self._given_up = (
+            f"the process that solves ends whenever it is started ({ending}), and the terminal says why: "
+            "mend the installation, then start magtip explore again"
+        )
+        self._refuse_waiting()
+
+    def _refuse_waiting(self) -> None:
+        """Say to all requests that wait that no process can answer them."""
+        while self._waiting:
+            self._waiting.pop(next(iter(self._waiting))).refuse(self._given_up)
 
     def _next(self) -> None:
         """Begin the job that has waited longest."""
@@ -213,6 +237,20 @@ class Workers:
             timer.cancel()
 
 
+def parsed(text: str | bytes) -> object:
+    """Return what a page has sent as JSON.
+
+    Raises
+    ------
+    BadInput
+        It is not JSON.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        raise BadInput("the request is not valid JSON") from None
+
+
 def check(message: object) -> dict[str, Any]:
     """Return a message of a page that can be computed.
 
@@ -221,8 +259,6 @@ def check(message: object) -> dict[str, Any]:
     BadInput
         The sentence is the command line's.
     """
-    from studies.explorer.explorer_state import request_of
-
     if not isinstance(message, dict):
         raise BadInput(f"a request must be a table of values; got {message!r:.60}")
     request_of(message)
@@ -234,13 +270,9 @@ def _ending(code: int) -> str:
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and those that it has started."""
+    """Kill a process and those that it has started, and close its pipes."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
-    _close_pipes(process)
-
-
-def _close_pipes(process: subprocess.Popen[bytes]) -> None:
     for stream in (process.stdin, process.stdout):
         with contextlib.suppress(BrokenPipeError, OSError):
             if stream is not None:

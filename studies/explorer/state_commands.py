@@ -6,9 +6,13 @@ import dataclasses
 import shlex
 from typing import Any
 
+from analytic import buckling
 from geometry.design import PRESETS, Design
 from geometry.loads import Load
 from studies.explorer.explorer_state import ExplorerState, plain
+
+OPENING_DEPTH = 1.0
+"""Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
 
 
 def commands(state: ExplorerState) -> dict[str, str]:
@@ -112,15 +116,31 @@ def python(state: ExplorerState) -> str:
 
 
 def address_fields(design: Design) -> dict[str, str]:
-    """Return the fields of the address of a design: those that differ from the preset paper.
+    """Return the fields of the address of a design: those that differ from the preset paper, and its first depth.
 
     >>> address_fields(Design(D=10))
     {'preset': 'paper', 'D': '10'}
+    >>> address_fields(Design(L=32, l0=30))
+    {'preset': 'paper', 'L': '32', 'l0': '30', 'depth': '0.32'}
     """
     base = PRESETS["paper"]()
     names = [spec.name for spec in dataclasses.fields(base)]
     changed = {name: plain(getattr(design, name)) for name in names if getattr(design, name) != getattr(base, name)}
+    depth = first_depth(design)
+    if depth != OPENING_DEPTH:
+        changed["depth"] = plain(depth)
     return {"preset": "paper", **changed} if changed else {}
+
+
+def first_depth(design: Design) -> float:
+    """Return the depth of the page's first state, mm: at most D/8, and half the critical depth by Haringx's formula.
+
+    >>> from geometry.design import paper
+    >>> first_depth(paper()), first_depth(Design(D=3, L=8, f=4, magnet_diameter=1.5, magnet_height=1, l0=7))
+    (1.0, 0.2)
+    """
+    critical = buckling.depth(design, buckling.haringx(design))
+    return float(f"{min(OPENING_DEPTH, design.D / 8, critical / 2):.2g}")
 
 
 def _load_source(load: Load) -> str:
