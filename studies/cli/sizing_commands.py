@@ -50,8 +50,8 @@ def size(
     Parameters
     ----------
     out
-        Folder for SIZING.md, sizing.json, front.csv, yield.csv, and front.png; a design file and parts of an earlier sizing are
-        removed from it.
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv, and front.png; a design file and parts of an earlier
+        sizing are removed from it.
     export
         Write design file, mould and casting recipe of the best variant too.
     population

@@ -1,7 +1,8 @@
 """Search for a Pareto front by NSGA-II, with continuous variables and choices from lists.
 
-Selection, crossover, mutation and survival are pymoo's; the seed fixes the front to the last bit. Constraints follow Deb's rule: a feasible candidate is better than an infeasible one, and of
-two infeasible ones the one with the smaller sum of violations.
+Selection, crossover, mutation and survival are pymoo's; the seed fixes the front to the last bit. Constraints follow
+Deb's rule: a feasible candidate is better than an infeasible one, and of two infeasible ones the one with the smaller
+sum of violations.
 
 Deb, Pratap, Agarwal, Meyarivan, IEEE Trans. Evol. Comput. 6 (2002) 182.
 """
