@@ -11,7 +11,15 @@ from studies.claims import claim_states, other_answers, press_answers
 from studies.claims.claim_answers import verdict
 from studies.claims.claim_states import Press, States
 from studies.claims.press_errors import HeightRow, formula, height_row
-from studies.claims.sensor_figures import CostRow, LayoutRow, ModeRow, ResponseFigures, response_figures
+from studies.claims.sensor_figures import (
+    CostRow,
+    FactorFigures,
+    LayoutRow,
+    LoopFigures,
+    ModeRow,
+    ResponseFigures,
+    response_figures,
+)
 from studies.claims.shear_errors import SplitRow, TipRow
 
 DEPTH = np.linspace(0.25, 3.0, 12)
@@ -27,9 +35,26 @@ def states(force):
 
 
 def test_verdicts():
-    assert verdict(holds=True, holds_for_other_values=True) == "reproduced"
-    assert verdict(holds=False, holds_for_other_values=True) == "not decidable"
-    assert verdict(holds=False, holds_for_other_values=False) == "refuted"
+    assert verdict(holds=True, holds_for_other_values=True, figures=[1.0]) == "reproduced"
+    assert verdict(holds=False, holds_for_other_values=True, figures=[1.0]) == "not decidable"
+    assert verdict(holds=False, holds_for_other_values=False, figures=[1.0]) == "refuted"
+
+
+@pytest.mark.parametrize("figures", [[], [NAN], [1.0, NAN]])
+@pytest.mark.parametrize("holds", [True, False])
+def test_nothing_is_decided_without_data(holds, figures):
+    assert verdict(holds=holds, figures=figures) == "not decidable"
+
+
+def test_claims_without_data_are_not_decidable():
+    lost = press(np.full(12, NAN))
+    rows = [height_row(lost)]
+    none = States((lost,), lost, ())
+    answers = [
+        *(press_answers.at_each_depth(rows), press_answers.of_largest(rows, none), press_answers.voltage(rows, 2.0)),
+        *(press_answers.largest_forces(none), other_answers.shear_force([], 0.6), other_answers.tilt_as_cause([])),
+    ]
+    assert {answer.verdict for answer in answers} == {"not decidable"}
 
 
 @pytest.mark.parametrize(
@@ -64,6 +89,49 @@ def test_forces_at_the_same_depth_are_proportional_to_E():
     assert answer.verdict == "refuted"
     assert answer.figures["depth_mm_at_9_N"] == answer.figures["depth_mm_at_18_N"]
     assert answer.figures["error_percent_at_3_N"] == pytest.approx(0)
+
+
+def test_forces_in_proportion_to_E_would_reproduce_the_largest_ones(monkeypatch):
+    monkeypatch.setattr(press_answers, "CLAIMED", ((1.0, 3.0), (5.0, 15.0)))
+    reach = DEPTH[np.searchsorted(formula(DEPTH), 3.0)]
+    force = np.where(reach >= DEPTH, formula(DEPTH), 2 * formula(DEPTH))
+    scale = 3.0 / float(np.interp(reach, DEPTH, force))
+    assert press_answers.largest_forces(states(force)).verdict == "refuted"
+    monkeypatch.setattr(press_answers, "CLAIMED", ((1.0, 3.0 / scale), (5.0, 15.0 / scale)))
+    assert press_answers.largest_forces(states(force)).verdict == "reproduced"
+
+
+@pytest.mark.parametrize(
+    ("accurate", "readings", "bending", "expected"),
+    [
+        (900.0, (1.0, 1.0), 3000.0, "reproduced"),
+        (2.0, (0.8, 3.5), 340.0, "not decidable"),
+        (2.0, (0.8, 0.5), 340.0, "refuted"),
+        (2.0, (NAN, 3.5), 340.0, "not decidable"),
+    ],
+)
+def test_band(accurate, readings, bending, expected):
+    vibration = ResponseFigures(0.1, *readings, None, None, accurate)
+    assert other_answers.band(modes(bending), vibration).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("percent", "expected"), [(0.5, "reproduced"), (8.0, "not decidable"), (150.0, "refuted"), (NAN, "not decidable")]
+)
+def test_hysteresis(percent, expected):
+    assert other_answers.hysteresis(LoopFigures(0.1, percent, percent, percent)).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("polarisation", "expected"), [(0.026, "refuted"), (1.2, "reproduced"), (NAN, "not decidable")]
+)
+def test_hall_factor(polarisation, expected):
+    assert other_answers.hall_factor(FactorFigures(12.0, polarisation, 0.1, 0.2, ())).verdict == expected
+
+
+@pytest.mark.parametrize(("l0", "expected"), [(7.2, "reproduced"), (2.0, "refuted"), (NAN, "not decidable")])
+def test_offset(l0, expected):
+    assert other_answers.offset(FactorFigures(12.0, 0.026, 0.1, 0.2, ((2.0, l0),))).verdict == expected
 
 
 @pytest.mark.parametrize(("error", "expected"), [(50.0, "reproduced"), (4.0, "refuted")])

@@ -1,11 +1,12 @@
 """The study of the range: its samples reach the ends, its rows say what is wrong, it goes on where it stopped."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
 from geometry.design import Design
+from studies.output import goals
 from studies.validation import design_range, design_range_steps
 from studies.validation.design_range_steps import DesignResult
 
@@ -55,7 +56,7 @@ def test_a_stopped_run_goes_on(quick, run, tmp_path, strict):
     assert quick == [0, 1, 2, 3]
     assert [row["design"] for row in strict(out)] == [0, 1, 2, 3]
     assert status == 3
-    assert "1 of 4 designs fail: design 2" in err
+    assert "designs that fail (design 2): 1, goal at most 0" in err
     store = tmp_path / "out" / "rows.jsonl"
     lines = store.read_text().splitlines()
     store.write_text("\n".join([lines[0], json.dumps(json.loads(lines[1]) | {"code": "old"}), lines[2][:-9]]))
@@ -71,3 +72,9 @@ def test_bad_counts(run):
     for count in (0, -1, 5000):
         status, out, err = run("range", "--count", count)
         assert (status, out, err.count("\n")) == (2, "", 1)
+
+
+def test_without_a_possible_design_nothing_is_shown():
+    impossible = DesignResult(0, 8.0, 3.0, 4.0, 2.0, 0.2, status="impossible")
+    assert goals.missed(design_range.goals([impossible]))
+    assert not goals.missed(design_range.goals([replace(impossible, status="ok")]))

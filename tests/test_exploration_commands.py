@@ -31,7 +31,8 @@ def test_a_sweep_over_f_of_a_chip_says_that_f_changes_nothing(run):
 
 def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
     axes = ("--axis", "D=8,100", "--axis", "E=0.5,1", "--axis", "depth=1")
-    err = run("sweep", "paper", *axes, "--magnet", "ignored", "--accuracy", "quick", "--json")[2]
+    status, _, err = run("sweep", "paper", *axes, "--magnet", "ignored", "--accuracy", "quick", "--json")
+    assert status == 3
     assert "magtip: D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: L must exceed the tip radius D/2 = 50 mm" in err
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from analytic import beam
+from studies.output import goals
 from studies.validation import formula_level_report
 from studies.validation.formula_levels import Comparison, Errors, Motion
 
@@ -47,6 +50,14 @@ def test_regions_count_their_states_and_a_refused_one_is_in_none(comparisons):
         "in its own range": 3,
     }
     assert [errors.design for errors in formula_level_report.by_design(comparisons, "finite")] == [0]
+
+
+def test_a_state_without_a_comparison_misses_a_goal(comparisons):
+    assert not goals.missed(formula_level_report.goals(comparisons))
+    lost = dataclasses.replace(comparisons[0], status="not_converged", errors=None)
+    assert [goal.value for goal in goals.missed(formula_level_report.goals([*comparisons, lost]))] == [1]
+    refused = [c for c in comparisons if c.status == "refused"]
+    assert len(goals.missed(formula_level_report.goals(refused))) == len(beam.LEVELS)
 
 
 def test_report(comparisons, tmp_path):

@@ -168,14 +168,14 @@ def test_a_failed_scene_is_status_three(run, monkeypatch):
     assert "1 of 1 cases fail: small" in err
 
 
-def test_a_scene_that_is_not_judged_is_counted_apart_and_fails_nothing(run, monkeypatch, tmp_path):
+def test_a_scene_that_is_not_judged_is_counted_apart_and_is_no_success(run, monkeypatch, tmp_path):
     def unmeasured(_, states):
         return robustness_checks.Measurement(states[-1], "nothing to compare with", None)
 
     both = [SMALL, replace(SMALL, name="open", measure=unmeasured)]
     monkeypatch.setattr(robustness, "cases", lambda quick: both)
     status, out, err = run("extremes", "--out", tmp_path)
-    assert status == GOOD
+    assert status == FAILED
     assert "not judged  open" in out
     assert "1 of 2 cases yield no measurement: open" in err
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")

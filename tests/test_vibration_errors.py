@@ -9,6 +9,7 @@ from fem.accuracy import QUICK
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
+from studies.output import goals
 from studies.simulation import vibration_estimates
 from studies.simulation.response_curves import Curves
 from studies.validation import vibration_errors
@@ -68,3 +69,14 @@ def test_kept_curves_come_back(judged):
     back = vibration_errors.restored({"z": vibration_errors._kept(one)})["z"]
     for field in dataclasses.fields(Curves):
         assert np.all(getattr(back, field.name) == getattr(one, field.name)), field.name
+
+
+def test_a_case_without_an_answer_misses_the_goals(judged):
+    assert vibration_errors.goals(judged)[0].met
+    case = vibration_errors.cases(quick=True)[1]
+    some = {"z": curves(np.full(21, 5.0 + 0j))}
+    lost = vibration_errors.judge(case, QUICK, some, {}, some)
+    assert [one.quantity for one in lost] == list(vibration_errors.QUANTITIES[:3])
+    assert len(goals.missed(vibration_errors.goals([*judged, *lost]))) == 2
+    assert len(vibration_errors.judge(case, QUICK, {}, {}, {})) == 3
+    assert len(goals.missed(vibration_errors.goals([]))) == 2

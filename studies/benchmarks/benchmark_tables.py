@@ -11,6 +11,7 @@ from typing import Any
 
 from studies.output import provenance, records
 from studies.output.atomic_files import write_text
+from studies.output.goals import Goal, page_lines
 from studies.output.records import FlatRow
 
 
@@ -152,13 +153,21 @@ def draw_size(path: Path, rows: Sequence[FlatRow]) -> None:
         log_numbers(axes[1], "x")
 
 
+def goals(rows: Sequence[BenchRow]) -> list[Goal]:
+    """Return the goals of the bench: answers of all programs, and each promise."""
+    lost = sum(row.status not in ("ok", "left out") for row in rows)
+    return [Goal("rows without an answer", lost, 0, len(rows))] + [
+        Goal(f"{row.case} ({row.goal}), promises missed", None if row.met is None else not row.met, 0, 1)
+        for row in rows
+        if row.goal
+    ]
+
+
 def report(
     rows: Sequence[BenchRow], about: Mapping[str, str], fits: Mapping[str, float], command: str, text: str
 ) -> str:
     """Return the text of BENCH.md: goals met, a table for each case, how and where it was measured."""
-    judged = [row for row in rows if row.goal]
-    met = sum(row.met is True for row in judged)
-    lines = ["# Speed", "", f"{met} of {len(judged)} goals are met.", ""]
+    lines = ["# Speed", "", *page_lines(goals(rows)), ""]
     for case in dict.fromkeys(row.case for row in rows):
         own = [row.row() for row in rows if row.case == case and row.setting not in fits]
         keys = [key for key in HEADS if any(row[key] not in (None, "") for row in own)]

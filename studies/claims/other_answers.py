@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from studies.claims.claim_answers import Answer, verdict
+from geometry.design import paper
+from studies.claims.claim_answers import Answer, least, most, verdict
 from studies.claims.press_errors import PUBLISHED
 from studies.claims.sensor_figures import (
     CYCLE_DEPTH,
@@ -28,6 +29,12 @@ NEAR = 0.05
 """Relative difference up to which two frequencies count as the same."""
 FREQUENCY, BAND = 970.0, 600.0
 """The paper's natural frequency, and the highest frequency at which it used its sensor, Hz (section V.C)."""
+HALF_POWER = 0.5**0.5
+"""Share of its slow reading to which a sensor's reading falls at the end of its band, as is usual."""
+NEODYMIUM = (1.0, 1.4)
+"""Polarisations of neodymium magnets, T."""
+LOSSES, FULL_SCALE = (0.01, 0.5), 10.0
+"""Loss factors from resilient silicones to those that are made to damp; the paper's bound of the hysteresis, %."""
 
 
 def shear_force(tips: Sequence[TipRow], best_E: float) -> Answer:
@@ -62,12 +69,12 @@ def shear_force(tips: Sequence[TipRow], best_E: float) -> Answer:
     return Answer(
         claim="F_mu by (6) against measurement, delta to 3.1 mm",
         paper="error much larger than expected",
-        computed=f"{min(worst):.0f} to {max(worst):.0f} % under a plate"
+        computed=f"{least(worst):.0f} to {most(worst):.0f} % under a plate"
         + (f", {abs(gripped.worst_error_percent):.0f} % in a grip" if gripped else ""),
-        verdict="reproduced" if min(worst, default=0.0) > LARGE else "refuted",
+        verdict=verdict(holds=least(worst) > LARGE, figures=[tip.worst_error_percent for tip in stuck]),
         text=text,
         commands=("magtip compare paper", "magtip solve paper --grip 1 --shear 3 --steps 5"),
-        figures={"least_worst_error_percent": min(worst), "largest_worst_error_percent": max(worst)},
+        figures={"least_worst_error_percent": least(worst), "largest_worst_error_percent": most(worst)},
     )
 
 
@@ -87,18 +94,18 @@ def tilt_as_cause(splits: Sequence[tuple[str, Sequence[SplitRow]]]) -> Answer:
         "The paper's Figure 11 compares (6) at a displacement seen by a camera with the force of a load cell: the "
         "magnet does not enter, so its tilt cannot be the cause there. Where the paper's sensor decodes the force "
         "from its readings, the tilt matters less than the mechanics: "
-        f"{'; '.join(lines)}. Over all shears the tilt has {min(shares):.0f} to {max(shares):.0f} % of the sizes of "
-        "the three parts. Geometry and (6) err in opposite directions, so that the decoded force can be right for "
+        f"{'; '.join(lines)}. Over all shears the tilt has {least(shares):.0f} to {most(shares):.0f} % of the sizes "
+        "of the three parts. Geometry and (6) err in opposite directions, so that the decoded force can be right for "
         "wrong reasons."
     )
     return Answer(
         claim="the ignored tilt of the magnet causes most of it",
         paper="named as the main cause",
-        computed=f"tilt {min(shares):.0f} to {max(shares):.0f} % of the error's parts, mechanics the rest",
-        verdict="reproduced" if min(shares) > 50 else "refuted",
+        computed=f"tilt {least(shares):.0f} to {most(shares):.0f} % of the error's parts, mechanics the rest",
+        verdict=verdict(holds=least(shares) > 50, figures=shares),
         text=text,
         commands=("magtip compare paper",),
-        figures={"least_tilt_share_percent": min(shares), "largest_tilt_share_percent": max(shares)},
+        figures={"least_tilt_share_percent": least(shares), "largest_tilt_share_percent": most(shares)},
     )
 
 
@@ -123,7 +130,11 @@ def uniqueness(rows: Sequence[LayoutRow]) -> Answer:
         claim="look-up table unique to each location",
         paper="unique",
         computed=f"{len(rows) - len(failing)} of {len(rows)} layouts and forms of the readings are unique",
-        verdict=verdict(holds=not failing, holds_for_other_values=len(failing) < len(rows)),
+        verdict=verdict(
+            holds=not failing,
+            holds_for_other_values=len(failing) < len(rows),
+            figures=[row.ambiguous_percent for row in rows],
+        ),
         text=text,
         commands=("magtip layout paper --claim --out out/layout", "magtip table paper --step 0.05 --out table.npy"),
         figures={"unique_cases": float(len(rows) - len(failing)), "cases": float(len(rows))},
@@ -154,7 +165,7 @@ def frequency(rows: Sequence[ModeRow], formulas: dict[str, float]) -> Answer:
         paper="about 970 Hz",
         computed=f"bending {free.bending_Hz:.0f} Hz, axial {free.axial_Hz:.0f} Hz; without the magnet "
         f"{bare.bending_Hz:.0f} and {bare.axial_Hz:.0f} Hz",
-        verdict="reproduced" if near else "refuted",
+        verdict=verdict(holds=near, figures=[free.bending_Hz]),
         text=text,
         commands=("magtip modes paper", "magtip modes paper --magnet ignored"),
         figures={
@@ -189,15 +200,22 @@ def band(rows: Sequence[ModeRow], vibration: ResponseFigures) -> Answer:
         f"With a constant loss factor of {vibration.loss_factor:g}, an assumption, and a plate that sticks to the "
         f"tip at {VIBRATION_DEPTH:g} mm, S1 reads {vibration.along_z:.3g} times as much per N along z at {BAND:.0f} "
         f"Hz as at 1 Hz, and S2 {vibration.along_x:.3g} times as much per N along x{peak}. Both change by less than "
-        f"5 % up to {vibration.accurate_Hz:.2g} Hz, because this silicone stiffens with the frequency."
+        f"5 % up to {vibration.accurate_Hz:.2g} Hz, because this silicone stiffens with the frequency. The claim "
+        "would be reproduced if the reading stayed within 5 % to the end of the band with and without damping, and "
+        f"refuted if it fell below {HALF_POWER:.2f} times that at 1 Hz."
     )
+    falls = min(vibration.along_z, vibration.along_x) < HALF_POWER
     return Answer(
         claim="usable to 600 Hz and above",
         paper="senses vibrations to 600 Hz",
         computed=f"bending mode at {free.bending_Hz:.0f} to {pressed.bending_Hz:.0f} Hz; accurate to 5 % up to "
         f"{slow:.0f} Hz without damping; at {BAND:.0f} Hz {vibration.along_z:.2g} (z) and {vibration.along_x:.2g} "
         f"(x) times the reading per N at 1 Hz with a loss factor of {vibration.loss_factor:g}",
-        verdict="not decidable",
+        verdict=verdict(
+            holds=min(slow, vibration.accurate_Hz) >= BAND,
+            holds_for_other_values=not falls,
+            figures=[slow, vibration.accurate_Hz, vibration.along_z, vibration.along_x],
+        ),
         text=text,
         commands=(
             "magtip modes paper",
@@ -220,18 +238,23 @@ def band(rows: Sequence[ModeRow], vibration: ResponseFigures) -> Answer:
 
 def hysteresis(figures: LoopFigures) -> Answer:
     """Answer the claim on hysteresis."""
-    allowed, sine = (10 * figures.loss_factor / part for part in (figures.fem_percent, figures.sine_percent))
+    parts = figures.fem_percent, figures.sine_percent
+    allowed, sine = (FULL_SCALE * figures.loss_factor / part for part in parts)
     return Answer(
         claim="hysteresis along z",
         paper="< 10 % of full scale",
         computed=f"{figures.fem_percent:.1f} % for an assumed loss factor of {figures.loss_factor:g}",
-        verdict="not decidable",
+        verdict=verdict(
+            holds=min(allowed, sine) >= LOSSES[1],
+            holds_for_other_values=max(allowed, sine) >= LOSSES[0],
+            figures=[allowed, sine],
+        ),
         text="The paper gives neither a viscoelastic measurement of its silicone nor the speed of its loading. With "
         f"a constant loss factor of {figures.loss_factor:g}, an assumption, a press at {CYCLE_SPEED:g} mm/s has a "
         f"gap at mid-stroke of {figures.fem_percent:.1f} % of full scale in its second cycle, and a viscoelastic "
         f"spring {figures.spring_percent:.1f} %; the gap is nearly proportional to the loss factor. So the claim "
         f"holds if the silicone's loss factor is below about {allowed:.2f}, or {sine:.2f} if the plate moved like a "
-        "sine and the sensor like a spring.",
+        f"sine and the sensor like a spring; those of silicones lie between about {LOSSES[0]:g} and {LOSSES[1]:g}.",
         commands=(f"magtip cycle paper --depth {CYCLE_DEPTH:g} --speed {CYCLE_SPEED:g} --cycles 2 --accuracy quick",),
         figures={
             "loss_factor": figures.loss_factor,
@@ -246,7 +269,8 @@ def hall_factor(figures: FactorFigures) -> Answer:
     """Answer the claim on the conversion factor of a Hall element."""
     text = (
         f"With the magnetisation M = 1 of its Table II, the paper's factor of {FACTOR:.4g} V/Wb is an SS495A (31.25 "
-        f"V/T) beside a magnet of {1e3 * figures.polarisation_T:.0f} mT; neodymium magnets have 1000 to 1400 mT. "
+        f"V/T) beside a magnet of {1e3 * figures.polarisation_T:.0f} mT; neodymium magnets have "
+        f"{1e3 * NEODYMIUM[0]:.0f} to {1e3 * NEODYMIUM[1]:.0f} mT. "
         f"S1 would then rest {1e3 * figures.rest_V:.0f} mV above its null, and {1e3 * figures.face_V:.0f} mV if it "
         "touched the magnet's face, instead of 370 mV. V/Wb is no unit of a flux density either. The factor can only "
         "be a fitted gain that makes up for M = 1."
@@ -255,7 +279,9 @@ def hall_factor(figures: FactorFigures) -> Answer:
         claim="Hall factor",
         paper="6.463e5 V/Wb",
         computed=f"equals 31.25 V/T for a magnet of {1e3 * figures.polarisation_T:.0f} mT",
-        verdict="refuted",
+        verdict=verdict(
+            holds=NEODYMIUM[0] <= figures.polarisation_T <= NEODYMIUM[1], figures=[figures.polarisation_T]
+        ),
         text=text,
         commands=("magtip readings paper",),
         figures={"polarisation_T": figures.polarisation_T, "rest_V": figures.rest_V, "face_V": figures.face_V},
@@ -265,13 +291,15 @@ def hall_factor(figures: FactorFigures) -> Answer:
 def offset(figures: FactorFigures) -> Answer:
     """Answer the claim on the offset of S1."""
     pairs = ", ".join(f"h = {height:g} mm with l0 = {l0:.2f} mm" for height, l0 in figures.pairs)
+    below = [l0 > paper().H for _, l0 in figures.pairs]
     return Answer(
         claim="offset of S1",
         paper="2.87 V",
         computed=f"{figures.rest_mT:.1f} mT at S1; {len(figures.pairs)} of many (h, l0)",
-        verdict="reproduced",
+        verdict=verdict(holds=any(below), figures=[l0 for _, l0 in figures.pairs]),
         text=f"An SS495A (2.5 V, 31.25 V/T) puts out 2.87 V at {figures.rest_mT:.2f} mT. A magnet of J = 1.2 T gives "
-        f"this for a whole curve of sizes and distances: {pairs}. The offset is plausible; it determines one of the "
+        f"this for a whole curve of sizes and distances: {pairs}. S1 lies below the base at {sum(below)} of these "
+        f"{len(below)} distances. The offset is {'' if any(below) else 'not '}plausible; it determines one of the "
         "two missing lengths from the other.",
         commands=("magtip readings paper",),
         figures={f"l0_mm_at_{height:g}_mm": l0 for height, l0 in figures.pairs} | {"rest_mT": figures.rest_mT},
@@ -299,7 +327,7 @@ def cost(rows: Sequence[CostRow]) -> Answer:
         paper="faster",
         computed=f"{_time(paper.seconds)} against {_time(fastest.seconds)}; error {paper.worst_error_percent:+.0f} % "
         f"against {fastest.worst_error_percent:+.1f} %",
-        verdict="reproduced" if ratio > 1 else "refuted",
+        verdict=verdict(holds=ratio > 1, figures=[ratio]),
         text=text,
         commands=("magtip analytic paper --depth 1", "magtip solve paper --depth 1 --accuracy quick"),
         figures={f"{row.model.replace(', level ', '_').replace(' ', '_')}_s": row.seconds for row in rows},

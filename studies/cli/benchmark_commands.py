@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geometry.design import BadInput
+from studies.cli.command_output import report_goals
 from studies.cli.parameters import AsJson, Wide
 from studies.cli.printed_command import command
 from studies.inputs.exit_status import FAILED, GOOD
@@ -25,7 +26,7 @@ def bench(
     """Measure time and memory at a given error beside FElupe, CalculiX and an earlier commit, and how cost grows.
 
     A program that is not installed gets a row with its install command. Missed goals are listed; the exit status is
-    0.
+    then 3, also where a program is not installed.
 
     Parameters
     ----------
@@ -63,10 +64,7 @@ def bench(
     for row in rows:
         if row.message:
             console.say(f"magtip: {row.case}: {row.message}")
-    missed = [f"{row.case} ({row.goal})" for row in rows if row.met is False]
-    if missed:
-        console.say(f"magtip: {len(missed)} goals are missed: {'; '.join(missed)}")
-    return GOOD
+    return report_goals(benchmark_tables.goals(rows))
 
 
 def trade(

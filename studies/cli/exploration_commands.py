@@ -54,7 +54,8 @@ def sweep(
     """Run finite elements and formulas over many designs and loads, one row per case.
 
     Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
-    override the values of a study. Solved states are kept: no sweep solves a state again.
+    override the values of a study. Solved states are kept: no sweep solves a state again. The exit status is 3 if a
+    case failed; the others have their rows all the same.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def sweep(
         console.say(f"magtip: {reason}")
     if printed.failed:
         console.say(f"magtip: {printed.failed} of {printed.count} cases failed")
-    return GOOD if printed.failed < printed.count else FAILED
+    return FAILED if printed.failed or not printed.count else GOOD
 
 
 @dataclass(slots=True)

@@ -77,7 +77,7 @@ def friction(*, quick: bool = False, out: Path | None = None, wide: Wide = False
 def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = False) -> int:
     """Solve cases at the limits of the input ranges; exit status 3 if one ends in a wrong result or status.
 
-    A case that yields no measurement is listed separately and does not count as a failure.
+    A case that yields no measurement is listed separately; it is no pass either.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def extremes(*, quick: bool = False, out: Path | None = None, as_json: AsJson = 
         console.say(f"magtip: {len(unjudged)} of {len(results)} cases yield no measurement: {'; '.join(unjudged)}")
     if failed:
         console.say(f"magtip: {len(failed)} of {len(results)} cases fail: {'; '.join(failed)}")
-    return FAILED if failed else GOOD
+    return FAILED if failed or unjudged else GOOD
 
 
 def accuracy(
@@ -215,6 +215,8 @@ def ladder(
 ) -> int:
     """Compare every level of the formulas with finite elements on ten designs: errors by level and region.
 
+    Exit status 3 if the finite elements do not reach a load.
+
     Parameters
     ----------
     accuracy
@@ -244,7 +246,7 @@ def ladder(
     if not as_json:
         table = [errors.row() for errors in formula_level_report.summary(comparisons)]
         console.report(table, as_json=False, title="Errors of the formulas, root mean square", wide=wide)
-    return GOOD
+    return report_goals(formula_level_report.goals(comparisons))
 
 
 def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as_json: AsJson = False) -> int:
@@ -276,7 +278,4 @@ def range_(*, count: Whole = 64, out: Path | None = None, wide: Wide = False, as
     if not as_json:
         table = [spread.row() for spread in study.summary(results)]
         console.report(table, as_json=False, title="Range of designs", wide=wide)
-    failed = [f"design {result.design}" for result in results if result.status == "failed"]
-    if failed:
-        console.say(f"magtip: {len(failed)} of {len(results)} designs fail: {', '.join(failed)}")
-    return FAILED if failed else GOOD
+    return report_goals(study.goals(results))

@@ -17,6 +17,7 @@ from pathlib import Path
 from geometry.messages import Progress
 from studies.output import checkpoint, records
 from studies.output.atomic_files import write_text
+from studies.output.goals import Goal
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.validation import design_range_steps
@@ -139,6 +140,14 @@ def summary(results: Sequence[DesignResult]) -> list[Spread]:
         if values:
             spreads.append(Spread(name, min(values), statistics.median(values), max(values)))
     return spreads
+
+
+def goals(results: Sequence[DesignResult]) -> list[Goal]:
+    """Return the goal of the study: no possible design fails; without a possible design it is missed."""
+    failed = [str(result.design) for result in results if result.status == "failed"]
+    possible = sum(result.status != "impossible" for result in results)
+    named = f" (design {', '.join(failed)})" if failed else ""
+    return [Goal(f"designs that fail{named}", len(failed), 0, possible)]
 
 
 def write(folder: Path, results: Sequence[DesignResult], origin: str, command: str) -> None:

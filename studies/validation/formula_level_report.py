@@ -9,6 +9,7 @@ from pathlib import Path
 
 from analytic import beam
 from studies.output import records
+from studies.output.goals import Goal, page_lines
 from studies.output.provenance import made
 from studies.output.records import FlatRow
 from studies.validation import formula_levels
@@ -87,6 +88,16 @@ def summary(comparisons: Sequence[Comparison]) -> list[RegionErrors]:
     return table
 
 
+def goals(comparisons: Sequence[Comparison]) -> list[Goal]:
+    """Return the goals of the study: each level is compared with finite elements in every state that it takes."""
+    posed = []
+    for level in beam.LEVELS:
+        own = [c for c in comparisons if c.level == level and c.status != "refused"]
+        lost = sum(c.errors is None for c in own)
+        posed.append(Goal(f"level {level}, states without a comparison", lost, 0, len(own)))
+    return posed
+
+
 def means(comparisons: Iterable[Comparison]) -> Means:
     """Return the root mean squares of the errors of several states."""
     errors = [c.errors for c in comparisons if c.errors is not None]
@@ -128,7 +139,8 @@ def write(folder: Path, comparisons: Sequence[Comparison], origin: str, command:
     best = beam.LEVELS[-1]
     regions = [errors.row() for errors in summary(comparisons)]
     designs = [errors.row() for errors in by_design(comparisons, best)]
-    lines = ["# Levels of the formulas compared with finite elements", "", *formula_levels.ABOUT.splitlines(), ""]
+    lines = ["# Levels of the formulas compared with finite elements", "", *page_lines(goals(comparisons)), ""]
+    lines += [*formula_levels.ABOUT.splitlines(), ""]
     lines += ["![Errors of the levels](ladder.png)", "", "## By level and region", "", *_markdown(regions), ""]
     lines += [f"## Level {best} by design", "", *_markdown(designs), ""]
     stopped = {f"- design {c.design}: {c.message}" for c in comparisons if c.message}

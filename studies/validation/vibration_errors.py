@@ -23,8 +23,10 @@ from fem.vibration import vibrating_sensor, vibration_model
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
+from studies.inputs.exit_status import FAILED, GOOD
 from studies.output import atomic_files, checkpoint, console, own_files, records
 from studies.output.csv_tables import write_table
+from studies.output.goals import Goal, missed, verdict
 from studies.output.markdown_tables import markdown
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
@@ -52,6 +54,7 @@ FINE_DESIGNS = (0, 3, 6, 9)
 """Designs that are solved at level fine too, without shear."""
 GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
 """Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
+NAN = float("nan")
 QUANTITIES = ("force over motion", "shift over force", "reading over force", "shift of the free sensor")
 APART = ("fem/error_estimates.py", "fem/error_estimate_rules.py")
 """Modules on which no kept solve depends."""
@@ -200,12 +203,18 @@ def restored(kept: Mapping[str, Any]) -> dict[str, Curves]:
 def judge(
     case: Case, level: Accuracy, fine: Mapping[str, Curves], coarse: Mapping[str, Curves], truth: Mapping[str, Curves]
 ) -> list[Judged]:
-    """Return the errors and estimates of a case at a level; none of motions that one of the meshes does not have."""
+    """Return the errors and estimates of a case at a level; NaN for motions that one of the meshes does not have."""
     load = case.load
     free = not load.depth
     scene = Scene(case.design, (load,), level, "rigid", "axisymmetric" if free else vibration_model(load))
     judged = []
-    for motion in sorted(fine.keys() & coarse.keys() & truth.keys()):
+    place = case.number, case.kind, load.depth, load.shear_x, level.name
+    # a mesh on which the state is not reached has no motions
+    for motion in sorted(fine.keys() | coarse.keys() | truth.keys()) or [""]:
+        if any(motion not in curves for curves in (fine, coarse, truth)):
+            names = QUANTITIES[3:] if free else QUANTITIES[:3]
+            judged += [Judged(*place, motion, name, NAN, NAN, NAN, NAN, NAN, NAN) for name in names]
+            continue
         one, other, true = fine[motion], coarse[motion], truth[motion]
         k = one.readers[0] if one.readers else 0
         gains: dict[str, tuple[VibrationQuantity, list[Complex]]] = {}
@@ -222,13 +231,9 @@ def judge(
             difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
             judged.append(
                 Judged(
-                    design=case.number,
-                    kind=case.kind,
-                    depth_mm=load.depth,
-                    shear_mm=load.shear_x,
-                    level=level.name,
-                    motion=motion,
-                    quantity=name,
+                    *place,
+                    motion,
+                    name,
                     static_error=float(error[0]),
                     static_estimate=float(estimate[0]),
                     largest_error=float(error.max()),
@@ -273,12 +278,19 @@ def summary(judged: Sequence[Judged]) -> list[FlatRow]:
     return rows
 
 
+def goals(judged: Sequence[Judged]) -> list[Goal]:
+    """Return the goals of the study; a case without an answer misses them all."""
+    posed = []
+    for name, goal in (("holds", GOAL), ("sharp", SHARP_GOAL)):
+        share = 100 * float(np.mean([getattr(one, name) for one in judged])) if judged else None
+        posed.append(Goal(name, share, 100 * goal, len(judged), "%", at_least=True))
+    return posed
+
+
 def report(judged: Sequence[Judged], command: str, origin: str) -> str:
     """Return the text of VIBRATION_ERRORS.md."""
-    holds, sharp = (float(np.mean([getattr(one, name) for one in judged])) for name in ("holds", "sharp"))
-    met = [("holds", holds, GOAL), ("sharp", sharp, SHARP_GOAL)]
-    lines = ["# Errors of vibrations", ""]
-    lines += [f"- {name}: {100 * share:.1f} %, goal {100 * goal:.0f} %" for name, share, goal in met]
+    lines = ["# Errors of vibrations", "", verdict(goals(judged)), ""]
+    lines += [f"- {goal}" for goal in goals(judged)]
     lines += ["", *ABOUT.splitlines(), "", markdown(summary(judged)), ""]
     edges = f"{REFERENCE.section_size:g} D, and {REFERENCE.section_patch:g} D at the edge of a glued area"
     lines += ["Errors are the largest over the frequencies of a case.", f"Edges of the reference are {edges}."]
@@ -286,8 +298,8 @@ def report(judged: Sequence[Judged], command: str, origin: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(out: str, *, quick: bool = False) -> None:
-    """Run the study and write its files into a folder."""
+def main(out: str, *, quick: bool = False) -> int:
+    """Run the study, write its files into a folder, and return exit status 3 if a goal is missed, else 0."""
     own_files.check(out, ("VIBRATION_ERRORS.md", "vibration_errors.csv"))
     origin = versions()
     with atomic_files.results(out) as folder, console.progress(as_json=False) as progress:
@@ -296,7 +308,14 @@ def main(out: str, *, quick: bool = False) -> None:
         write_table(folder / "vibration_errors.csv", [records.flat(one) for one in judged], digits=4)
         command = f"python -m studies.validation.vibration_errors {out}{' --quick' if quick else ''}"
         atomic_files.write_text(folder / "VIBRATION_ERRORS.md", report(judged, command, origin))
+    lost = missed(goals(judged))
+    for goal in lost:
+        console.say(f"magtip: {goal}")
+    return FAILED if lost else GOOD
 
 
 if __name__ == "__main__":
-    main(next((word for word in sys.argv[1:] if word != "--quick"), "out/vibration"), quick="--quick" in sys.argv[1:])
+    status = main(
+        next((word for word in sys.argv[1:] if word != "--quick"), "out/vibration"), quick="--quick" in sys.argv[1:]
+    )
+    sys.exit(status)
