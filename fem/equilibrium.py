@@ -153,8 +153,11 @@ def _follow(
     sideways = sideways_model(scene, path) if watch else None
     x, y = scene.direction
     turn = np.array([[x, y], [-y, x]])
+    rest = path.state
     try:
         for i, load in enumerate(scene.loads):
+            if path.state.starts_from_rest(load.depth / D):
+                path.restart(rest)
             if progress is not None:
                 shear = math.hypot(*load.imposed_shear)
                 progress(i / len(scene.loads), f"{scene.model}: depth {load.depth:g} mm, shear {shear:g} mm")

@@ -62,6 +62,7 @@ class ForcePath:
     ) -> None:
         (self._load,), self.scene, self._watch = scene.loads, scene, watch
         self._path = start_path(scene, mesh)
+        self._rest = self._path.state
         self._sideways = sideways_model(scene, self._path) if check_stability else None
         self._iterations = 0
         self._pressed: CurvePoint | None = None
@@ -127,6 +128,8 @@ class ForcePath:
         if self._watch is not None:
             D = self.scene.design.D
             self._watch(depth * D, shear * D)
+        if self._path.state.starts_from_rest(depth):
+            self._path.restart(self._rest)
         stop = self._path.go(depth, shear * self._direction())
         self._iterations += self._path.iterations
         return stop

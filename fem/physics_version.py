@@ -15,7 +15,7 @@ from typing import Literal
 from fem.scene import Model
 
 PHYSICS: dict[Model | Literal["critical depth", "modes", "response", "cycle"], int] = {
-    "axisymmetric": 2,
+    "axisymmetric": 3,
     "harmonic": 3,
     "half": 3,
     "full": 3,

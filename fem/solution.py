@@ -14,6 +14,10 @@ from fem.solvers.newton import Stop
 from geometry.arrays import Array
 from geometry.loads import Load, Response
 
+CREASE = 2.4
+"""Stretch normal to a free surface over the least one along it, from which on it creases (see
+`fem.results.material_stability`)."""
+
 Status = Literal["ok", "not_converged", "unstable", "no_contact"]
 Remark = Literal[
     "no_touch",
@@ -51,6 +55,8 @@ class Facts:
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
         `fem.results.lateral_stiffness`). `fem.stability` computes it with an error estimate.
+    crease_ratio : largest ratio of the stretches normal to the free skin and along it, which creases beyond CREASE
+        (see `fem.results.material_stability`); None where it was not computed.
     harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
         `fem.solvers.depth_ranges.orders_needed`); the error estimates have grown with them.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
@@ -68,6 +74,12 @@ class Facts:
     critical_depth: float | None = None
     largest_strain: float | None = None
     harmonics_missing: int = 0
+    crease_ratio: float | None = None
+
+    @property
+    def creased(self) -> bool:
+        """Whether the free skin is known to be compressed beyond the limit of creases."""
+        return self.crease_ratio is not None and self.crease_ratio >= CREASE
 
 
 @dataclass(frozen=True, slots=True)

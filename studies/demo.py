@@ -10,6 +10,7 @@ from typing import Any
 from fem.accuracy import STANDARD, Accuracy
 from fem.solution import Solution
 from geometry.design import Design, paper
+from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
 from studies.fabrication.fabrication_rows import FabricationRow
@@ -96,7 +97,7 @@ def run(
     outcomes = [(cad.status, cad.message), (mesh.status, mesh.message)]
     outcomes += [(row.status, row.message) for row in comparison.press]
     outcomes += [(row.status, row.message) for row in comparison.shear]
-    status, message = next((outcome for outcome in outcomes if outcome[0] != "ok"), ("ok", ""))
+    status, message = next((outcome for outcome in outcomes if outcome[0] not in ANSWERED), ("ok", ""))
     return {
         "status": status,
         "message": message,
@@ -132,8 +133,8 @@ def _write_last(folder: Path, name: str, design: Design, states: Sequence[Outcom
 def document(design: Design, comparison: Comparison, cad: FabricationRow, mesh: MeshReport, origin: str) -> str:
     """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
     summary = comparison.summary
-    press = [row.row() for row in comparison.press if row.status == "ok"]
-    shear = [row.row() for row in comparison.shear if row.status == "ok"]
+    press = [row.row() for row in comparison.press if row.status in ANSWERED]
+    shear = [row.row() for row in comparison.shear if row.status in ANSWERED]
     blocks = [
         "# The paper's sensor: formulas against finite elements",
         INTRODUCTION.format(**dataclasses.asdict(design)),

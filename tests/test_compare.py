@@ -229,7 +229,7 @@ def test_sentences_about_the_shear_follow_the_figures():
         comparison_findings.trust_sentences(guilty)
     )
     nothing = comparison_findings.findings(
-        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="unstable")]
+        paper(), [], [shear_row(1.0, math.nan, math.nan, math.nan, status="not_converged")]
     )
     assert "reached no state" in " ".join(comparison_findings.shear_sentences(nothing))
     assert "1 state was not reached" in " ".join(comparison_findings.trust_sentences(nothing))

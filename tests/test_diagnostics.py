@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.accuracy import QUICK
+from fem.accuracy import FINE, QUICK, STANDARD
 from fem.discretisation import symmetry_models
+from fem.equilibrium import trace
 from fem.results import diagnostics
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts
 from fem.solvers.load_stepping import Path
 from fem.solvers.newton import STOPPED
-from geometry.design import paper
+from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import state_rows
 
@@ -31,8 +32,9 @@ def pressed():
 
 def test_a_good_state_has_nothing_to_say(pressed):
     state = read(pressed, SCENE, SCENE.loads[0])
-    facts = Facts(unstable_directions=0, largest_strain=state.facts.largest_strain)
-    assert (state.status, state.message, state.facts) == ("ok", "", facts)
+    known = {"largest_strain": state.facts.largest_strain, "crease_ratio": state.facts.crease_ratio}
+    assert (state.status, state.message, state.facts) == ("ok", "", Facts(unstable_directions=0, **known))
+    assert 1 < state.facts.crease_ratio < 1.2
 
 
 def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
@@ -64,6 +66,7 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
 
     state = solve(paper(), Load(depth=depth))
     assert state.facts.remark == remark
+    assert state.status == ("unstable" if remark == "guided_only" else "ok")
     assert (state.facts.sideways_stiffness_ratio > 0) is (depth < 2.87)
     facts = state_rows.solved_row(state, {}).facts
     assert facts.critical_depth_mm_estimate == state.facts.critical_depth
@@ -94,3 +97,37 @@ def test_what_is_inside_out_is_counted(harmonics):
     assert diagnostics.inverted_share(d, 4 * u * h / d.elements.nodes[:, -1:].clip(1e-9)) == pytest.approx(
         1, abs=1e-9
     )
+
+
+WIDE = Design(D=8.0, L=6.4, l0=6.4, magnet_diameter=6.4, magnet_height=0.8, magnet_edge_radius=0.2)
+"""A thin magnet of 0.8 D: a deep press creases the skin beside it."""
+
+
+def test_a_deep_press_does_not_depend_on_the_list_that_it_is_in():
+    alone, before = Load(depth=2.24), [Load(depth=d) for d in (0.56, 1.12, 1.68)]
+    one = trace(WIDE, [alone], STANDARD)[-1]
+    for loads in ([*before, alone], [Load(depth=2.0), Load(depth=2.3), alone]):
+        state = trace(WIDE, loads, STANDARD)[-1]
+        assert state.response.force == pytest.approx(one.response.force, rel=1e-9)
+        assert (state.status, state.message) == (one.status, one.message)
+        assert state.estimates.force == pytest.approx(one.estimates.force, rel=1e-6)
+
+
+@pytest.mark.parametrize("accuracy", [QUICK, STANDARD, FINE])
+def test_creases_of_the_skin_begin_at_one_depth_on_all_meshes(accuracy):
+    smooth, creased = trace(WIDE, [Load(depth=1.84), Load(depth=2.0)], accuracy, estimate=False)
+    assert (smooth.status, creased.status) == ("ok", "unstable")
+    assert smooth.facts.crease_ratio == pytest.approx(2.07, abs=0.1)
+    assert creased.facts.crease_ratio > 2.6
+    assert "the free skin creases" in creased.message
+
+
+def test_an_instability_without_creases_may_be_the_meshs(pressed):
+    state = read(replace(pressed, unstable=1), SCENE, SCENE.loads[0])
+    assert "it cannot be told whether the silicone or the mesh is unstable" in state.message
+
+
+def test_a_press_beyond_buckling_is_unstable():
+    state = trace(Design(D=8.0, L=40.0, l0=40.0), [Load(depth=6.0)], QUICK)[-1]
+    assert state.facts.sideways_stiffness_ratio < -10
+    assert state.status == "unstable"

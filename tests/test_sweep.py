@@ -131,7 +131,8 @@ def test_cases_that_cannot_be_solved_stay_rows():
 
 def test_the_formulas_end_at_the_tip_radius():
     rows = run(BARE, {"depth": [1.0, 4.2]}, magnet="ignored")
-    assert [row["status"] for row in rows] == ["ok", "ok"]
+    # so deep a press would buckle sideways, and keeps its numbers
+    assert [row["status"] for row in rows] == ["ok", "unstable"]
     assert math.isfinite(rows[1]["fem_force_N"])
     assert math.isnan(rows[1]["analytic_force_N"])
     assert math.isnan(rows[1]["force_error_percent"])
@@ -203,22 +204,16 @@ def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_nothing(kept
 
 
 def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
-    """This law loses its stability under a small press.
-
-    The case is tried twice: the second time in smaller steps from the nearest solved state.
-    """
+    """This law loses its stability under a small press, which starts from rest whatever was solved before."""
     softening = replace(BARE, law="yeoh", yeoh_2=-5.0)
     first = run(softening, {"depth": [1.0, 0.1]}, kept=kept)
     assert [row["status"] for row in first] == ["not_converged", "ok"]
     assert math.isnan(first[0]["fem_force_N"])
     assert math.isfinite(first[0]["analytic_force_N"])
     assert "0.2" in first[0]["message"]
-    assert [[load.depth for load in args[1]] for args in traced] == [
-        [0.1, 1.0],
-        pytest.approx([0.1, 0.325, 0.55, 0.775, 1.0]),
-    ]
+    assert [[load.depth for load in args[1]] for args in traced] == [[0.1, 1.0]]
     again = run(softening, {"depth": [1.0, 0.1]}, kept=kept)
-    assert len(traced) == 2
+    assert len(traced) == 1
     assert str(again) == str(first)
 
 

@@ -53,7 +53,7 @@ def test_failed_case_leaves_its_cell_empty():
         fem_force_N=lambda L, d: L * d,
         force_error_percent=lambda L, d: L + d,
     )
-    whole.columns["status"][0] = "unstable"
+    whole.columns["status"][0] = "not_converged"
     figures = sweep_figures.sweep(whole)
     assert figures[-1].panels[0].cells == ((None, 10.0), (12.5, 13.0))
     assert figures[0].notes[-1] == "The table has 4 cases, 1 of them failed."
@@ -77,7 +77,7 @@ def test_sampled_points_are_shown_over_each_axis():
     assert len(figure.panels[0].series[0].x) == 40
 
 
-@pytest.mark.parametrize("status", ["bad_input", "unstable"])
+@pytest.mark.parametrize("status", ["bad_input", "not_converged"])
 def test_sweep_of_failures_has_no_figure(status):
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d)
     whole.columns["status"][:] = status

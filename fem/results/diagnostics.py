@@ -67,6 +67,7 @@ def gather(
         remark=remark,
         sideways_stiffness_ratio=None if near is None else near.ratio,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
+        crease_ratio=None if stop else material_stability.crease_ratio(state),
         largest_strain=silicone_strain.largest_strain(state.d.elements, u),
     )
 
@@ -76,12 +77,14 @@ def classify(facts: Facts) -> Status:
 
     >>> classify(Facts()), classify(Facts(unstable_directions=2)), classify(Facts("no_convergence", 2))
     ('ok', 'unstable', 'not_converged')
+    >>> classify(Facts(remark="guided_only")), classify(Facts(crease_ratio=3.0))
+    ('unstable', 'unstable')
     """
     if facts.stop:
         return "not_converged"
     if facts.remark == "no_touch":
         return "no_contact"
-    if facts.unstable_directions or facts.onset or facts.remark == "given_way":
+    if facts.unstable_directions or facts.onset or facts.creased or facts.remark in ("given_way", "guided_only"):
         return "unstable"
     return "ok"
 

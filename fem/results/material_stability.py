@@ -1,9 +1,15 @@
-"""Stretches at which a material law loses stability.
+"""Stretches at which a material law, or the free skin of the silicone, loses stability.
 
 A law is stable in Drucker's sense at given principal stretches if d(tau) : d(h) > 0 for every volume-preserving
 change of their logarithms h (tau: Kirchhoff stress). A pressure adds the same amount to all components of tau, so it
 does not change this. Where a law is unstable, strain localises in ever smaller zones that no mesh resolves: a solve
 ends there, or its result depends on the mesh.
+
+A free surface of a stable law folds into creases where it is compressed along itself: for a neo-Hookean solid where
+the stretch normal to it is CREASE times the least one along it (Hong, Zhao and Suo, Appl. Phys. Lett. 95, 2009). A
+crease has no length of its own and needs a small disturbance to open. A mesh therefore opens it anywhere between this
+ratio and 3.4, where the smooth surface becomes unstable (Biot), and its depth of onset moves with the mesh although
+the crease is one of the silicone.
 """
 
 from __future__ import annotations
@@ -16,8 +22,11 @@ from fem.discretisation import element_integrals
 from fem.discretisation.elements import Elements
 from fem.discretisation.nonlinear_system import System
 from fem.material import Law, kinematics, strain, yeoh
+from fem.solvers.path_state import PathState
 from geometry.arrays import Array
 
+CLAMP = 0.02
+"""Height over D below which the skin is left out: its strain is singular at the clamp."""
 REACH = 1.1
 """Factor on the logarithmic strains of a state that has no next one: the next state would have had larger strains."""
 STEPS, BATCH = 200, 256
@@ -105,3 +114,24 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
     line = np.linspace(0, 1, STEPS + 1)[:, None] * where
     first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, line)[1]) <= 0))
     return np.asarray(np.exp(line[first]))
+
+
+def crease_ratio(state: PathState) -> float | None:
+    """Return the largest ratio of the stretches normal to the free skin and along it; None off the axis.
+
+    Silicone is taken as incompressible, and the skin in touch with the plate is left out. The ratio of two meshes
+    agrees up to CREASE; beyond, it is that of the crease which the mesh has opened.
+    """
+    if state.d.model != "axisymmetric":
+        return None
+    skin, nodes = state.skin, state.d.system.elements.nodes
+    before = nodes[skin.nodes]
+    after = before + state.u[skin.nodes]
+    # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
+    place = skin.shape[:, 1] - skin.shape[:, 0]
+    slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
+    along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
+    around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
+    free = (state.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
+    ratio = 1 / (along * around * np.minimum(along, around))
+    return float(ratio[free].max(initial=0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fem.solution import Facts, Remark, Solution
+from fem.solution import CREASE, Facts, Remark, Solution
 from fem.solvers.newton import STOPPED
 from geometry.design import LAWS, Design
 from geometry.loads import Load
@@ -22,6 +22,17 @@ def describe(solution: Solution, design: Design) -> str:
         parts.append(f"stopped at {_describe_load(solution.load)}: {STOPPED[facts.stop]}; {remedy}")
     if facts.onset or (solution.status == "unstable" and facts.unstable_directions):
         parts.append(_describe_instability(facts))
+        if solution.model == "axisymmetric" and not facts.creased:
+            parts.append(
+                "the free skin is not compressed far enough to crease, so it cannot be told whether the silicone or "
+                "the mesh is unstable: compare another accuracy"
+            )
+    if facts.creased:
+        parts.append(
+            f"the free skin creases: its stretch normal to itself is {facts.crease_ratio:.2g} times that along it "
+            f"(a neo-Hookean solid creases from {CREASE:g} on); the depth at which a crease opens, and the force "
+            "beyond, depend on the mesh"
+        )
     if weak and not facts.stop:
         parts.append(weak)
     if facts.remark:

@@ -96,6 +96,15 @@ class PathState:
     reduced: PathState | None = None
     raise_unknowns: Callable[[Array], Array] | None = None
 
+    def starts_from_rest(self, depth: float) -> bool:
+        """Whether a press to another depth over D is solved from rest, not from this state.
+
+        A press without friction has no history, but beyond an instability it has several equilibria: from rest it
+        reaches one that no other depth of its list decides. (With an imperfection it has one branch, and follows it.)
+        """
+        elastic = self.d.model == "axisymmetric" and self.friction is None and not self.sheared
+        return elastic and float(self.position[0]) != depth
+
     @property
     def skin(self) -> elements.Surface:
         assert self.d.system.surface is not None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from geometry.loads import Magnet
+from geometry.loads import ANSWERED, Magnet
 from studies.cli.command_output import print_remarks, say_if_without_magnet
 from studies.cli.parameters import AsJson, Sets, Wide
 from studies.cli.printed_command import command
@@ -157,7 +157,7 @@ class _Printed:
         self.count += 1
         if as_json:
             console.report([row], as_json=True)
-        if row["status"] != "ok":
+        if row["status"] not in ANSWERED:
             self.failed += 1
             if len(self.failures) < MOST_SHOWN:
                 self.failures.append(row)
@@ -176,4 +176,4 @@ def _show(printed: _Printed, case: tuple[str, ...], plan: Plan, *, wide: bool) -
         )
         return
     sweep_request.show(rows, "Sweep", wide=wide, case=case)
-    print_remarks([row for row in rows if row["status"] == "ok"], case, rows)
+    print_remarks([row for row in rows if row["status"] in ANSWERED], case, rows)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from geometry.design import BadInput
+from geometry.loads import ANSWERED
 from studies.cli.command_output import print_record, report_failures
 from studies.cli.parameters import AsJson, Sets, Source, Wide, design_of
 from studies.cli.printed_command import command
@@ -87,7 +88,7 @@ def readings(
 
     states = state_readings.of_states(design, responses, sensing)
     state_readings.show(states, as_json=as_json, wide=wide)
-    return GOOD if any(state.status == "ok" for state in states) else FAILED
+    return GOOD if any(state.status in ANSWERED for state in states) else FAILED
 
 
 def decode(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
+from geometry.loads import ANSWERED
 from studies.exploration.sweep_axes import Axis, axis_of, index_of
 
 DIGITS = 1e-6
@@ -77,7 +78,7 @@ def cube_of(columns: Mapping[str, NDArray[Any]], axes: Mapping[str, Sequence[flo
 
 def failed(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     """Return whether each case failed, shape (n,)."""
-    return np.asarray(np.asarray(columns["status"]) != "ok", dtype=np.bool_)
+    return ~np.isin(np.asarray(columns["status"], dtype=str), ANSWERED)
 
 
 def _changes(cube: Array) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.bad_input import closest
 from geometry.design import BadInput
-from geometry.loads import Magnet
+from geometry.loads import ANSWERED, Magnet
 from geometry.messages import Progress
 from studies.exploration.plate_motion import TIMED, check_motion
 from studies.inputs import study_axes, study_input, user_input
@@ -290,7 +290,7 @@ def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iter
         others = [column for axis, column in columns.items() if axis != name]
         lines: dict[tuple[Any, ...], list[str]] = {}
         for row in rows:
-            if row.get("status") == "ok":
+            if row.get("status") in ANSWERED:
                 # compare texts, because a NaN differs from itself
                 figure = repr([row.get(key) for key in figures])
                 lines.setdefault(tuple(row.get(column) for column in others), []).append(figure)

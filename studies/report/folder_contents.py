@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
 from studies.output import run_record
 
@@ -60,7 +61,7 @@ class Table:
         """Whether each row succeeded; a table without a status has only such rows."""
         if "status" not in self.columns:
             return np.ones(len(self), dtype=np.bool_)
-        return np.array([text == "ok" for text in self.texts("status")], dtype=np.bool_)
+        return np.array([text in ANSWERED for text in self.texts("status")], dtype=np.bool_)
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
-from geometry.loads import tilts_of
+from geometry.loads import ANSWERED, tilts_of
 from studies.inputs import input_warnings, state_files, user_input
 from studies.output import records
 from studies.output.records import FlatRow
@@ -134,7 +134,7 @@ def of_file(path: Path, design: Design) -> Mechanics:
     samples = [
         (state.load, state.response)
         for state in state_files.read(path, design)
-        if state.status == "ok" and state.load is not None and state.response is not None
+        if state.status in ANSWERED and state.load is not None and state.response is not None
     ]
     try:
         return response_surface.of_samples(samples)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED
 from studies.inputs import state_files
 from studies.inputs.state_files import State
 from studies.output import console, records
@@ -94,7 +95,7 @@ def resolutions(
     samples = {
         k: (state.load, state.response)
         for k, state in enumerate(states)
-        if state.status == "ok" and state.load is not None and state.response is not None
+        if state.status in ANSWERED and state.load is not None and state.response is not None
     }
     try:
         law = response_surface.of_samples(samples.values())
@@ -136,6 +137,6 @@ def show(states: Sequence[StateReadings], *, as_json: bool, wide: bool) -> None:
     ]
     for remark in console.remarks(messages, MOVED, rows):
         console.warn(remark)
-    failed = [state for state in states if state.status != "ok"]
+    failed = [state for state in states if state.status not in ANSWERED]
     if failed:
         console.say(f"magtip: {len(failed)} of {len(states)} states failed; the last status is {failed[-1].status}")

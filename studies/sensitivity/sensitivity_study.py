@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fem.accuracy import LEVELS
 from geometry.arrays import Array
 from geometry.design import Design
+from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.exploration import sweep
 from studies.exploration.needed_paths import Processes
@@ -119,7 +120,7 @@ def morris_study(
     plan = morris_plan(design, ranges, load, points, accuracy)
     tables = list(sweep.run(plan, None, store, processes=processes, progress=progress))
     table = {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
-    ok = table["status"] == "ok"
+    ok = np.isin(table["status"].astype(str), ANSWERED)
     sheared = _sheared(ranges, load)
     outputs = names(design, sheared=sheared)
     other = substitutes(design, ranges, load, points, model, ~ok)

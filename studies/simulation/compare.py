@@ -23,7 +23,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Model
 from fem.solution import Solution
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, Response, check_load
+from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
 from studies.output.csv_tables import write_table
 from studies.output.records import FlatRow
@@ -210,7 +210,7 @@ def follow(
         elif state is None:
             outcomes.append(failed)
         else:
-            outcomes.append(Outcome(state if state.status == "ok" else None, state.status, state.message))
+            outcomes.append(Outcome(state if state.status in ANSWERED else None, state.status, state.message))
     return outcomes
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from analytic import beam
 from geometry.design import Design
-from geometry.loads import Load
+from geometry.loads import ANSWERED, Load
 from studies.sensing.field_readings import columns
 from studies.simulation.comparison_rows import NAN, PressRow, ShearRow, at_rest
 
@@ -51,7 +51,7 @@ def findings(design: Design, press: Sequence[PressRow], shear: Sequence[ShearRow
     ]
     figures["shear_force_x_error_estimate_percent"] = 100 * max(filter(math.isfinite, estimates), default=NAN)
     figures["missing_states"] = sum(
-        status != "ok" for status in [row.status for row in press] + [row.status for row in shear]
+        status not in ANSWERED for status in [row.status for row in press] + [row.status for row in shear]
     )
     figures["warnings"] = design.warnings()
     figures["sentences"] = [*press_sentences(figures), *shear_sentences(figures), *trust_sentences(figures)]

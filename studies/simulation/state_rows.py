@@ -65,6 +65,7 @@ class FactColumns:
     inside_out_share: float | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth_mm_estimate: float | None = None
+    crease_ratio: float | None = None
     largest_strain_percent: float | None = None
 
 
@@ -282,5 +283,6 @@ def _fact_columns(facts: Facts) -> FactColumns:
         inside_out_share=facts.inverted_share,
         sideways_stiffness_ratio=facts.sideways_stiffness_ratio,
         critical_depth_mm_estimate=facts.critical_depth,
+        crease_ratio=facts.crease_ratio,
         largest_strain_percent=None if facts.largest_strain is None else 100 * facts.largest_strain,
     )
