@@ -39,8 +39,8 @@ def at_each_depth(rows: Sequence[HeightRow]) -> Answer:
         f"Relative to the force of the same depth, the formula is off by {least(errors):.0f} to {most(errors):.0f} % "
         f"at {shallowest:g} mm for E = 1 MPa, over all heights of the magnet that reach 3 mm. No modulus changes "
         "this: force (5) with area (7) begins as d^2, that of a round tip as d^1.5 (Hertz), so the relative error "
-        f"tends to -100 % at first touch. One modulus keeps every depth within 5 % only from {first:g} mm on, at the best "
-        "height."
+        f"tends to -100 % at first touch. One modulus keeps every depth within 5 % only from {first:g} mm on, at the "
+        "best height."
     )
     return Answer(
         claim="F_N by (5) and (7) against measurement, at each depth to 3 mm",
