@@ -9,8 +9,34 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.exploration import store
 from studies.exploration.needed_paths import Processes
+from studies.exploration.solved_paths import Answer
 from studies.sizing.fem_beams import FemBeams
 from studies.training.training_states import Solver
+
+
+class Stability:
+    """Answers of the search for a critical depth: status, critical depth, depth that is known as stable, message."""
+
+    accuracy = QUICK
+
+    def __init__(self, *found):
+        self.found = found
+
+    def answers(self, scenes, kind):
+        assert kind == "critical depth"
+        names = ("critical_depth_over_D", "stable_to_over_D")
+        return [
+            [Answer(8.0, 1.0, None, status, text, np.nan, 0.0, values=dict(zip(names, values, strict=False)))]
+            for status, text, *values in self.found
+        ]
+
+
+def test_a_search_that_stopped_early_is_stable_no_deeper_than_it_came():
+    stopped = ("ok", "the press does not converge beyond 1.6 mm; it is stable up to there", None, 0.2)
+    answers = Stability(("ok", "", 0.31, 0.309), ("ok", "", None, 0.45), stopped, ("not_converged", "it stopped"))
+    beams = FemBeams([paper()] * 4, answers)
+    assert beams.critical_depth().value == pytest.approx([0.31, np.inf, np.nan, np.nan], nan_ok=True)
+    assert beams.stable_to(0.0) == pytest.approx([0.31, 0.45, 0.2, np.nan], nan_ok=True)
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_search import Effort
-from studies.sizing.front_solves import FrontPoint, checked, largest_differences, ranked, spread
-from studies.sizing.requirement_margins import Performance
+from studies.sizing.front_solves import FrontPoint, _point, checked, largest_differences, ranked, spread
+from studies.sizing.requirement_margins import LEAST, Performance
 from studies.sizing.requirements import Requirements
 from studies.sizing.variant_search import islands, searched
 
@@ -20,7 +20,7 @@ def points(rows, **solved):
     values = {name: np.ones(len(rows)) for name in NAMES} | {"shears": np.ones((len(rows), 3))}
     values["range_z"], values["resolution_z"], values["outer_size"] = np.array(rows, dtype=float).T
     values["resolution_x"] = values["resolution_z"] / 2
-    performance = Performance(**(values | solved), margins={})
+    performance = Performance(**(values | {"margins": {}} | solved))
     made = []
     for k in range(len(rows)):
         one = performance.one(k)
@@ -73,6 +73,20 @@ def test_front_is_checked_at_more_poses_before_it_is_solved():
     assert (F[:, 1] <= np.log(0.3)).all()
     # none is confirmed: all are returned
     assert len(checked(variants, dataclasses.replace(needed, resolution_z=1e-6))[0]) == len(variants)
+
+
+def test_a_point_whose_sideways_force_is_not_known_fails():
+    _, said = points([(10, 0.01, 20)], margins={"force_x": np.array([0.1])})
+    solved = dataclasses.replace(said, range_x=np.array([np.nan]), margins={"force_x": np.array([LEAST])})
+    point = _point(0, None, said, said, solved)
+    assert (point.status, point.rank) == ("failed", 0)
+    assert point.reason == "finite elements did not reach range_x; force_x is not known"
+
+
+def test_half_widths_are_the_differences_to_the_worse_ends():
+    _, said = points([(10, 0.01, 20)])
+    worse = dataclasses.replace(said, resolution_z=np.array([0.012]))
+    assert _point(0, None, said, worse, said).predicted["resolution_z_half_width"] == pytest.approx(0.002)
 
 
 def test_infinite_critical_depths_are_not_compared():

@@ -163,3 +163,14 @@ def test_another_file_is_refused_in_a_sentence(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(ValueError, match="is no surrogate"):
         surrogate_file.read(file)
+
+
+def test_a_press_is_stable_no_deeper_than_the_surrogate_knows():
+    """A stocky beam has no critical depth in the range: it is stable to the end of the range, and not beyond."""
+    made = prediction.beams(*np.array([[1.1, 4.0, 9.0], [0.5, 0.5, 0.5], [0.25, 0.25, 0.25], [0.4998] * 3]))
+    critical, known, surely = made.critical_depth(), made.stable_to(0.0), made.stable_to(1.0)
+    assert np.isinf(critical.value[0])
+    assert known[0] == made.deepest[0]
+    assert known[1] == pytest.approx(critical.value[1], rel=2e-3)
+    assert surely[1] < known[1] - 0.9 * critical.half_width[1]
+    assert np.isnan(surely[2])

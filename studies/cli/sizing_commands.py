@@ -50,7 +50,7 @@ def size(
     Parameters
     ----------
     out
-        Folder for SIZING.md, sizing.json, front.csv, yield.csv, and front.png; a design file and parts of an earlier
+        Folder for SIZING.md, sizing.json, front.csv, yield.csv and front.png; the design file and parts of an earlier
         sizing are removed from it.
     export
         Write design file, mould and casting recipe of the best variant too.
@@ -138,5 +138,5 @@ def _show(sizing: Sizing, *, wide: bool) -> None:
     if made is not None:
         console.note(
             f"Yield of the first: {100 * made.share:.3g} % of {made.count} made sensors are within all requirements "
-            f"(95 % interval {100 * made.low:.3g} to {100 * made.high:.3g} %)."
+            f"({made.uncertainty})."
         )

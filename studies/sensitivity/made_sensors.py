@@ -67,11 +67,21 @@ class MadeSensors:
 
 
 def made_sensors(
-    design: Design, tolerances: Tolerances = Tolerances(), count: int = 1000, seed: int = 0
+    design: Design,
+    tolerances: Tolerances = Tolerances(),
+    count: int = 1000,
+    seed: int = 0,
+    *,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> MadeSensors:
     """Draw made sensors of a design.
 
     A tolerance does not change the deviations of the others: with the same seed each sensor keeps them.
+
+    Parameters
+    ----------
+    ranges : of E, nu or remanence, in place of their tolerances: half of the sensors lie between each end and the
+        design's value.
 
     Raises
     ------
@@ -79,13 +89,17 @@ def made_sensors(
         The count or the seed is out of range, or the design has no magnet.
     """
     check_draw(design, count, seed)
-    deviation = _deviations(tolerances, count, seed)
+    unit = _unit_deviations(tolerances, count, seed)
+    deviation = {name: getattr(tolerances, name) * values for name, values in unit.items()}
     fields = {
         # the rounding error of 0.4998 + 0.0002 must not make a Poisson's ratio above 0.5, nor may the tolerance
         "nu": np.clip(design.nu + deviation["nu"], 0.0, 0.5),
         **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
         **{name: getattr(design, name) + deviation[name] for name in ("magnet_diameter", "magnet_height")},
     }
+    for name, (low, high) in (ranges or {}).items():
+        middle, u = getattr(design, name), unit[name]
+        fields[name] = middle + np.where(u < 0, u * (middle - low), u * (high - middle))
     designs, refusals = zip(*(_possible(design, fields, k) for k in range(count)), strict=True)
     places = np.stack([deviation[name] for name in ("hall_x", "hall_y", "hall_z")], axis=-1)
     chip = design.hall_layout != "three"
@@ -119,20 +133,19 @@ def nominal_sensor(design: Design) -> MadeSensors:
     return made_sensors(design, none, 1)
 
 
-def _deviations(tolerances: Tolerances, count: int, seed: int) -> dict[str, Array]:
-    """Return the deviations by the tolerance's name, each of shape (n,), or (n, k) if it has several."""
+def _unit_deviations(tolerances: Tolerances, count: int, seed: int) -> dict[str, Array]:
+    """Return deviations over their tolerance, -1 to 1, by its name, of shape (n,), or (n, k) if it has several."""
     specs = dataclasses.fields(tolerances)
     widths = [COLUMNS.get(spec.name, 1) for spec in specs]
     # one table of random numbers for all: a tolerance of 0 must not shift the numbers of the others
     unit = np.random.default_rng(seed).random((count, sum(widths)))
     deviations = {}
     for spec, columns in zip(specs, np.split(unit, np.cumsum(widths)[:-1], axis=1), strict=True):
-        size = getattr(tolerances, spec.name)
         if spec.metadata["shape"] == "uniform":
-            values = size * (2 * columns - 1)
+            values = 2 * columns - 1
         else:
             inside = ndtr(-CUT) + columns * (ndtr(CUT) - ndtr(-CUT))
-            values = size / CUT * ndtri(inside)
+            values = ndtri(inside) / CUT
         deviations[spec.name] = values if spec.name in COLUMNS else values[:, 0]
     return deviations
 

@@ -5,6 +5,9 @@ saturation and the first mode at the least E, where a force presses deepest, and
 where it moves the magnet least. The remanence is a range too: saturation counts at its high end, resolution at its
 low end.
 
+A source's values are uncertain too: those at the least E are of the softer end of its intervals, those at the largest
+E of the stiffer end.
+
 The poses of a force range are a grid over press force, sideways force and its direction (`PoseGrid`). They are the
 same for the surrogate and for finite elements, see `range_poses`.
 """
@@ -28,7 +31,7 @@ from studies.exploration.solved_paths import frequency_unit
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.pose_readings import NominalReader, Reader, decoding
 from studies.sizing.range_poses import Beams, PressCurves, ShearCurves, press_curves, shear_curves
-from studies.sizing.requirement_margins import Performance, lengths, lower, margins
+from studies.sizing.requirement_margins import Performance, ReachedRange, lengths, margins
 from studies.sizing.requirements import Requirements
 from studies.surrogate import surrogate_range
 
@@ -76,7 +79,7 @@ def performance(
 
     Parameters
     ----------
-    caution : number of half widths of the source's intervals by which a bound must hold.
+    caution : number of half widths of the source's intervals by which its values are worsened; below 0 improved.
     estimate : what another source says of the same variants: this one is evaluated no deeper than needed to compare,
         and at the same shears.
     scales : factors on the ranges in z and in x of each variant, shape (n, 2), at which the other requirements are
@@ -94,53 +97,59 @@ def performance(
     if estimate is not None:
         limit = np.minimum(limit, DEEPER * np.maximum(estimate.range_depth, estimate.depth))
     press = press_curves(beams, limit)
-    ends = press.depth_of_force(force_z[:, None] / (np.stack([low, high], axis=1) * unit[:, None]))
-    least = press.depth_of_force((grid.presses[0] * force_z / (high * unit))[:, None])[:, 0]
+    soft, stiff = press.softer(caution), press.softer(-caution)
+    depth = soft.depth_of_force((force_z / (low * unit))[:, None])[:, 0]
+    depth_stiff = stiff.depth_of_force((force_z / (high * unit))[:, None])[:, 0]
+    least = stiff.depth_of_force((grid.presses[0] * force_z / (high * unit))[:, None])[:, 0]
     farthest = surrogate_range.farthest(L / D)
-    guess = None if estimate is None else estimate.shears
-    shear = shear_curves(beams, press, least, ends[:, 0], force_x / (low * unit), farthest, guess)
-    critical, mode = beams.critical_depth(), beams.first_mode(ratio)
     sheared = requirements.force_x is not None
+    # the half widths of a small shear are those of the press, and say nothing of its slopes
+    aside = caution if sheared else 0.0
+    guess = None if estimate is None else estimate.shears
+    shear = shear_curves(beams, press, least, depth, force_x / (low * unit), farthest, guess, aside)
+    soft_shear, stiff_shear = shear.softer(aside), shear.softer(-aside)
+    cases = [(soft, soft_shear, low), (stiff, stiff_shear, high)]
     # sensors that are made have one modulus each, and not a range of it
-    moduli = (low,) if (low == high).all() else (low, high)
-    poses = [_poses(variants, press, shear, E, force_z, force_x, grid, sheared=sheared) for E in moduli]
+    cases = cases[:1] if caution == 0 and (low == high).all() else cases
+    poses = [_poses(variants, *case, force_z, force_x, grid, sheared=sheared) for case in cases]
     reader = NominalReader(variants) if reader is None else reader
-    figures = _reading_figures(reader, poses, len(variants))
-    bounds = _Bounds(D, reader, press, lower(critical.value, critical.half_width, caution), requirements, caution)
-    deepest, range_z = bounds.range(low * unit)
-    end = ends[:, :1]
-    pressed = press.at("strain", end)[:, 0], press.half_width("strain", end)[:, 0]
-    strain, strain_width = _largest_strain(shear, *pressed, sheared=sheared)
-    width = press.half_width("force", deepest[:, None])[:, 0] * low * unit
+    figures = _reading_figures(reader, poses, len(variants), worst=caution >= 0)
+    stable_to, critical, mode = beams.stable_to(caution), beams.critical_depth(), beams.first_mode(ratio)
+    deepest, range_z = _Bounds(D, reader, soft, stable_to, requirements).range(low * unit)
+    strain = soft.at("strain", depth[:, None])[:, 0]
+    range_x = np.full(len(D), np.nan)
+    if sheared:
+        strain = np.maximum(strain, soft_shear.strain(force_x / (low * unit)).max(axis=1))
+        range_x = _reached_aside(soft, soft_shear, (low * unit, high * unit), force_z, grid).force(force_x)
+    # no half width where no critical depth was found, nor where none is asked for
+    width = critical.half_width if caution else np.zeros(len(D))
+    width = np.where(np.isinf(critical.value), 0.0, width)
     frequency = np.array([frequency_unit(*row) for row in np.stack([D, low, density], axis=1).tolist()])
     size, total, wall = lengths(variants, requirements)
     result = Performance(
         range_z=range_z,
-        range_z_half_width=width,
-        reach=press.at("force", press.deepest[:, None])[:, 0] * low * unit,
-        range_x=_range_x(shear, low * unit, farthest, force_x),
-        depth=ends[:, 0],
-        depth_stiff=ends[:, 1],
+        reach=soft.at("force", press.deepest[:, None])[:, 0] * low * unit,
+        range_x=range_x,
+        depth=depth,
+        depth_stiff=depth_stiff,
         range_depth=deepest,
         shears=shear.shear[:, :, -1],
         resolution_z=figures.resolution[:, 2],
         resolution_x=figures.resolution[:, :2].max(axis=1),
         strain=strain,
-        strain_half_width=strain_width,
-        critical=critical.value,
-        critical_half_width=critical.half_width,
-        first_mode=mode.value * frequency,
-        first_mode_half_width=mode.half_width * frequency,
+        critical=critical.value - caution * width,
+        stable_to=stable_to,
+        first_mode=(mode.value - caution * mode.half_width) * frequency,
         saturation=figures.rail_margin,
         decoding=figures.signed_det,
         distinct=figures.distinct,
-        clearance=_clearance(variants, poses[0], ends[:, 0] * D),
+        clearance=_clearance(variants, poses[0], depth * D),
         outer_size=size,
         height=total,
         wall=wall,
         margins={},
     )
-    return dataclasses.replace(result, margins=margins(result, requirements, caution))
+    return dataclasses.replace(result, margins=margins(result, requirements))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,12 +168,13 @@ class _ReadingFigures:
     rail_margin: Array
 
 
-def _reading_figures(reader: Reader, poses: Sequence[Loaded], count: int) -> _ReadingFigures:
-    """Return the figures of the readings at poses for each modulus."""
+def _reading_figures(reader: Reader, poses: Sequence[Loaded], count: int, *, worst: bool) -> _ReadingFigures:
+    """Return the worst figures of the readings at the poses of each modulus; else those of the better modulus."""
     resolution, signed_det, distinct = zip(*(decoding(reader, each, count) for each in poses), strict=True)
     rails = [reader.rail_margin(each.shift, each.tilt).reshape(count, -1).min(axis=1) for each in poses]
+    most, least = (np.max, np.min) if worst else (np.min, np.max)
     return _ReadingFigures(
-        np.max(resolution, axis=0), np.min(signed_det, axis=0), np.min(distinct, axis=0), np.min(rails, axis=0)
+        most(resolution, axis=0), least(signed_det, axis=0), least(distinct, axis=0), least(rails, axis=0)
     )
 
 
@@ -175,16 +185,15 @@ class _Bounds:
     D: Array
     reader: Reader
     press: PressCurves
-    critical: Array
+    stable_to: Array
     requirements: Requirements
-    caution: float
 
     def range(self, unit: Array) -> tuple[Array, Array]:
         """Return the largest depth that keeps all bounds, over D, and its force, N; unit is E D^2, shape (n,)."""
         needed = self.requirements
-        # NaN, where the source has no answer, must not become a depth
-        critical = np.nan_to_num(np.maximum(self.critical, 0.0), nan=0.0, posinf=np.inf)
-        deepest = np.minimum(self.press.deepest, critical / needed.stability_margin)
+        # where nothing is known of the stability, no depth is
+        stable_to = np.nan_to_num(np.maximum(self.stable_to, 0.0), nan=0.0)
+        deepest = np.minimum(self.press.deepest, stable_to / needed.stability_margin)
         enough = self.press.depth_of_force((MOST_RANGE * needed.force_z / unit)[:, None])[:, 0]
         deepest = np.minimum(deepest, enough)
         low = surrogate_range.SHALLOWEST
@@ -206,8 +215,7 @@ class _Bounds:
         """Return the least margin of strain and saturation at depths (n, k), at most 1; NaN without an answer."""
         slack = np.ones(depth.shape)
         if self.requirements.largest_strain is not None:
-            strain = self.press.at("strain", depth) + self.caution * self.press.half_width("strain", depth)
-            slack = np.minimum(slack, 1 - strain / self.requirements.largest_strain)
+            slack = np.minimum(slack, 1 - self.press.at("strain", depth) / self.requirements.largest_strain)
         if self.requirements.no_saturation:
             shift = np.zeros((*depth.shape, 3))
             shift[..., 2] = -self.press.at("shift", depth) * self.D[:, None]
@@ -250,8 +258,8 @@ def _poses(
     shares, azimuth = np.tile(np.array(sideways), (len(grid.presses), 1)).T
     unit = (E * D**2)[:, None]
     depth = press.depth_of_force(presses * force_z[:, None] / unit)
-    # near the ends of what the source covers, a required force can lie beyond it: its margin says so
-    aside = np.clip(shear.shear_of_force(shares * force_x[:, None] / unit, depth), 0.0, shear.shear[:, -1, -1:])
+    # near the ends of what the source covers, a required force can lie beyond it: range_x says so
+    aside = np.clip(shear.shear_of_force(shares * force_x[:, None] / unit, depth), 0.0, shear.farthest(depth))
     parts = [shear.at(press, name, depth, aside) for name in ("shift_x", "shift_z", "tilt", "force_x", "force_z")]
     # the vertical shift of `turned` is up
     scale = np.stack([D, -D, np.ones_like(D), E * D**2, E * D**2], axis=1)
@@ -268,21 +276,15 @@ def _poses(
     )
 
 
-def _range_x(shear: ShearCurves, unit: Array, farthest: Array, force_x: Array) -> Array:
-    """Return the required sideways force, or the reached one where a shear ends at the farthest that is known, N."""
-    reached = shear.values["force_x"][:, -1, -1] * unit
-    capped = shear.shear[:, -1, -1] >= 0.999 * farthest
-    return np.where(capped, np.minimum(reached, force_x), force_x)
-
-
-def _largest_strain(shear: ShearCurves, pressed: Array, width: Array, *, sheared: bool) -> tuple[Array, Array]:
-    """Return the largest strain at the ends of the ranges, and the half width of its interval."""
-    if not sheared:
-        return pressed, width
-    values = np.column_stack([pressed, shear.values["strain"][:, :, -1]])
-    widths = np.column_stack([width, shear.half_widths["strain"][:, :, -1]])
-    at = values.argmax(axis=1), np.arange(len(values))
-    return values[at[1], at[0]], widths[at[1], at[0]]
+def _reached_aside(
+    press: PressCurves, shear: ShearCurves, units: Sequence[Array], force_z: Array, grid: PoseGrid
+) -> ReachedRange:
+    """Return the sideways forces that are reached under each press of the range, for each E D^2, shape (n,)."""
+    parts = []
+    for unit in units:
+        depth = press.depth_of_force(np.array(grid.presses) * (force_z / unit)[:, None])
+        parts.append(shear.reached(depth) * unit[:, None])
+    return ReachedRange(np.hstack(parts))
 
 
 def _clearance(variants: Sequence[Variant], loaded: Loaded, depth: Array) -> Array:

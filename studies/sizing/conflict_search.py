@@ -17,7 +17,7 @@ from geometry.messages import Progress
 from studies.sizing.candidate_performance import performance
 from studies.sizing.conflicts import Bound, Conflict, bounds_of, find_conflict
 from studies.sizing.front_search import Effort, Generation, Variable, search
-from studies.sizing.requirement_margins import Performance, lower
+from studies.sizing.requirement_margins import Performance
 from studies.sizing.variant_search import Candidates, beams_of
 
 SHARES = (Variable("share_z", 0.02, 1.3), Variable("share_x", 0.02, 1.3))
@@ -27,8 +27,8 @@ SAMPLED = (1.0, 0.8, 0.6, 0.4, 0.2, 0.1)
 """Shares at which the candidates of the last generation are rated."""
 EFFORT = Effort(48, 24)
 """Effort of one search between the samples: about three seconds."""
-ALWAYS = 1e6
-"""Stands for an infinite margin, such as that of a beam that never buckles."""
+MOST_MARGIN = 1e6
+"""Bound of the margins in size: a resolution can be infinite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class _Ratings:
         shares = np.minimum(X[kept, -2:], 1.0)
         result = performance(variants, beams_of(variants), needed, scales=shares)
         columns = [self._margin(bound, result, shares) for bound in self.bounds]
-        signed = np.clip(np.column_stack(columns), -ALWAYS, ALWAYS)
+        signed = np.clip(np.column_stack(columns), -MOST_MARGIN, MOST_MARGIN)
         # a variant that cannot be built meets nothing
         signed[~(result.clearance >= 0)] = np.nan
         rows[kept] = signed
@@ -70,9 +70,8 @@ class _Ratings:
         if name in ("no_saturation", "unique_decoding"):
             return result.margins[name]
         values = {
-            "largest_strain": result.strain + result.strain_half_width,
-            "stability_margin": lower(result.critical, result.critical_half_width) / result.depth,
-            "first_mode": result.first_mode - result.first_mode_half_width,
+            "largest_strain": result.strain,
+            "stability_margin": result.stable_to / result.depth,
         }
         value = values[name] if name in values else getattr(result, name)
         return np.asarray((value - bound.value) * (1 if bound.sense == "at least" else -1))

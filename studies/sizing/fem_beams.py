@@ -6,6 +6,7 @@ that was interrupted solves none of them again. NaN stands for a state that a so
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -90,14 +91,22 @@ class FemBeams:
             "strain": _table(rows, lambda a, r: a.values["largest_strain"]),
         }
 
-    def critical_depth(self) -> Solved:
-        """Return the depths at which frictionless presses buckle sideways, over D, shape (n,); inf for none."""
+    @functools.cached_property
+    def _stability(self) -> list[Answer]:
         scenes = [Scene(design, (Load(depth=0.01 * design.D),), self.solver.accuracy) for design in self.designs]
-        depths = []
-        for (answer,) in self.solver.answers(scenes, "critical depth"):
-            over = answer.values.get("critical_depth_over_D", np.nan)
-            depths.append(np.inf if over is None else over)
-        return Solved(np.array(depths, dtype=float))
+        return [answer for (answer,) in self.solver.answers(scenes, "critical depth")]
+
+    def critical_depth(self) -> Solved:
+        """Return the depths at which frictionless presses buckle sideways, over D, shape (n,).
+
+        inf where the search found none up to its end; NaN where it stopped before, or failed.
+        """
+        return Solved(np.array([_critical(answer) for answer in self._stability]))
+
+    def stable_to(self, caution: float) -> Array:
+        """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
+        found = [(_critical(answer), answer.values.get("stable_to_over_D", np.nan)) for answer in self._stability]
+        return np.array([critical if np.isfinite(critical) else stable for critical, stable in found])
 
     def first_mode(self, density_ratio: Array) -> Solved:
         """Return the lowest natural frequency of the unloaded beams over `frequency_unit`, shape (n,)."""
@@ -109,6 +118,15 @@ class FemBeams:
             (answer.values.get("frequency") or [np.nan])[0] for (answer,) in self.solver.answers(scenes, "modes")
         ]
         return Solved(np.array(lowest, dtype=float))
+
+
+def _critical(answer: Answer) -> float:
+    """Return the critical depth over D of an answer; inf if a whole search found none, NaN if it is not known."""
+    depth = answer.values.get("critical_depth_over_D")
+    if depth is not None:
+        return float(depth)
+    # a search that stopped early says so
+    return np.inf if answer.status == "ok" and not answer.message else np.nan
 
 
 def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any]) -> Solved:

@@ -18,7 +18,7 @@ from geometry.arrays import Array, Ints
 from studies.output.records import FlatRow
 from studies.sizing.candidate_performance import CHECKED, performance
 from studies.sizing.fem_beams import FemBeams
-from studies.sizing.requirement_margins import Performance
+from studies.sizing.requirement_margins import LEAST, Performance
 from studies.sizing.variant_search import beams_of, objectives
 
 if TYPE_CHECKING:
@@ -53,8 +53,9 @@ class FrontPoint:
     Attributes
     ----------
     number : from 1, in the order of the range.
-    predicted, solved : values by name of the surrogate and of finite elements, see `Performance`.
-    predicted_margins, margins : margins of the requirements by both.
+    predicted, solved : values by name of the surrogate, with their half widths, and of finite elements, see
+        `Performance`.
+    predicted_margins, margins : margins of the requirements by both, of the surrogate with its half widths.
     status : "ok", or "failed" if finite elements show that a requirement is missed.
     reason : which requirements are missed, and by how much.
     rank : 1 for the best; 0 for a point that failed.
@@ -137,10 +138,13 @@ def solved_front(
         return []
     variants, F = checked(variants, requirements)
     variants = [variants[k] for k in spread(F, most)]
-    predicted = performance(variants, beams_of(variants), requirements, grid=CHECKED)
+    beams = beams_of(variants)
+    predicted, cautious = (
+        performance(variants, beams, requirements, caution=caution, grid=CHECKED) for caution in (0.0, 1.0)
+    )
     fem = FemBeams([each.design for each in variants], solver)
-    solved = performance(variants, fem, requirements, caution=0.0, estimate=predicted, grid=CHECKED)
-    points = [_point(k, variants[k], predicted, solved) for k in range(len(variants))]
+    solved = performance(variants, fem, requirements, caution=0.0, estimate=cautious, grid=CHECKED)
+    points = [_point(k, variants[k], predicted, cautious, solved) for k in range(len(variants))]
     return ranked(points, solved, requirements)
 
 
@@ -160,21 +164,30 @@ def checked(variants: Sequence[Variant], requirements: Requirements) -> tuple[li
     return [variants[k] for k in kept.tolist()], np.concatenate(tables)[kept]
 
 
-def _point(k: int, variant: Variant, predicted: Performance, solved: Performance) -> FrontPoint:
+def _point(
+    k: int, variant: Variant, predicted: Performance, cautious: Performance, solved: Performance
+) -> FrontPoint:
     """Return a point without a rank."""
     margins = {name: float(value[k]) for name, value in solved.margins.items()}
     missed = {name: value for name, value in margins.items() if not value >= 0}
-    values = solved.one(k)
-    unsolved = [name for name in COMPARED if np.isnan(values[name])]
-    reasons = [f"{name} is missed by {-100 * value:.2g} %" for name, value in missed.items()]
+    values, said, worse = solved.one(k), predicted.one(k), cautious.one(k)
+    widths = {f"{name}_half_width": abs(worse[name] - said[name]) for name in COMPARED}
+    # how far a press is stable is in the margin, also where the search for the critical depth has stopped
+    unsolved = [
+        name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])
+    ]
+    reasons = [
+        f"{name} is not known" if value == LEAST else f"{name} is missed by {-100 * value:.2g} %"
+        for name, value in missed.items()
+    ]
     if unsolved:
         reasons.insert(0, f"finite elements did not reach {', '.join(unsolved)}")
     return FrontPoint(
         number=k + 1,
         variant=variant,
-        predicted=predicted.one(k),
+        predicted=said | widths,
         solved=values,
-        predicted_margins={name: float(value[k]) for name, value in predicted.margins.items()},
+        predicted_margins={name: float(value[k]) for name, value in cautious.margins.items()},
         margins=margins,
         status="failed" if reasons else "ok",
         reason="; ".join(reasons),

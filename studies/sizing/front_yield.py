@@ -4,6 +4,9 @@ Each made sensor has its own E, Poisson's ratio, magnet, displaced parts, gains 
 within the ranges of the catalogues. Its mechanics come from the surrogate, its readings from its own parts. It counts
 as calibrated by itself: deviations change what it can reach, and are no errors of its forces. The magnet's place in
 the silicone changes the readings only.
+
+A yield is uncertain for two reasons: the number of sensors is finite (`low` to `high`), and the surrogate has errors
+(`worse` to `better`: all values at the worse, and at the better ends of its 90 % intervals).
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ SENSORS = 1000
 """Number of made sensors: a share of 90 % is then known to 2 points."""
 MAGNET_DIGITS = 2
 """Decimals of a made magnet's size, mm: magnets of equal size share the computation of their fields."""
+ALL = "all"
+"""Stands for all requirements together."""
 IMPOSSIBLE = "possible"
 """Stands for the requirement that a made sensor is possible, and within the range of the surrogate."""
 
@@ -42,7 +47,9 @@ class Yield:
     Attributes
     ----------
     count, passed : made sensors, and those that meet all requirements.
-    low, high : 95 % interval of the share (Clopper and Pearson).
+    low, high : 95 % interval of the share from the number of sensors alone (Clopper and Pearson).
+    worse, better : shares at the worse and at the better ends of the surrogate's intervals, by requirement; the first
+        is that of all together.
     missed : number of sensors that miss each requirement, the most frequent one first.
     quantiles : 5 %, 50 % and 95 % quantiles of the margins of each requirement.
     """
@@ -51,6 +58,8 @@ class Yield:
     passed: int
     low: float
     high: float
+    worse: Mapping[str, float]
+    better: Mapping[str, float]
     missed: Mapping[str, int]
     quantiles: Mapping[str, tuple[float, float, float]]
 
@@ -59,9 +68,16 @@ class Yield:
         """Share of the sensors that meet all requirements, 0 to 1."""
         return self.passed / self.count
 
+    @property
+    def uncertainty(self) -> str:
+        """Both parts of the uncertainty of the share, as a text."""
+        sampling = f"95 % interval from the number of sensors {100 * self.low:.3g} to {100 * self.high:.3g} %"
+        ends = f"{100 * self.worse[ALL]:.3g} and {100 * self.better[ALL]:.3g} %"
+        return f"{sampling}; at the ends of the surrogate's 90 % intervals {ends}"
+
     def rows(self) -> list[FlatRow]:
         """Return the rows of yield.csv: all requirements together, and each by itself."""
-        rows: list[FlatRow] = [self._row("all", self.count - self.passed)]
+        rows: list[FlatRow] = [self._row(ALL, self.count - self.passed)]
         for name, missed in self.missed.items():
             low, middle, high = (100 * value for value in self.quantiles.get(name, (np.nan,) * 3))
             rows.append(
@@ -73,21 +89,17 @@ class Yield:
     def _row(self, name: str, missed: int) -> FlatRow:
         share, low, high = share_with_error(self.count - missed, self.count)
         numbers = {"sensors": self.count, "within": self.count - missed, "within_percent": 100 * share}
-        return {"requirement": name, **numbers, "low_percent": 100 * low, "high_percent": 100 * high}
+        ends = {
+            "surrogate_worse_percent": 100 * self.worse[name],
+            "surrogate_better_percent": 100 * self.better[name],
+        }
+        return {"requirement": name, **numbers, "low_percent": 100 * low, "high_percent": 100 * high} | ends
 
 
 def tolerances_of(variant: Variant) -> Tolerances:
-    """Return the tolerances that the ranges of a variant's parts mean; places and tilts have their defaults.
-
-    The range of E is that over the sources, which disagree: it is wider than that of one supplier's batches.
-    """
-    silicone, magnet, part = variant.silicone, variant.magnet, variant.hall_part
-    deviation = max(silicone.E_high / silicone.E - 1, 1 - silicone.E_low / silicone.E)
-    remanence = (magnet.remanence_high - magnet.remanence_low) / (2 * magnet.remanence)
-    gain = 100 * part.gain_tolerance
+    """Return the tolerances of a variant's parts but for `ranges_of`; places and tilts have their defaults."""
+    magnet, gain = variant.magnet, 100 * variant.hall_part.gain_tolerance
     return Tolerances(
-        E=min(100 * deviation, 90.0),
-        remanence=100 * remanence,
         magnet_diameter=magnet.tolerance,
         magnet_height=magnet.tolerance,
         hall_gain=gain,
@@ -95,11 +107,24 @@ def tolerances_of(variant: Variant) -> Tolerances:
     )
 
 
+def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
+    """Return the ranges of the catalogue for E, nu and the remanence.
+
+    The range of E is that over the sources, which disagree: it is wider than that of one supplier's batches.
+    """
+    silicone, magnet = variant.silicone, variant.magnet
+    return {
+        "E": (silicone.E_low, silicone.E_high),
+        "nu": (silicone.nu_low, silicone.nu_high),
+        "remanence": (magnet.remanence_low, magnet.remanence_high),
+    }
+
+
 def yield_of(variant: Variant, requirements: Requirements, count: int = SENSORS, seed: int = 0) -> Yield:
     """Return the yield of a variant."""
-    table = _margins(
-        variant, _rounded(made_sensors(variant.design, tolerances_of(variant), count, seed)), requirements
-    )
+    drawn = made_sensors(variant.design, tolerances_of(variant), count, seed, ranges=ranges_of(variant))
+    sensors = _rounded(drawn)
+    table, worse, better = (_margins(variant, sensors, requirements, caution) for caution in (0.0, 1.0, -1.0))
     met = {name: values >= 0 for name, values in table.items()}
     passed = int(np.all(list(met.values()), axis=0).sum())
     missed = {name: int((~values).sum()) for name, values in met.items()}
@@ -109,10 +134,17 @@ def yield_of(variant: Variant, requirements: Requirements, count: int = SENSORS,
         least, middle, most = np.nanquantile(values, [0.05, 0.5, 0.95]).tolist()
         quantiles[name] = least, middle, most
     order = sorted(missed, key=lambda name: -missed[name])
-    return Yield(count, passed, low, high, {name: missed[name] for name in order}, quantiles)
+    ordered = {name: missed[name] for name in order}
+    return Yield(count, passed, low, high, _shares(worse), _shares(better), ordered, quantiles)
 
 
-def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements) -> dict[str, Array]:
+def _shares(margins: Mapping[str, Array]) -> dict[str, float]:
+    """Return the shares of sensors that meet all requirements, and each of them."""
+    met = {name: values >= 0 for name, values in margins.items()}
+    return {name: float(np.mean(one)) for name, one in ({ALL: np.all(list(met.values()), axis=0)} | met).items()}
+
+
+def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements, caution: float) -> dict[str, Array]:
     """Return the margins of made sensors, each of shape (n,); those of an impossible sensor are -1."""
     made = [design or sensors.nominal for design in sensors.designs]
     variants = [
@@ -126,7 +158,7 @@ def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements)
     beams = beams_of(variants)
     possible = np.array([each is not None for each in sensors.designs]) & (beams.outside == "")
     # an impossible sensor has no readings: the nominal one takes its place, and its margins are replaced
-    result = performance(variants, beams, requirements, caution=0.0, reader=MadeReader(sensors))
+    result = performance(variants, beams, requirements, caution=caution, reader=MadeReader(sensors))
     margins = {name: np.where(possible, values, -1.0) for name, values in result.margins.items()}
     # base and mould are those of the nominal design
     for name in ("outer_size", "height", "wall", "clearance"):

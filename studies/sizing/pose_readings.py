@@ -120,8 +120,10 @@ def decoding(reader: Reader, loaded: Loaded, n: int) -> tuple[Array, Array, Arra
     slopes = reader.slopes(loaded)
     sigma = force_resolution.force_resolution(slopes, loaded.force_slopes, noise)
     length = np.linalg.norm(slopes, axis=1)
-    columns = np.nan_to_num(slopes / np.where(length > 0, length, 1.0)[:, None, :])
-    scaled = np.linalg.det(columns).reshape(n, -1)
+    columns = slopes / np.where(length == 0, 1.0, length)[:, None, :]
+    # where a slope is not known, nor is the determinant
+    with np.errstate(invalid="ignore"):
+        scaled = np.linalg.det(columns).reshape(n, -1)
     turned = scaled * np.sign(np.median(scaled, axis=1))[:, None]
     values = (reader.fields(loaded.shift, loaded.tilt) / noise).reshape(n, -1, 3)
     apart = np.linalg.norm(values[:, :, None] - values[:, None], axis=3)

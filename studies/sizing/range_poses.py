@@ -8,13 +8,14 @@ A source of responses (`Beams`) is evaluated at few depths and shears. Between t
   not (sinking, press force) is the press's value + s^2 (a + b s^2), where a and b are polynomials in that root.
 
 A beam is dimensionless: lengths over D, forces over E D^2. Its loads are F / (E D^2) for the modulus E at hand, so
-one beam answers for the whole range of E of its silicone.
+one beam answers for the whole range of E of its silicone. `softer` curves are those at one end of the source's
+intervals, at which deformations are the largest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +32,8 @@ SHEAR_SHARES = np.array([0.5, 1.0])
 """Shears at each of them, over the shear at the end of the range."""
 TRIAL_SHEAR = 0.08
 """Shear over D at which the sideways stiffness is evaluated, to find the shears of the range."""
+RESERVE = 1.05
+"""Shear to which a beam is evaluated over that which the sideways force needs: other depths may need more."""
 LEAST_SHEAR = 0.01
 """Least shear at the end of the range, over D: below it, differences between responses would be rounding errors."""
 STEPS = 6
@@ -54,6 +57,7 @@ class Beams(Protocol):
     def press(self, depth: Array) -> Mapping[str, Quantity]: ...
     def shear(self, depth: Array, shear: Array) -> Mapping[str, Quantity]: ...
     def critical_depth(self) -> Quantity: ...
+    def stable_to(self, caution: float) -> Array: ...
     def first_mode(self, density_ratio: Array) -> Quantity: ...
 
 
@@ -86,11 +90,11 @@ class PressCurves:
         inner = 1 / (np.sqrt(depth) * (high - low))
         return _polynomial(self.values[name], self.place(depth), slope=True) * inner
 
-    def half_width(self, name: str, depth: Array) -> Array:
-        """Return the half width of a quantity's interval at depths (n, k), between those of the nearest depths."""
-        at, nodes = self.place(depth), _nodes(PRESS_DEPTHS)
-        rows = [np.interp(x, nodes, y) for x, y in zip(at, self.half_widths[name], strict=True)]
-        return np.array(rows).reshape(depth.shape)
+    def softer(self, caution: float) -> PressCurves:
+        """Return the curves with less force, more shift and more strain by `caution` half widths."""
+        signs = {"force": -caution, "shift": caution, "strain": caution}
+        changed = {name: self.values[name] + sign * self.half_widths[name] for name, sign in signs.items()}
+        return replace(self, values={**self.values, **changed})
 
     def depth_of_force(self, force: Array) -> Array:
         """Return the depths under forces (n, k), within the range of depths."""
@@ -150,12 +154,47 @@ class ShearCurves:
             2 * shear * (a + 2 * b * shear**2),
         )
 
+    def softer(self, caution: float) -> ShearCurves:
+        """Return the curves with less sideways force, more of other motions and more strain by `caution` half widths.
+
+        What does not reverse with the shear is added to the press, whose curves say how uncertain it is.
+        """
+        first, third = dict(self.first), dict(self.third)
+        for name in ODD:
+            share = (self.half_widths[name] / np.abs(self.values[name]))[..., -1]
+            factor = np.maximum(1 - caution * share, 0.0) if name == "force_x" else 1 + caution * share
+            first[name], third[name] = factor * first[name], factor * third[name]
+        strain = self.values["strain"] + caution * self.half_widths["strain"]
+        return replace(self, values={**self.values, "strain": strain}, first=first, third=third)
+
+    def farthest(self, depth: Array) -> Array:
+        """Return the largest shears at depths (n, k) to which the beams were evaluated."""
+        ends = self.shear[:, :, -1]
+        place = np.maximum(2 * (np.sqrt(depth) - self.low) / (self.high - self.low) - 1, -1.0)
+        return np.asarray(np.minimum(_polynomial(ends, place), ends.max(axis=1, keepdims=True)))
+
+    def reached(self, depth: Array) -> Array:
+        """Return the sideways forces that are reached at depths (n, k); NaN at depths where shears are not known."""
+        a, b = self._coefficients("force_x", depth)
+        shear = self.farthest(depth)
+        known = depth >= (1 - 1e-9) * surrogate_range.SHALLOWEST_SHEAR
+        return np.asarray(np.where(known, shear * (a + b * shear**2), np.nan))
+
+    def strain(self, force: Array) -> Array:
+        """Return the strains at these depths under sideways forces, shape (n,), at most at the last shears."""
+        shear = self.shear_of_force(np.broadcast_to(force[:, None], self.depth.shape), self.depth)
+        near, far = (self.shear[:, :, k] for k in (0, 1))
+        share = np.clip((shear - near) / (far - near), 0.0, 1.0)
+        return np.asarray((1 - share) * self.values["strain"][..., 0] + share * self.values["strain"][..., 1])
+
     def shear_of_force(self, force: Array, depth: Array) -> Array:
         """Return the shears under sideways forces (n, k) at depths (n, k)."""
         a, b = self._coefficients("force_x", depth)
-        shear = force / a
-        for _ in range(STEPS):
-            shear = shear - (shear * (a + b * shear**2) - force) / (a + 3 * b * shear**2)
+        # a curve that does not rise has no shear for a force
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shear = force / a
+            for _ in range(STEPS):
+                shear = shear - (shear * (a + b * shear**2) - force) / (a + 3 * b * shear**2)
         return np.asarray(shear)
 
 
@@ -183,8 +222,9 @@ def shear_curves(
     force: Array,
     farthest: Array,
     guess: Array | None = None,
+    caution: float = 0.0,
 ) -> ShearCurves:
-    """Return the responses to shears up to a sideways force.
+    """Return the responses to shears up to a sideways force, with `RESERVE`, or up to the farthest shear.
 
     Parameters
     ----------
@@ -192,6 +232,7 @@ def shear_curves(
     force : sideways force at the end of the range, shape (n,).
     farthest : largest shear of each beam, shape (n,).
     guess : shears at the end of the range at each depth, (n, SHEARED_DEPTHS), where they are known already.
+    caution : the force is reached even where the beams are softer by so many half widths.
     """
     # equal ends would leave no interval to interpolate over
     low = np.maximum(low, surrogate_range.SHALLOWEST_SHEAR)
@@ -201,8 +242,18 @@ def shear_curves(
     if guess is None:
         trial = np.full(depth.shape, TRIAL_SHEAR)
         stiffness = beams.shear(depth, trial)["force_x"].value / TRIAL_SHEAR
-        guess = force[:, None] / np.maximum(stiffness, 1e-6)
-    end = np.clip(guess, LEAST_SHEAR, farthest[:, None])
+        first = _sheared(beams, press, roots, depth, force[:, None] / np.maximum(stiffness, 1e-6), farthest)
+        needed = first.softer(caution).shear_of_force(np.broadcast_to(force[:, None], depth.shape), depth)
+        # a force that the curve never reaches has no shear
+        guess = RESERVE * np.where(needed > 0, needed, np.inf)
+    return _sheared(beams, press, roots, depth, guess, farthest)
+
+
+def _sheared(
+    beams: Beams, press: PressCurves, roots: tuple[Array, Array], depth: Array, end: Array, farthest: Array
+) -> ShearCurves:
+    """Return the responses to shears up to `end`, shape (n, SHEARED_DEPTHS), between LEAST_SHEAR and `farthest`."""
+    end = np.clip(end, LEAST_SHEAR, farthest[:, None])
     shear = end[:, :, None] * SHEAR_SHARES
     flat = shear.reshape(len(depth), -1)
     answer = beams.shear(np.repeat(depth, len(SHEAR_SHARES), axis=1), flat)

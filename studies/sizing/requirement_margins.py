@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic.force_resolution import SINGULAR
 from geometry.arrays import Array
 from geometry.base import Base, outer_size, plan
 from geometry.design import BadInput
@@ -23,23 +24,43 @@ MOST, LEAST = 1.0, -1e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ReachedRange:
+    """The forces along one axis that n variants reach in each of their required poses, shape (n, k), N.
+
+    NaN stands for a force that is not known: no range is then reached.
+    """
+
+    poses: Array
+
+    def force(self, most: Array) -> Array:
+        """Return the forces that are reached in all poses, shape (n,), not followed beyond `most`; NaN if unknown.
+
+        >>> ReachedRange(np.array([[1.7, 2.0], [2.0, np.nan], [3.0, 4.0]])).force(np.array([2.0, 2.0, 2.0])).tolist()
+        [1.7, nan, 2.0]
+        """
+        return np.asarray(np.minimum(self.poses.min(axis=1), most))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Performance:
-    """What n variants reach, each attribute of shape (n,).
+    """What n variants reach, each attribute of shape (n,), at the worse ends of the source's intervals.
 
     Attributes
     ----------
     range_z : largest press force, N, up to which strain, stability, saturation and the source's range hold, without
-        shear, at the least E; half_width: of its interval.
+        shear, at the least E.
     reach : press force at the largest depth that the source covers, N, at the least E.
-    range_x : largest sideways force under the whole press range, N, as far as the source reaches.
+    range_x : sideways force that is reached under every required press, at most the required one, N; NaN where one
+        of them is not known, and where no range is required.
     depth, depth_stiff : depth under the required press range, over D, at the least and at the largest E.
     range_depth : depth under range_z at the least E, over D.
     shears : shear at the end of the sideways range at the depths of `range_poses.shear_curves` and the least E, over
         D, shape (n, SHEARED_DEPTHS).
     resolution_z, resolution_x : worst standard deviation of the decoded forces, N.
-    strain, strain_half_width : largest strain of the silicone at the ends of the ranges.
-    critical, critical_half_width : critical depth over D, inf where there is none.
-    first_mode, first_mode_half_width : Hz, at the least E.
+    strain : largest strain of the silicone at the ends of the ranges.
+    critical : critical depth over D; inf where a search to its end found none, NaN where it is not known.
+    stable_to : depth over D up to which presses are known to be stable; NaN where nothing is known.
+    first_mode : Hz, at the least E.
     saturation : least distance of a reading from its rail, over that in zero field; negative at the rail.
     decoding : least det J over the product of its columns' lengths, negative if its sign changes.
     distinct : least distance of the readings of two poses, in standard deviations of their noise.
@@ -49,7 +70,6 @@ class Performance:
     """
 
     range_z: Array
-    range_z_half_width: Array
     reach: Array
     range_x: Array
     depth: Array
@@ -59,11 +79,9 @@ class Performance:
     resolution_z: Array
     resolution_x: Array
     strain: Array
-    strain_half_width: Array
     critical: Array
-    critical_half_width: Array
+    stable_to: Array
     first_mode: Array
-    first_mode_half_width: Array
     saturation: Array
     decoding: Array
     distinct: Array
@@ -79,25 +97,17 @@ class Performance:
         return {name: float(getattr(self, name)[k]) for name in names}
 
 
-def margins(result: Performance, requirements: Requirements, caution: float = 1.0) -> dict[str, Array]:
-    """Return the signed margins of the requirements, relative to their bounds; negative where one is missed.
-
-    Parameters
-    ----------
-    caution : number of half widths by which the source's values are worsened first.
-    """
-    strain = result.strain + caution * result.strain_half_width
-    critical = lower(result.critical, result.critical_half_width, caution)
-    mode = result.first_mode - caution * result.first_mode_half_width
+def margins(result: Performance, requirements: Requirements) -> dict[str, Array]:
+    """Return the signed margins of the requirements, relative to their bounds; negative where one is missed."""
     # name in the requirements, value, and +1 for a bound from below or -1 for one from above
     compared = [
-        ("force_z", result.range_z - caution * result.range_z_half_width, 1),
+        ("force_z", result.range_z, 1),
         ("force_x", result.range_x, 1),
         ("resolution_z", result.resolution_z, -1),
         ("resolution_x", result.resolution_x, -1),
-        ("largest_strain", strain, -1),
-        ("stability_margin", critical / result.depth, 1),
-        ("first_mode", mode, 1),
+        ("largest_strain", result.strain, -1),
+        ("stability_margin", result.stable_to / result.depth, 1),
+        ("first_mode", result.first_mode, 1),
         ("outer_size", result.outer_size, -1),
         ("height", result.height, -1),
     ]
@@ -110,15 +120,10 @@ def margins(result: Performance, requirements: Requirements, caution: float = 1.
     if requirements.no_saturation:
         signed["no_saturation"] = result.saturation
     if requirements.unique_decoding:
-        signed["unique_decoding"] = np.minimum(result.decoding, result.distinct - 1)
+        signed["unique_decoding"] = np.minimum(result.decoding - SINGULAR, result.distinct - 1)
     signed["clearance"] = result.clearance
-    # NaN is no margin; an inf of a beam that is always stable would hide the others
+    # NaN is no margin, and a large one would hide the others
     return {name: np.clip(np.nan_to_num(value, nan=LEAST), LEAST, MOST) for name, value in signed.items()}
-
-
-def lower(value: Array, half_width: Array, caution: float = 1.0) -> Array:
-    """Return values less half widths; inf, which stands for no such depth, stays."""
-    return np.where(np.isinf(value), value, value - caution * np.nan_to_num(half_width, posinf=0.0))
 
 
 def lengths(variants: Sequence[Variant], requirements: Requirements) -> tuple[Array, Array, Array]:

@@ -118,9 +118,11 @@ def _requirements(sizing: Sizing) -> str:
         "Bounds are held over the whole range of E of each silicone and of the remanence of each grade, at presses "
         "of a quarter of the range and of the whole range, each with sideways forces to their whole range in all "
         "directions. The largest strain is often that of the sideways force under the lighter press, whose contact "
-        "is smaller. A margin is relative to its bound; margins above 100 % are shown as 100. The range in z is not "
-        "followed beyond three times the required one, the range in x not beyond the required one: a margin of 0 % "
-        "there means at least the required range."
+        "is smaller. The range in x is the least sideways force that is reached under these presses; under one "
+        "shallower than 0.03 D no shear is known, and none counts as reached. A margin is relative to its bound; "
+        "margins above 100 % are shown as 100. The range in z is not followed beyond three times the required one, "
+        "the range in x not beyond the required one: a margin of 0 % there means at least the required range. A press "
+        "counts as stable as deep as that is known: the margin of stability is at least the stated one."
     )
     return f"## Requirements\n\n{markdown(rows)}\n\n{note}"
 
@@ -161,15 +163,17 @@ def _yield(sizing: Sizing) -> str:
         {
             "requirement": row["requirement"],
             "within, %": f"{row['within_percent']:.3g}",
-            "95 % interval": f"{row['low_percent']:.3g} to {row['high_percent']:.3g}",
+            "95 % interval of the sampling": f"{row['low_percent']:.3g} to {row['high_percent']:.3g}",
+            "at the ends of the surrogate's intervals": f"{row['surrogate_worse_percent']:.3g} to "
+            f"{row['surrogate_better_percent']:.3g}",
         }
         for row in made_sensors.rows()
     ]
     return (
         f"## Yield\n\nOf {made_sensors.count} made sensors {100 * made_sensors.share:.3g} % are within all "
-        f"requirements (95 % interval {100 * made_sensors.low:.3g} to {100 * made_sensors.high:.3g} %){worst}. E, "
-        "remanence, magnet and gain are drawn within the ranges of the catalogue, places within usual tolerances; "
-        f"each sensor is calibrated by itself.\n\n{markdown(rows)}"
+        f"requirements ({made_sensors.uncertainty}){worst}. E, nu, remanence, magnet and gain are drawn within the "
+        "ranges of the catalogue, places within usual tolerances; mechanics are those of the surrogate, and no made "
+        f"sensor is solved by finite elements. Each sensor is calibrated by itself.\n\n{markdown(rows)}"
     )
 
 
@@ -198,8 +202,8 @@ def _differences(front: Sequence[FrontPoint]) -> str:
         for row in largest_differences(front).values()
     ]
     note = (
-        "Differences in percent of the finite elements. The surrogate's range is cautious: its bounds hold at the "
-        "worse ends of its intervals."
+        "Differences in percent of the finite elements. Half widths (front.csv) are the differences to "
+        "the worse ends of the surrogate's intervals, at which the search holds every bound."
     )
     return f"## Surrogate beside finite elements\n\n{note}\n\n{markdown(rows)}"
 

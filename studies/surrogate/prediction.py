@@ -214,6 +214,24 @@ class Beams:
         rule = self.surrogate.groups["strain"].quantiles[CRITICAL][self.region, 0]
         return Quantity(np.where(self.inside, value, np.nan), value * rule * spread)
 
+    def stable_to(self, caution: float = 1.0) -> Array:
+        """Return the depths over D up to which presses are known to be stable, shape (n,), at most `deepest`.
+
+        Parameters
+        ----------
+        caution : number of half widths by which the sideways stiffness and the critical depth may be less.
+        """
+        share = np.broadcast_to(np.linspace(0, 1, CRITICAL_GRID), (len(self.L), CRITICAL_GRID))
+        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
+        logs, widths = self._presses["sideways_ratio"]
+        least = 1 - np.exp(through_roots(logs, share)) * (1 + caution * _linear_over_roots(widths, share))
+        critical = self.critical_depth()
+        # where errors of critical depths are not calibrated, those of the stiffness are
+        calibrated = np.isfinite(critical.half_width)
+        lost = np.where(calibrated, critical.value - caution * np.where(calibrated, critical.half_width, 0.0), np.inf)
+        known = np.minimum(np.minimum(first_zero((low + (high - low) * share) ** 2, least), lost), self.deepest)
+        return np.where(self.inside, known, np.nan)
+
     def first_mode(self, density_ratio: Array) -> Quantity:
         """Return the lowest natural frequency of the unloaded beams over (E / rho)^(1/2) / D, shape (n,).
 
