@@ -121,8 +121,8 @@ def _requirements(sizing: Sizing) -> str:
         "is smaller. The range in x is the least sideways force that is reached under these presses; under one "
         "shallower than 0.03 D no shear is known, and none counts as reached. A margin is relative to its bound; "
         "margins above 100 % are shown as 100. The range in z is not followed beyond three times the required one, "
-        "the range in x not beyond the required one: a margin of 0 % there means at least the required range. A press "
-        "counts as stable as deep as that is known: the margin of stability is at least the stated one."
+        "the range in x not beyond the required one: a margin of 0 % there means at least the required range. A "
+        "press counts as stable as deep as that is known: the margin of stability is at least the stated one."
     )
     return f"## Requirements\n\n{markdown(rows)}\n\n{note}"
 
