@@ -32,7 +32,7 @@ from fem.error_estimates import estimate_number
 from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
-from fem.solvers.newton import STOPPED
+from fem.solvers.newton import STOPPED, NoStateError
 from fem.solvers.path_state import PathState, about, glue
 from geometry.arrays import Array
 from geometry.cad import beam_volume, magnet_inertia, magnet_volume
@@ -124,7 +124,7 @@ def _solve_modes(scene: Scene, count: int) -> Modes:
             values[name], _ = eigen(*block, count)
     lowest = sorted((float(value), name) for name, own in values.items() for value in own)[:count]
     if lowest[0][0] < 0:
-        raise BadInput(
+        raise NoStateError(
             f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
         )
     scale = frequency_unit(scene.design)
@@ -181,7 +181,7 @@ def solve_press(scene: Scene) -> Press:
     finally:
         path.close()
     if reason:
-        raise BadInput(
+        raise NoStateError(
             f"the press stops at depth {state.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
     return Press(state, edge)

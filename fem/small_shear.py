@@ -25,7 +25,7 @@ from fem.results.postprocess import recover_pose
 from fem.scene import Scene
 from fem.solvers.direct_solver import Solver
 from fem.solvers.load_stepping import Path
-from fem.solvers.newton import STOPPED
+from fem.solvers.newton import STOPPED, NoStateError
 from fem.solvers.path_state import PathState, about, glue
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -125,7 +125,7 @@ def _solve_small_shear(scene: Scene) -> SmallShear:
     finally:
         path.close()
     if reason:
-        raise BadInput(
+        raise NoStateError(
             f"the press stops at depth {pressed.position[0] * D:.4g} mm ({STOPPED[reason]}): take a smaller depth"
         )
     glued = glue(about(pressed, single_order.build(pressed.d, 1)), edge)

@@ -159,7 +159,7 @@ class _CriticalState:
     stable: float
 
 
-class _StoppedError(ArithmeticError):
+class _StoppedError(Exception):
     """The press does not reach a depth."""
 
 

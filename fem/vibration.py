@@ -31,12 +31,12 @@ from fem.modes import eigen, frequency_unit
 from fem.results.postprocess import read
 from fem.scene import Model, Scene, choose_model, turns
 from fem.solution import Solution
+from fem.solvers.newton import NoStateError
 from fem.solvers.reduced_basis import Complex, ReducedSystem, reduce
 from fem.vibration_blocks import (
     Block,
     ContactPressure,
     Motion,
-    NoStateError,
     build_blocks,
     read_pose,
     read_pressure,

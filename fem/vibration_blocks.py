@@ -38,11 +38,10 @@ from fem.equilibrium import start_path
 from fem.modes import Press, inertia_of_magnet, solve_press
 from fem.results.postprocess import recover_pose
 from fem.scene import Scene
-from fem.solvers.newton import STOPPED
+from fem.solvers.newton import STOPPED, NoStateError
 from fem.solvers.path_state import PathState, about
 from fem.solvers.reduced_basis import Problem
 from geometry.arrays import Array
-from geometry.design import BadInput
 
 Motion = Literal["z", "x"]
 """Direction in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
@@ -51,10 +50,6 @@ ANGLES, ORDER_FIELDS = 8, 5
 of a model of one order."""
 DIFFERENCE = 1e-6
 """Motion over D of the central difference for the pose of a beam without magnet."""
-
-
-class NoStateError(BadInput):
-    """The state about which a sensor should vibrate is not reached, or is unstable."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,10 +84,7 @@ def build_blocks(scene: Scene) -> tuple[PathState, list[Block]]:
         state = _solve_path(scene)
         motions: tuple[Motion, ...] = ("x",) if load.grip is not None else ("z", "x")
         return state, [build_block(scene, state, _sticking(state.plate), motions)]
-    try:
-        press = solve_press(scene)
-    except BadInput as error:
-        raise NoStateError(str(error)) from None
+    press = solve_press(scene)
     glued = press.edge is not None and scene.loads[0].friction == "stick"
     free = press.edge is None
     blocks = [_press_block(scene, press, 0, glued=glued)]

@@ -1,4 +1,4 @@
-"""The error of input that cannot be used, and the words of its remedies."""
+"""The errors that a user can meet: input that cannot be used, and problems without an answer; words of remedies."""
 
 from __future__ import annotations
 
@@ -7,6 +7,18 @@ from collections.abc import Iterable, Sequence
 
 class BadInput(ValueError):
     """An input value that cannot be used. The text is one sentence with the value, its bound and the remedy."""
+
+
+class SolveFailed(RuntimeError):
+    """A problem that has no answer: a mesh that cannot be made, a solve that does not converge.
+
+    The text is one sentence. Only these errors count as results of a study; every other one is a bug, which ends the
+    run with a traceback.
+    """
+
+
+class MeshError(SolveFailed):
+    """A mesh or a solid of these dimensions cannot be made, or is not valid."""
 
 
 class OutOfReach(BadInput):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, Shape
 
 if TYPE_CHECKING:
@@ -107,10 +108,10 @@ def _unit(x: float, z: float) -> Point:
 
 
 def cut(body: Solid, *tools: Solid) -> Solid:
-    """Cut `tools` from `body`; raise RuntimeError unless exactly one solid remains."""
+    """Cut `tools` from `body`; raise MeshError unless exactly one solid remains."""
     solids = body.cut(*tools).solids() if tools else [body]
     if len(solids) != 1:
-        raise RuntimeError(f"a cut must leave one solid; it left {len(solids)}: check the part's dimensions")
+        raise MeshError(f"a cut must leave one solid; it left {len(solids)}: check the part's dimensions")
     return solids[0]
 
 

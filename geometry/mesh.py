@@ -31,6 +31,7 @@ from skfem import MeshTet1, MeshTet2
 
 from geometry import cad
 from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
 from geometry.meshing import (
     curved_mesh,
@@ -94,7 +95,7 @@ def tetrahedra(
     ------
     BadInput
         A size is not a positive number, the ring is not on the dome, or the magnet is missing or not inside the beam.
-    RuntimeError
+    MeshError
         fTetWild failed or exceeded its time limit, or none of six meshes could be curved and had edges on the ring.
     """
     lengths = {"size": size, "tip_size": tip_size, "the edge length at the rim": rim and rim[1]}
@@ -144,7 +145,7 @@ def _built(unit: Shape, sizes_D: Sizes, half: bool, magnet: Parts, timeout: floa
         mesh = curved_mesh.curved(straight, attempt, shape)
         if mesh is not None:
             return replace(mesh, doflocs=mesh.doflocs / WORK_DIAMETER)
-    raise RuntimeError(
+    raise MeshError(
         f"the mesh of size {sizes_D.bulk:g} D has folded or flat cells, or a wrong volume, on the exact surfaces"
         + (" or has no edges along its rim: try a smaller size there" if sizes_D.ring else ": try a smaller size")
     )
@@ -261,14 +262,14 @@ def _tetwild(
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise RuntimeError(f"fTetWild did not finish within {timeout:g} s: try a larger size") from None
+            raise MeshError(f"fTetWild did not finish within {timeout:g} s: try a larger size") from None
         if process.returncode or not output_file.exists():
             cause = (process.stderr.strip().splitlines() or ["no message"])[-1]
-            raise RuntimeError(f"fTetWild failed with exit code {process.returncode} ({cause}): try another size")
+            raise MeshError(f"fTetWild failed with exit code {process.returncode} ({cause}): try another size")
         with np.load(output_file) as arrays:
             p, t = arrays["points"].astype(np.float64), arrays["cells"].astype(np.int64)
             if not arrays["seeded"]:
                 warn_once(UNSEEDED)
     if not len(t) or not np.isfinite(p).all():
-        raise RuntimeError("fTetWild returned an empty mesh: try another size")
+        raise MeshError("fTetWild returned an empty mesh: try another size")
     return p, t

@@ -26,6 +26,7 @@ from skfem.quadrature import get_quadrature
 
 from geometry import compiled
 from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
 from geometry.meshing.edge_singularity import SingularEdges
 from geometry.meshing.section_grading import FILLET, TIP, Grading, grading, pairs
@@ -108,7 +109,7 @@ def section(
     Raises
     ------
     BadInput : a size is not positive, or `tip_size` exceeds `size`.
-    RuntimeError : the mesh does not fill the outline, or has a folded triangle.
+    MeshError : the mesh does not fill the outline, or has a folded triangle.
     """
     if not 0 < size < math.inf:
         raise BadInput(f"size must be a positive length; got {size:g}")
@@ -139,7 +140,7 @@ def _grade_ring(mesh: Any, shape: Shape, radius: float) -> None:
     around = mesh.doflocs[:, mesh.dofs.element_dofs[:, (mesh.t == node).any(axis=0)]]
     (a, b), (c, d) = np.einsum("ikt,kjq->ijtq", around, SLOPES)
     if (a * d - b * c).min() <= 0:
-        raise RuntimeError("a triangle at the ring of the section is folded: take a smaller size")
+        raise MeshError("a triangle at the ring of the section is folded: take a smaller size")
 
 
 def _numpy_mesh(shape: Shape, unit: Shape, s: Settings) -> Any:
@@ -331,7 +332,7 @@ def _triangles(domain: Shape, border: _Border, inner: Points, sizing: Grading) -
     t, core = t[order], core[order]
     silicone, magnet = t[~core], t[core & (not domain.has_magnet)]
     if not np.isin(_keys(*border.segment.T), _sides(np.concatenate([silicone, magnet]))).all():
-        raise RuntimeError("the section's outline could not be meshed: take a smaller size")
+        raise MeshError("the section's outline could not be meshed: take a smaller size")
     return silicone, magnet
 
 
@@ -351,8 +352,8 @@ def _second_order(border: _Border, inner: Points, silicone: Ints, core: Ints) ->
     mesh = dataclasses.replace(mesh, doflocs=doflocs, _boundaries=boundaries, _subdomains=parts)
     outer = facet[border.name != "magnet"] if len(core) else facet
     if not np.array_equal(np.sort(outer), mesh.boundary_facets()):
-        raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
+        raise MeshError("the section's triangles do not fill its outline: take a smaller size")
     r, z = np.tensordot(mesh.doflocs[:, mesh.dofs.element_dofs], SLOPES, axes=(1, 0))
     if not np.all(r[:, 0] * z[:, 1] > r[:, 1] * z[:, 0]):
-        raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
+        raise MeshError("a curved triangle of the section is folded: take a smaller size")
     return mesh

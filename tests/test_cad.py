@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from geometry import cad
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, Shape
 from geometry.fabrication import solid_files
 
@@ -103,7 +104,7 @@ def test_overlap_and_cut():
     beam, magnet = cad.beam(Design()), cad.magnet(Design())
     assert cad.overlap(beam, magnet) == pytest.approx(magnet.volume, rel=1e-9)
     assert cad.overlap(cad.silicone(Design()), magnet) == 0
-    with pytest.raises(RuntimeError, match="one solid"):
+    with pytest.raises(MeshError, match="one solid"):
         cad.cut(magnet, beam)
 
 
@@ -159,7 +160,7 @@ def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
     assert abs(record.relative_error) <= 1e-3
     before = (tmp_path / "beam.stl").read_bytes()
     monkeypatch.setattr(solid_files, "TRIALS", 1)
-    with pytest.raises(RuntimeError, match="make tolerance finer"):
+    with pytest.raises(MeshError, match="make tolerance finer"):
         export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 3
@@ -193,7 +194,7 @@ def test_an_open_surface_is_refused(tmp_path, monkeypatch):
         return text[:80] + count.to_bytes(4, "little") + text[134:]
 
     monkeypatch.setattr(solid_files, "stl", holed)
-    with pytest.raises(RuntimeError, match="not watertight"):
+    with pytest.raises(MeshError, match="not watertight"):
         export({"magnet": cad.magnet(Design())}, tmp_path)
     assert list(tmp_path.iterdir()) == []
 

@@ -9,6 +9,7 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.solution import Estimates
+from geometry.bad_input import MeshError
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.simulation import compare, comparison_findings
@@ -116,7 +117,7 @@ def test_states_out_of_reach_keep_their_rows(monkeypatch):
 
 def test_a_mesh_that_fails_is_a_status(monkeypatch):
     def fails(*args, **kwargs):
-        raise RuntimeError("the section could not be meshed")
+        raise MeshError("the section could not be meshed")
 
     monkeypatch.setattr(equilibrium, "trace", fails)
     (outcome,) = compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
@@ -125,6 +126,16 @@ def test_a_mesh_that_fails_is_a_status(monkeypatch):
         "not_converged",
         "the section could not be meshed",
     )
+
+
+@pytest.mark.parametrize("error", [RuntimeError, ValueError, ArithmeticError])
+def test_a_bug_in_the_finite_elements_is_no_state(monkeypatch, error):
+    def fails(*args, **kwargs):
+        raise error("a bug")
+
+    monkeypatch.setattr(equilibrium, "trace", fails)
+    with pytest.raises(error, match="a bug"):
+        compare.follow(paper(), [Load(depth=0.5)], QUICK, "rigid")
 
 
 def test_a_beam_without_a_magnet_has_forces_but_no_readings(tmp_path):
@@ -240,7 +251,7 @@ def test_default_states_suit_the_design(monkeypatch):
 
     def nothing(design, loads, *args, **kwargs):
         asked.append(loads)
-        raise RuntimeError("not now")
+        raise MeshError("not now")
 
     monkeypatch.setattr(equilibrium, "trace", nothing)
     compare.run(paper(), None)

@@ -12,6 +12,7 @@ import pytest
 
 from analytic import beam
 from geometry import design_digest
+from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs import option_groups
@@ -177,7 +178,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     from fem import equilibrium
 
     def fail(*_, **__):
-        raise RuntimeError("fTetWild failed: try another size")
+        raise MeshError("fTetWild failed: try another size")
 
     monkeypatch.setattr(equilibrium, "start_path", fail)
     status, out, err = run("solve", "paper", "--depth", 1, "--json")

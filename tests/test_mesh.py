@@ -9,6 +9,7 @@ from skfem import MeshTet1, MeshTet2
 
 from geometry import cad
 from geometry import mesh as meshing
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Shape
 from geometry.mesh import tetrahedra
 from geometry.meshing import curved_mesh, edge_lengths, mesh_cache, surface_triangulation
@@ -209,7 +210,7 @@ def test_a_folded_mesh_is_made_again_with_smaller_sizes(monkeypatch):
     straight = meshing.MeshTet1()
     monkeypatch.setattr(meshing, "_raw", lambda sizes, half, timeout: tried.append(sizes.bulk) or straight)
     monkeypatch.setattr(curved_mesh, "curved", lambda mesh, sizes, true: None)
-    with pytest.raises(RuntimeError, match="has folded or flat cells"):
+    with pytest.raises(MeshError, match="has folded or flat cells"):
         tetrahedra(PAPER, 1.0)
     assert tried == pytest.approx([1.0, 0.97, 0.94, 0.9, 0.8, 0.7])
 
@@ -312,13 +313,13 @@ def test_a_child_that_dies_or_hangs(monkeypatch, tmp_path):
     child = tmp_path / "child.py"
     monkeypatch.setattr(meshing, "CHILD", child)
     child.write_text("import ctypes; ctypes.string_at(0)")
-    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match="failed with exit code"):
+    with mesh_cache.bypassed(), pytest.raises(MeshError, match="failed with exit code"):
         tetrahedra(PAPER, 2.0)
     child.write_text("raise ValueError('of the child')")
-    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match="of the child"):
+    with mesh_cache.bypassed(), pytest.raises(MeshError, match="of the child"):
         tetrahedra(PAPER, 2.0)
     child.write_text("import time; time.sleep(60)")
-    with mesh_cache.bypassed(), pytest.raises(RuntimeError, match=r"within 0\.5 s"):
+    with mesh_cache.bypassed(), pytest.raises(MeshError, match=r"within 0\.5 s"):
         tetrahedra(PAPER, 2.0, timeout=0.5)
 
 

@@ -15,6 +15,7 @@ from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.physics_version import PHYSICS
+from geometry.bad_input import MeshError, SolveFailed
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.exploration import needed_paths, store, sweep
@@ -364,6 +365,49 @@ def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept
     assert [row["status"] for row in run(BARE, AXES, kept=kept)] == ["ok", "ok", "worker_died", "worker_died"]
     again = run(BARE, AXES, kept=kept, processes=Processes(0, retry_failed=True))
     assert {row["status"] for row in again} == {"ok"}
+
+
+KINDS = {
+    "force": "fem.equilibrium.trace",
+    "critical_depth": "fem.stability.critical",
+    "modes": "fem.modes.modes",
+    "response": "fem.vibration.vibrating_sensor",
+    "cycle": "studies.simulation.cycle_report.run",
+}
+"""The function that solves for a quantity of each kind of path."""
+
+
+@pytest.mark.parametrize("quantity", KINDS)
+@pytest.mark.parametrize("error", [MeshError, SolveFailed, RuntimeError, ValueError, ArithmeticError])
+def test_what_cannot_be_solved_is_kept_and_a_bug_ends_the_sweep(quantity, error, kept, monkeypatch):
+    def fails(*args, **kwargs):
+        raise error("why")
+
+    monkeypatch.setattr(KINDS[quantity], fails)
+    load = {"depth": 0.5, "frequency": 1.0} if quantity == "cycle" else {"depth": 0.5}
+    # states alone are always solved too
+    choices = {"quantities": (quantity,), "fem": (FemModel("quick", QUICK),)}
+    if issubclass(error, SolveFailed):
+        (row,) = run(BARE, {"E": [1.0]}, load, kept=kept, **choices)
+        assert row["status"] in ("failed", "not_converged")
+        assert "why" in row["message"]
+        return
+    with pytest.raises(error, match="why"):
+        run(BARE, {"E": [1.0]}, load, kept=kept, **choices)
+    assert not any(outcome != "ok" for (outcome,) in kept._connection.execute("SELECT outcome FROM state"))
+
+
+def fails_in_a_worker(task):
+    raise ValueError("a bug in a worker")
+
+
+def test_a_bug_in_a_worker_ends_the_sweep_and_is_stored_nowhere(kept, monkeypatch):
+    monkeypatch.setattr(needed_paths, "solve_task", fails_in_a_worker)
+    monkeypatch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{Path(__file__).parent.parent}")
+    with pytest.raises(ValueError, match="a bug in a worker") as caught:
+        run(BARE, AXES, kept=kept, processes=Processes(2))
+    assert "in fails_in_a_worker" in "".join(caught.value.__notes__)
+    assert kept.counts() == (0, 0)
 
 
 def test_rows_have_the_error_estimates_of_solve():

@@ -1,12 +1,12 @@
 """Worker processes: order, exceptions, deaths, interrupts, and the time left."""
 
-import math
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 
 import pytest
@@ -33,9 +33,7 @@ def noted(folder):
 @pytest.mark.parametrize("workers", [0, 1])
 def test_one_worker_finishes_the_tasks_in_their_order(workers):
     results = list(finished(iter(range(20)), worker_tasks.echo, workers=workers))
-    assert [(each.task, each.answer, each.reason, each.died) for each in results] == [
-        (k, k, "", False) for k in range(20)
-    ]
+    assert [(each.task, each.answer, each.reason) for each in results] == [(k, k, "") for k in range(20)]
 
 
 def test_a_task_is_yielded_as_soon_as_it_is_finished():
@@ -61,20 +59,22 @@ def test_no_more_tasks_are_begun_than_there_are_workers():
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_an_exception_is_the_reason_why_a_task_has_no_answer(workers):
-    results = list(finished([4, -1, "x"], math.sqrt, workers=workers))
-    assert [each.answer for each in results] == [2.0, None, None]
-    assert [each.reason for each in results] == [
-        "",
-        "ValueError: math domain error",
-        "TypeError: must be real number, not str",
-    ]
-    assert not any(each.died for each in results)
+def test_an_exception_in_a_task_ends_the_run_with_its_traceback(workers):
+    """Whatever a function raises is a bug, which no row of a table may hide."""
+    with pytest.raises(ValueError, match="a bug") as caught:
+        list(finished(["bug"], worker_tasks.raises, workers=workers))
+    assert "in raises\n" in "".join(traceback.format_exception(caught.value))
+
+
+def test_a_task_without_memory_has_no_answer():
+    (result,) = finished(["memory"], worker_tasks.raises, workers=1)
+    assert (result.answer, result.reason) == (None, "its process ran out of memory")
 
 
 def test_an_exception_that_cannot_be_unpickled_keeps_its_text():
-    (result,) = finished(["odd"], worker_tasks.raises, workers=1)
-    assert "OddError: 1 and 2" in result.reason
+    with pytest.raises(RuntimeError, match="OddError: 1 and 2") as caught:
+        list(finished(["odd"], worker_tasks.raises, workers=1))
+    assert "in raises\n" in "".join(caught.value.__notes__)
 
 
 @pytest.mark.parametrize("workers", [0, 1])
@@ -96,7 +96,7 @@ def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(tmp_path):
     assert tries == ["x", "x", "xx", "x", "x", "xx", "x", "x"]
     assert [results[task].answer for task in tasks] == [None if kind == "kill" else "ok" for _, kind in tasks]
     dead = results[tasks[2]]
-    assert (dead.died, dead.reason) == (True, "its worker process ended with signal 9 twice (out of memory?)")
+    assert (dead.answer, dead.reason) == (None, "its worker process ended with signal 9 twice (out of memory?)")
 
 
 def test_what_a_task_prints_is_no_answer(capfd):

@@ -51,7 +51,14 @@ def prints(text):
 
 
 def raises(kind):
-    raise {"exit": SystemExit(3), "interrupt": KeyboardInterrupt(), "odd": OddError(1, 2)}[kind]
+    errors = {
+        "exit": SystemExit(3),
+        "interrupt": KeyboardInterrupt(),
+        "odd": OddError(1, 2),
+        "bug": ValueError("a bug"),
+        "memory": MemoryError(),
+    }
+    raise errors[kind]
 
 
 class OddError(Exception):

@@ -20,6 +20,7 @@ from fem.solvers.direct_solver import Solver
 from fem.solvers.nonlinear_elimination import find_patch
 from fem.solvers.pardiso import SingularMatrixError
 from geometry.arrays import Array
+from geometry.bad_input import BadInput, SolveFailed
 
 TOLERANCE = 1e-9
 """Tolerance of the residual over reactions and displacements: small beside the discretisation error also where two
@@ -48,6 +49,10 @@ STOPPED: dict[Stop, str] = {
     "singular": "the stiffness is singular",
 }
 """Why Newton's method stopped, in words."""
+
+
+class NoStateError(BadInput, SolveFailed):
+    """The state about which something is asked is not reached, or is unstable; a smaller load may be answered."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
 
 FEW = 10_000
 """Unknowns up to which PARDISO uses one thread and minimum-degree ordering: half the time of nested dissection."""
@@ -25,7 +26,7 @@ CHECKED = 4
 """The error is computed for each of so many matrices of a path, whose condition changes slowly."""
 
 
-class SingularMatrixError(ArithmeticError):
+class SingularMatrixError(SolveFailed):
     """The factorisation met a zero or undefined pivot."""
 
 

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from fem.solvers.direct_solver import Solver
 from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
 
 TOLERANCE, ACCEPTED = 1e-9, 1e-6
 """Largest error at any frequency, see the module docstring, and largest one where rounding errors end its fall."""
@@ -51,7 +52,7 @@ BATCH = 1 << 17
 Complex = NDArray[np.complex128]
 
 
-class NotReachedError(ArithmeticError):
+class NotReachedError(SolveFailed):
     """The basis did not reach the tolerance."""
 
 

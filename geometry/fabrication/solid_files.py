@@ -17,6 +17,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from geometry.bad_input import MeshError
 from geometry.design import BadInput
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
     ------
     BadInput
         The tolerance lies outside `TOLERANCES`.
-    RuntimeError
+    MeshError
         The triangles are not watertight, or their volume is wrong by more than 1e-3.
     """
     check_tolerance(tolerance)
@@ -133,13 +134,13 @@ def facets(name: str, solid: Solid, tolerance: float = TOLERANCE) -> Facets:
         text = stl(solid, tolerance / finer, ANGLE / math.sqrt(finer))
         mesh = _read(text)
         if not mesh.is_volume:
-            raise RuntimeError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
+            raise MeshError(f"{name}: the {len(mesh.faces)} triangles are not watertight: try another tolerance")
         error = mesh.volume / exact - 1
         if abs(error) <= LARGEST_ERROR:
             return Facets(text, mesh, float(error))
         # the error is proportional to the distance and to the square of the angle; 1.2 is a margin
         finer *= 1.2 * abs(error) / LARGEST_ERROR
-    raise RuntimeError(
+    raise MeshError(
         f"{name}: the volume of the triangles is off by {error:.2g}, more than {LARGEST_ERROR:g}: "
         f"make tolerance finer than {tolerance:g} mm"
     )

@@ -13,6 +13,7 @@ import numpy as np
 import skfem
 
 from geometry.arrays import Array, Ints
+from geometry.bad_input import MeshError
 from geometry.design import Shape
 from geometry.meshing import (
     filling_compiled,
@@ -116,10 +117,10 @@ def _second_order(x: Array, silicone: Ints, core: Ints, segment: Ints, name: Int
     order, first = triangles_compiled.boundaries(f2t, facet, name, len(core) > 0)
     if not len(order):
         if facet.min() < 0:
-            raise RuntimeError("the section's outline could not be meshed: take a smaller size")
-        raise RuntimeError("the section's triangles do not fill its outline: take a smaller size")
+            raise MeshError("the section's outline could not be meshed: take a smaller size")
+        raise MeshError("the section's triangles do not fill its outline: take a smaller size")
     if not triangles_compiled.unfolded(doflocs, len(x), t, t2f, SLOPES):
-        raise RuntimeError("a curved triangle of the section is folded: take a smaller size")
+        raise MeshError("a curved triangle of the section is folded: take a smaller size")
     boundaries = {NAMES[k]: order[first[k] : first[k + 1]] for k in range(4) if first[k] < first[k + 1]}
     parts = {"silicone": np.arange(len(silicone)), "magnet": len(silicone) + np.arange(len(core))}
     parts = {part: cells for part, cells in parts.items() if len(cells)}

@@ -23,7 +23,7 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
-from geometry.bad_input import OutOfReach
+from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput
 from studies.inputs.exit_status import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 from studies.output import console, standard_streams
@@ -178,6 +178,9 @@ def run(tokens: list[str] | None = None) -> int:
     except (BadInput, CycloptsError) as error:
         console.say(f"magtip: {error}")
         return FAILED if isinstance(error, OutOfReach) else BAD
+    except SolveFailed as error:
+        console.say(f"magtip: {error}")
+        return FAILED
     except standard_streams.OutputLost as error:
         standard_streams.drop_output()
         if error.errno == errno.EPIPE:

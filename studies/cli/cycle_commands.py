@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet, Waveform
 from geometry.messages import Progress
@@ -184,7 +185,7 @@ def _search(
     assert isinstance(static, study.Static)
     try:
         factor, row = study.loss_factor_of_gap(design, motion, gap, static, accuracy, magnet, tolerance, progress)
-    except ArithmeticError as error:
+    except OutOfReach as error:
         return {"status": "failed", "message": str(error), "sentence": str(error)}
     return {
         "gap_percent": row.gap_percent,

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from studies.cli.command_output import report_failures, say_if_without_magnet
@@ -67,7 +68,6 @@ def response(
     """
     command_line = command(response, locals())
     design = design_of(source, sets, magnet)
-    from fem.vibration_blocks import NoStateError
     from geometry.loads import check_load
     from geometry.relaxation import check_range
     from studies.simulation import motion_lines
@@ -95,7 +95,7 @@ def response(
     with atomic_files.results(out) as folder, console.progress(as_json=as_json) as progress:
         try:
             report = study.run(design, load, band, count, magnet, accuracy, folder, progress)
-        except (NoStateError, ArithmeticError) as error:
+        except SolveFailed as error:
             record = {"status": "failed", "message": str(error), "depth_mm": depth, "shear_mm": shear}
             console.report([record], as_json=as_json, title="Vibration")
             return report_failures([record])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.exploration.plate_motion import PlateMotion
@@ -100,7 +101,7 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
 
     Raises
     ------
-    RuntimeError
+    SolveFailed
         A state was not reached, or it is unstable.
     """
     from studies.simulation.cycle_report import Static, run
@@ -110,7 +111,7 @@ def solve(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
         design, cycle, "prony", Static(None, None), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None
     )
     if cycles.status != "ok" or len(cycles.loops) < CYCLES:
-        raise RuntimeError(f"{cycles.status}: {cycles.message}")
+        raise SolveFailed(f"{cycles.status}: {cycles.message}")
     last, unit = cycles.loops[-1], design.E * design.D**2
     return {
         "gap_percent": round(last.gap_percent, 6),

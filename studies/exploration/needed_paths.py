@@ -209,7 +209,7 @@ class Solves:
         """Write the states of the next finished task to the store."""
         done = next(self._finished)
         key = self._keys[done.task.number - 1]
-        states = unsolved(done.task, done.reason, died=done.died) if done.answer is None else done.answer
+        states = unsolved(done.task, done.reason) if done.answer is None else done.answer
         trouble = self.store.add(self.paths[key].place.content, states)
         self._open.discard(key)
         if trouble:

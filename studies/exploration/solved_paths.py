@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fem.scene import Scene, choose_model
+from geometry.bad_input import SolveFailed
 from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
 from studies.exploration import cycle_paths, response_paths
@@ -252,15 +253,15 @@ def units_of(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
     return {"D_mm": scene.design.D, "E_MPa": scene.design.E} | density
 
 
-def unsolved(task: Task, reason: str, *, died: bool) -> list[State]:
-    """Return the states of a task that has no answer because its process died, or because of an error in magtip."""
+def unsolved(task: Task, reason: str) -> list[State]:
+    """Return the states of a task that has no answer because its process died."""
     D = task.scene.design.D
     loads = task.scene.loads if task.kind == "states" else ()
     positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
-    status = "worker_died" if died else "error"
     values = {"response": None, "error_estimate": None, "message": reason}
     return [
-        State(*at, "transient", status, units_of(task.scene, task.kind) | values, 0.0, _origin()) for at in positions
+        State(*at, "transient", "worker_died", units_of(task.scene, task.kind) | values, 0.0, _origin())
+        for at in positions
     ]
 
 
@@ -274,7 +275,7 @@ def _critical(scene: Scene) -> State:
     D, unit = design.D, design.E * design.D**2
     try:
         state = stability.critical(design, scene.magnet, accuracy=scene.accuracy)
-    except RuntimeError as error:
+    except SolveFailed as error:
         return _other(scene, "failed", "not_converged", {}, str(error), time.perf_counter() - begin)
     found = {
         "critical_depth_over_D": None if state.depth is None else state.depth / D,
@@ -289,12 +290,11 @@ def _modes(scene: Scene) -> State:
     import time
 
     from fem.modes import modes
-    from geometry.design import BadInput
 
     begin, design = time.perf_counter(), scene.design
     try:
         lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
-    except (BadInput, RuntimeError) as error:
+    except SolveFailed as error:
         return _other(scene, "failed", "failed", {}, str(error), time.perf_counter() - begin)
     unit = frequency_unit(design.D, design.E, design.density)
     values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
@@ -308,7 +308,7 @@ def _timed(scene: Scene, kind: Kind, solve: Callable[[Scene], dict[str, Any]]) -
     begin = time.perf_counter()
     try:
         values, message = solve(scene), ""
-    except (ValueError, RuntimeError, ArithmeticError) as error:
+    except SolveFailed as error:
         values, message = {}, str(error)
     result: Outcome = "ok" if values else "failed"
     estimate = {"error_estimate": values.pop("time_error", None)}

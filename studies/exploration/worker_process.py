@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from typing import IO, Any
 
@@ -241,16 +242,20 @@ def _do(job: bytes) -> bytes:
     except BaseException as other:
         # SystemExit and KeyboardInterrupt are raised where the job comes from
         error, seconds = other, 0.0
+    # a pickle keeps the notes of an exception, but not its traceback
+    error.add_note("in a worker process:\n" + "".join(traceback.format_exception(error)))
     return pickle.dumps((None, _portable(error), seconds))
 
 
 def _portable(error: BaseException) -> BaseException:
-    """Return an exception, or its text in another one if it cannot be pickled."""
+    """Return an exception, or its text and notes in another one if it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
         # pickle calls methods of the exception's own class, which may raise anything
-        return RuntimeError(f"{type(error).__name__}: {error}")
+        other = RuntimeError(f"{type(error).__name__}: {error}")
+        other.__notes__ = error.__notes__
+        return other
     return error
 
 

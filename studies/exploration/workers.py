@@ -38,15 +38,13 @@ class Finished(Generic[T, R]):
 
     Attributes
     ----------
-    answer : what the function returned; None if there is no answer.
-    reason : one sentence: how the worker died, or type and text of the exception; empty if there is an answer.
-    died : whether the worker died at both tries; False if the function raised an exception.
+    answer : what the function returned; None if its worker died at both tries, or ran out of memory.
+    reason : which of both, in one sentence; empty if there is an answer.
     """
 
     task: T
     answer: R | None
     reason: str
-    died: bool
 
 
 def finished(
@@ -78,8 +76,8 @@ def finished(
         The scheduler cannot be reached, or its workers do not have this version of magtip.
     SchedulerLost
         The scheduler, or all of its workers, were lost during the run.
-    KeyboardInterrupt, SystemExit
-        Also if the function raises them.
+    BaseException
+        Whatever else the function raises: it ends the run, with the traceback of the worker as a note.
     """
     report = _Reports(tasks, cost, progress)
     if isinstance(tasks, Sequence) and tasks:
@@ -126,14 +124,14 @@ def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
         value, error, seconds = future.result()
     except WorkerDied as death:
         cause = " (out of memory?)" if -9 in death.codes else ""
-        return Finished(task, None, f"its worker process ended with {death}{cause}", died=True), math.nan
+        return Finished(task, None, f"its worker process ended with {death}{cause}"), math.nan
     except WorkersLost as lost:
-        return Finished(task, None, str(lost), died=True), math.nan
-    if error is None:
-        return Finished(task, value, "", died=False), seconds
-    if not isinstance(error, Exception):
+        return Finished(task, None, str(lost)), math.nan
+    if isinstance(error, MemoryError):
+        return Finished(task, None, "its process ran out of memory"), math.nan
+    if error is not None:
         raise error
-    return Finished(task, None, f"{type(error).__name__}: {error}", died=False), math.nan
+    return Finished(task, value, ""), seconds
 
 
 def _executor(workers: int, scheduler: str | None) -> contextlib.AbstractContextManager[Executor]:

@@ -11,6 +11,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
 from studies.explorer import (
     curve_answers,
@@ -120,7 +121,7 @@ class Answers:
                 self._vibrating = None
                 self._vibrating = key, time_answers.prepare(*key)
             return time_answers.vibration(self._vibrating[1], state.frequency)
-        except (BadInput, ArithmeticError) as error:
+        except (BadInput, SolveFailed) as error:
             return time_answers.refusal(str(error))
 
     def _loop(self, state: ExplorerState, level: str) -> Iterator[Answer]:

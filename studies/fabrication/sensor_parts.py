@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe
@@ -89,7 +90,7 @@ def build(
             row = dataclasses.replace(row, checks=tuple(run_checks(design, choices, solids, shapes)))
             _refuse_failed(row.checks)
             parts = tuple(_write(design, choices, solids, shapes, stage, progress))
-        except RuntimeError as error:
+        except MeshError as error:
             return dataclasses.replace(row, status="failed", message=str(error))
         # a graphics driver may fail: then the folder is complete but for the picture
         missing: list[str] = []
@@ -97,7 +98,7 @@ def build(
             progress(0.8, "picture")
             try:
                 (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_bodies.places(design)))
-            except RuntimeError as error:
+            except MeshError as error:
                 missing.append(f"no picture: {error}")
         row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
         picture_name = PICTURE if (stage / PICTURE).exists() else ""
@@ -107,10 +108,10 @@ def build(
 
 
 def _refuse_failed(checks: Sequence[Check]) -> None:
-    """Raise a RuntimeError for the first check that fails, so that no file is written."""
+    """Raise a MeshError for the first check that fails, so that no file is written."""
     for check in checks:
         if not check.passed:
-            raise RuntimeError(
+            raise MeshError(
                 f"check '{check.name}' fails: {check.value:.3g} {check.unit}, must be {check.bound}; "
                 "no file is written: change the design or the mould"
             )

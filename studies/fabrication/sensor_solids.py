@@ -147,7 +147,7 @@ def triangulated_parts(
 
     Raises
     ------
-    RuntimeError
+    MeshError
         See `geometry.fabrication.solid_files.facets`.
     """
     from geometry.fabrication import solid_files

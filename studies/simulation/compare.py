@@ -22,6 +22,7 @@ from fem import equilibrium
 from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Model
 from fem.solution import Solution
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
@@ -199,7 +200,7 @@ def follow(
             else []
         )
         failed = Outcome(None, states[-1].status, states[-1].message) if states else None
-    except RuntimeError as error:
+    except SolveFailed as error:
         states, failed = [], Outcome(None, "not_converged", str(error))
     remaining = iter(states)
     outcomes = []

@@ -13,6 +13,7 @@ import numpy as np
 
 from analytic.relaxation_loops import loop
 from geometry.arrays import Array
+from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
@@ -286,19 +287,19 @@ def loss_factor_of_gap(
         trial = replace(design, loss_factor=factor)
         cycles = run(trial, motion, "prony", static, accuracy, magnet, tolerance, progress)
         if cycles.status != "ok" or not cycles.loops:
-            raise ArithmeticError(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
+            raise OutOfReach(f"with a loss factor of {factor:.3g} {cycles.message or 'the path ended early'}")
         last = cycles.loops[-1]
         if abs(last.gap_percent - gap_percent) < GAP_TOLERANCE:
             return factor, last
         if factor == MOST_LOSS and last.gap_percent < gap_percent:
-            raise ArithmeticError(
+            raise OutOfReach(
                 f"no loss factor up to {MOST_LOSS:g} has a gap of {gap_percent:g} %: with {MOST_LOSS:g} the loop has "
                 f"{last.gap_percent:.3g} %"
             )
         tried.append((factor, last.gap_percent))
         (f0, g0), (f1, g1) = tried[-2:]
         factor = min(max(f1 + (gap_percent - g1) * (f1 - f0) / (g1 - g0), 0.1 * f1), MOST_LOSS)
-    raise ArithmeticError(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
+    raise OutOfReach(f"no loss factor with a gap of {gap_percent:g} % was found in {SEARCHES} runs")
 
 
 def write(folder: Path, motion: Motion, results: list[Cycles]) -> None:

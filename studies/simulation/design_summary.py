@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geometry import design_digest
+from geometry.bad_input import MeshError
 from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, console, records, vtk_files
@@ -238,7 +239,7 @@ def build_mesh(
             mesh = tetrahedra(
                 design.shape, length, half=half, magnet="regions" if design.shape.has_magnet else "none"
             )
-        except RuntimeError as error:
+        except MeshError as error:
             return MeshReport("failed", str(error), None, length, None)
         seconds = time.perf_counter() - begin
         vtk_files.write_mesh(file, mesh, design_digest.as_numbers(design_digest.of_solid(design.shape)))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from geometry import design_digest
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import STEEPEST, Load, Magnet
 from geometry.messages import Progress
@@ -258,8 +259,8 @@ def _rows(
             for last in states:
                 reached += 1
                 yield state_rows.solved_row(last, made_for)
-        except RuntimeError as error:
-            # the mesher failed: the row says so, and the exit status is that of a failed solve
+        except SolveFailed as error:
+            # no mesh, for instance: the row says so, and the exit status is that of a failed solve
             yield state_rows.unsolved_row(loads[reached], method.model, str(error), made_for)
         finally:
             if last is not None:

@@ -16,6 +16,7 @@ from fem.accuracy import QUICK, STANDARD, Accuracy
 from fem.equilibrium import trace
 from fem.scene import Model
 from fem.solution import Solution
+from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
@@ -90,7 +91,7 @@ class Curve:
     normal_N: list[float]
 
 
-class StoppedError(RuntimeError):
+class StoppedError(SolveFailed):
     """A path of this study stopped before its last load, or without full slip."""
 
 

@@ -24,6 +24,7 @@ from fem.material import lame
 from fem.solvers.direct_solver import Solver
 from fem.solvers.newton import STOPPED, Equilibrium, newton
 from geometry.arrays import Array
+from geometry.bad_input import SolveFailed
 
 Mask = NDArray[np.bool_]
 
@@ -31,7 +32,7 @@ SKIN = 1e-9
 """Nodes nearer than this to a face lie on it."""
 
 
-class NotSolvedError(ArithmeticError):
+class NotSolvedError(SolveFailed):
     """Newton's method did not converge on a problem."""
 
 

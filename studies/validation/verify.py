@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
 from studies.output import records
 from studies.output.atomic_files import write_text
@@ -108,7 +109,7 @@ def evaluate(target: Target, done: float = 0.0, progress: Progress | None = None
             progress(done, target.name + (f", mesh {n}" if len(target.meshes) > 1 else ""))
         try:
             values.append(target.solve(n))
-        except ArithmeticError as error:
+        except SolveFailed as error:
             message = f"mesh {n}: {error}"
             break
     seconds = time.perf_counter() - begin
