@@ -172,7 +172,7 @@ def test_a_sweep_outlives_a_worker_and_ends_in_a_sentence_with_its_scheduler(tmp
     sentence = (
         rf"magtip: the scheduler at {own.address} is gone: \d+ tasks are unfinished; the same command continues\n"
     )
-    assert run.returncode == 3
+    assert run.returncode == 3, errors
     assert re.fullmatch(sentence, errors)
     whole = subprocess.run(sweep, env=env, capture_output=True, text=True, check=True).stdout
     assert whole.splitlines(keepends=True)[: len(rows)] == rows, "times too, because they are read from the store"

@@ -84,7 +84,8 @@ def connected(address: str) -> Iterator[Executor]:
             if client.status == "running":
                 client.cancel(list(jobs.futures), force=True)
                 client.run(end_run, jobs.run, on_error="ignore")
-        client.close(timeout=1)
+        with contextlib.suppress(OSError, TimeoutError):
+            client.close(timeout=1)
 
 
 def _client(address: str) -> Any:
