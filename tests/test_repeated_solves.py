@@ -110,16 +110,19 @@ def test_the_seed_chooses_the_states(file):
             (place_of("press").content | {"k": k}, [State(0.1, 0.0, "ok", "ok", {}, 0.0, "")]) for k in range(50)
         )
     with store_file.readable(file) as connection:
+        store_fields.register(connection)
         first, again, other = (repeated_solves.chosen(connection, 5, seed) for seed in (1, 1, 2))
     assert (first, len(first)) == (again, 5)
     assert first != other
 
 
-def test_states_of_other_physics_and_failed_ones_are_not_solved_again(file):
+def test_states_of_other_physics_and_failed_ones_are_not_solved_again(file, solved):
     with contextlib.closing(sqlite3.connect(file)) as other, other:
         other.execute("UPDATE listed SET physics = 0 WHERE id = 1")
-        other.execute("UPDATE state SET outcome = 'failed' WHERE path = 2")
+    with store.opened(file) as kept:
+        kept.add(place_of("grip").content, [replace(state, outcome="failed") for state in solved["grip"]])
     with store_file.readable(file) as connection:
+        store_fields.register(connection)
         assert repeated_solves.chosen(connection, 5, 0) == []
 
 

@@ -185,6 +185,49 @@ def test_a_disk_without_room_for_a_journal_ends_with_a_sentence(file):
         assert kept.counts()[0] == int(number)
 
 
+def changed(file, statement, *values):
+    with contextlib.closing(sqlite3.connect(file)) as other, other:
+        other.execute(statement, values)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("answer", '{"force": 99.0, "tilt": null}'),
+        ("answer", "[]"),
+        ("answer", b"\xff\xfe"),
+        ("status", "unstable"),
+        ("outcome", "failed"),
+        ("depth", 0.25),
+        ("shear", 0.5),
+        ("seconds", "soon"),
+        ("versions", b"\xff"),
+        ("added", "2020-01-01T00:00:00+00:00"),
+        ("digest", "0"),
+        ("path", 2),
+    ],
+)
+def test_a_state_that_was_changed_in_the_file_is_refused(file, column, value):
+    with store.opened(file) as kept:
+        kept.add(PATH, [PRESSED])
+        kept.add(PATH | {"nu": 0.4}, [])
+    text = "CAST(? AS TEXT)" if isinstance(value, bytes) else "?"
+    changed(file, f"UPDATE state SET {column} = {text}", value)
+    paths = [PATH | {"nu": 0.4}] if column == "path" else [PATH]
+    with store.opened(file) as kept, pytest.raises(BadInput, match="its digest does not match what it holds"):
+        kept.states(*paths)
+
+
+def test_a_journal_that_was_changed_is_refused(file):
+    with store.opened(file):
+        pass
+    store._write_journal(file, [(PATH, [PRESSED])], "full")
+    (journal,) = store.journals(file)
+    journal.write_text(journal.read_text().replace("0.125", "0.25"))
+    with pytest.raises(BadInput, match="digest does not match"), store.opened(file):
+        pass
+
+
 def test_a_damaged_journal_is_named_and_stays(file):
     with store.opened(file):
         pass

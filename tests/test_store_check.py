@@ -54,6 +54,10 @@ def test_a_store_in_order_passes_all_checks(file):
             NAMES[2],
             "path 1 is damaged: magtip store prune",
         ),
+        ("UPDATE state SET answer = replace(answer, '1.0', '99.0') WHERE path = 2", NAMES[3], "a state of path 2"),
+        ("UPDATE state SET versions = CAST(x'ff' AS TEXT) WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
+        ("UPDATE state SET answer = '1' WHERE path = 2", NAMES[3], "a state of path 2 is damaged"),
+        ("UPDATE listed SET nu = 0.1 WHERE id = 2", NAMES[1], "path 2 is listed with other values"),
         ("UPDATE path SET content = '{' WHERE id = 2", NAMES[2], "path 2 is damaged"),
         ("UPDATE path SET content = '{\"nu\": NaN}' WHERE id = 2", NAMES[2], "path 2 is damaged"),
         ("UPDATE state SET answer = '{\"res'", NAMES[3], "and 1 more: magtip store prune --damaged --yes"),
@@ -97,7 +101,7 @@ def test_a_table_that_cannot_be_read_fails_its_checks_only(file):
     content[(page - 1) * size : page * size] = bytes(size)
     file.write_bytes(content)
     messages = failures(file)
-    assert set(messages) == set(NAMES[:3])
+    assert set(messages) == set(NAMES[:4])
     assert "the file cannot be read there (database disk image is malformed)" in messages[NAMES[2]]
 
 

@@ -1,7 +1,9 @@
 """The verb store on the command line."""
 
+import contextlib
 import json
 import re
+import sqlite3
 
 import pytest
 
@@ -54,6 +56,30 @@ def test_a_list_of_the_user_s_store_needs_no_option(run):
     with store.opened(store.default()) as kept:
         kept.add(CONTENT, [PRESSED])
     assert json.loads(run("store", "list", "--json")[1].splitlines()[0])["states"] == 1
+
+
+def test_a_force_that_was_changed_in_the_file_is_no_answer(run, tmp_path, strict):
+    file = tmp_path / "s.sqlite"
+    sweep = ("sweep", "paper", "--axis", "depth=0.5", "--accuracy", "quick", "--magnet", "ignored", "--store", file)
+    assert run(*sweep)[0] == 0
+    with contextlib.closing(sqlite3.connect(file)) as other, other:
+        other.execute("UPDATE state SET answer = json_set(answer, '$.response.force[2]', 99.0)")
+    status, out, err = run(*sweep, "--json")
+    assert (status, out) == (2, "")
+    assert "its digest does not match what it holds: magtip store check says what to do" in err
+    status, out, _ = run("store", "check", "--store", file, "--json")
+    assert (status, [row["check"] for row in strict(out) if row["status"] != "ok"]) == (
+        3,
+        ["answers and positions of states"],
+    )
+    assert "1 of the listed states are not as they were written" in run("store", "list", "--store", file)[2]
+    assert run("store", "prune", "--store", file, "--damaged", "--yes")[0] == 0
+    assert run(*sweep)[0] == 0
+
+
+def test_a_limit_of_any_size_is_a_limit(run, file, strict):
+    status, out, _ = run("store", "list", "--store", file, "--limit", "1e24", "--json")
+    assert (status, len(strict(out))) == (0, 3)
 
 
 def test_a_missing_store_is_refused(run, tmp_path):

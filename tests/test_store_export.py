@@ -1,8 +1,10 @@
 """Stored states as tables: all columns, in units of D and E, whole or not at all."""
 
+import contextlib
 import csv
 import json
 import math
+import sqlite3
 
 import pytest
 
@@ -46,6 +48,15 @@ def exported(file, out, *where):
         rows = parquet.read_table(out).to_pylist()
     assert count == len(rows)
     return rows
+
+
+def test_states_that_were_changed_in_the_file_are_not_exported(file, tmp_path, refused):
+    with contextlib.closing(sqlite3.connect(file)) as other, other:
+        other.execute("UPDATE state SET answer = replace(answer, '64.0', '99.0') WHERE path = 2")
+    with refused("1 of 3 states", "are not as they were written"):
+        exported(file, tmp_path / "states.csv")
+    assert not (tmp_path / "states.csv").exists()
+    assert len(exported(file, tmp_path / "states.csv", "nu=0.4998")) == 2
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])

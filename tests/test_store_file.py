@@ -1,7 +1,6 @@
 """The file of the store: formats, files that can only be read, and refusals."""
 
 import contextlib
-import json
 import os
 import sqlite3
 import tempfile
@@ -14,10 +13,6 @@ from studies.exploration.store import State
 
 CONTENT = {"model": "harmonic", "physics": 1, "law": ["yeoh", 0.1], "nu": 0.45, "shape": {"L": 1.125}}
 PRESSED = State(0.125, 0.0, "ok", "ok", {"force": 0.3}, 0.02, "on Python 3")
-INSERT_OF_FORMAT_1 = (
-    "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)",
-    "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-)
 NOBODY = 65534
 
 
@@ -26,67 +21,19 @@ def file(tmp_path):
     return tmp_path / "solved.sqlite"
 
 
-def add_as_format_1(connection, content):
-    """Add a state as the program of format 1 did."""
-    path, state = INSERT_OF_FORMAT_1
-    connection.execute(path, (store.key(content), json.dumps(content, sort_keys=True), "2026-11-01T00:00:00+00:00"))
-    (number,) = connection.execute("SELECT id FROM path WHERE key = ?", (store.key(content),)).fetchone()
-    values = (number, 0.125, 0.0, "ok", "ok", json.dumps(PRESSED.answer), 0.02, "on Python 3", "2026-11-01")
-    connection.execute(state, values)
-
-
-@pytest.fixture
-def old(file):
-    """A connection to a store of format 1 with one state."""
-    with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as connection:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.executescript(store_file.TABLES)
-        connection.execute("INSERT INTO about VALUES ('format', '1')")
-        add_as_format_1(connection, CONTENT)
-        yield connection
-
-
-@pytest.mark.usefixtures("old")
-def test_a_store_of_format_1_is_brought_to_the_format_of_today(file):
-    with store.opened(file) as kept:
-        assert kept.states(CONTENT) == {(0.125, 0.0): PRESSED}
-    with store_file.readable(file) as connection:
-        columns = connection.execute(
-            "SELECT quantity, model, physics, magnet, law, nu, L_over_D FROM listed"
-        ).fetchall()
-        assert columns == [(None, "harmonic", 1, None, "yeoh", 0.45, 1.125)]
-        assert connection.execute("SELECT value FROM about").fetchall() == [("2",)]
-
-
-@pytest.mark.usefixtures("old")
-def test_reading_brings_a_store_to_the_format_of_today_too(file):
-    with store_file.readable(file) as connection:
-        assert connection.execute("SELECT model FROM listed").fetchall() == [("harmonic",)]
-
-
-def test_a_process_of_format_1_that_has_the_file_open_can_go_on(file, old):
-    with store.opened(file) as kept:
-        add_as_format_1(old, CONTENT | {"nu": 0.4})
-        assert kept.counts() == (2, 2)
-        kept.add(CONTENT | {"nu": 0.3}, [PRESSED])
-    assert [old.execute(f"SELECT COUNT(*) FROM {table}").fetchone() for table in ("state", "listed")] == [(3,), (3,)]
-    assert old.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-
-
-def test_a_migration_that_fails_changes_nothing(file, old, refused):
-    old.execute("UPDATE path SET content = '{'")
-    with refused("malformed JSON"), store.opened(file):
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_store_of_an_earlier_format_is_refused_and_stays(file, number, refused):
+    """Its answers have no digests, and its failures may be errors of magtip."""
+    with store.opened(file):
         pass
-    assert old.execute("SELECT value FROM about").fetchall() == [("1",)]
-    assert old.execute("SELECT name FROM sqlite_master WHERE name LIKE 'list%'").fetchall() == []
-
-
-def test_new_and_migrated_stores_have_one_layout(tmp_path, file, old):
-    with store.opened(file), store.opened(tmp_path / "new.sqlite"):
+    with contextlib.closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute("UPDATE about SET value = ?", (str(number),))
+    before = file.read_bytes()
+    with refused(f"has format {number} of an earlier version", "move it away"), store.opened(file):
         pass
-    with contextlib.closing(sqlite3.connect(tmp_path / "new.sqlite")) as new:
-        layouts = [c.execute("SELECT name, sql FROM sqlite_master ORDER BY name").fetchall() for c in (old, new)]
-    assert layouts[0] == layouts[1]
+    with refused(f"has format {number} of an earlier version", "move it away"), store_file.readable(file):
+        pass
+    assert file.read_bytes() == before
 
 
 def test_reading_makes_no_file(file, refused):

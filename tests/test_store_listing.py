@@ -177,6 +177,38 @@ def test_every_value_of_a_filter_is_a_parameter(file):
     assert listing(file, "status=ok') OR ('1'='1").rows == []
 
 
+def test_a_state_that_was_changed_in_the_file_is_listed_without_its_answer(file):
+    with contextlib.closing(sqlite3.connect(file)) as other, other:
+        other.execute("UPDATE state SET answer = replace(answer, '64.0', '99.0') WHERE shear > 0")
+        other.execute("UPDATE state SET versions = CAST(x'ff' AS TEXT) WHERE depth = 0.25")
+        other.execute("UPDATE state SET answer = 'text' WHERE depth = 0.3")
+    found = listing(file)
+    forces = [(row["status"], row["force_z_over_E_D2"]) for row in found.rows]
+    assert sorted(forces, key=str) == [("damaged", None)] * 3 + [("ok", 0.5)]
+    assert (found.damaged, found.summary.states) == (3, 4)
+    assert listing(file, damaged=True).summary.states == 3
+
+
+@pytest.mark.parametrize(
+    ("where", "count"),
+    [
+        ("friction=0:1", 1),
+        ("friction=0.3", 1),
+        ("friction=0.30", 1),
+        ("friction=0.4:", 0),
+        ("friction=none", 3),
+        ("friction=none,0.3", 4),
+        ("friction=:0.3", 1),
+    ],
+)
+def test_friction_is_a_word_or_a_number(file, where, count):
+    assert listing(file, where).summary.states == count
+
+
+def test_a_limit_may_be_larger_than_any_number_of_rows(file):
+    assert len(listing(file, limit=10**24).rows) == len(listing(file, limit=10**24, of_paths=True).rows) * 2 == 4
+
+
 def test_lists_read_no_answers_but_those_that_they_show(tmp_path):
     """100 000 states are listed in under a second only if contents and answers of most of them are not read."""
     file = tmp_path / "large.sqlite"
@@ -189,4 +221,4 @@ def test_lists_read_no_answers_but_those_that_they_show(tmp_path):
     with contextlib.closing(sqlite3.connect(file)) as connection:
         states = store_listing.chosen(connection, store_fields.condition(Selection()))
         plan = connection.execute(f"EXPLAIN QUERY PLAN SELECT path, seconds FROM {states} JOIN listed ON id = path")
-        assert "SCAN state USING COVERING INDEX state_listing" in [step[-1] for step in plan]
+        assert "SCAN main.state USING COVERING INDEX state_listing" in [step[-1] for step in plan]

@@ -52,6 +52,11 @@ def list_(
         )
     if not listing.rows and summary.states_in_store:
         console.say("magtip: no state of the store meets the filters")
+    if listing.damaged:
+        console.say(
+            f"magtip: {listing.damaged} of the listed states are not as they were written: magtip store check says "
+            "what to do"
+        )
     what, count = ("paths", summary.paths) if paths else ("states", summary.states)
     title = f"{len(listing.rows)} of {count} {what}, the newest first"
     rows = listing.rows if as_json else _varying_first(listing.rows)

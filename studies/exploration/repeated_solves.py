@@ -18,7 +18,7 @@ from geometry.messages import Progress
 from studies.exploration import cycle_paths, path_keys, response_paths, solved_paths, store
 from studies.exploration.plate_motion import STILL, PlateMotion
 from studies.exploration.store import Content, Position, State
-from studies.exploration.store_fields import accuracy_name, current_physics
+from studies.exploration.store_fields import DAMAGED, accuracy_name, current_physics
 
 Row = tuple[int, float, float]
 """Path, depth and shear of a state."""
@@ -32,8 +32,9 @@ different processors."""
 def chosen(connection: sqlite3.Connection, count: int, seed: int) -> list[Row]:
     """Return states, chosen at random among the solved ones of the physics versions of today."""
     known = connection.execute(
-        "SELECT path, depth, shear FROM state JOIN listed ON id = path"
-        f" WHERE outcome = 'ok' AND quantity NOT NULL AND {current_physics('=')} ORDER BY path, depth, shear"
+        "SELECT state.path, depth, shear FROM state JOIN listed ON listed.id = state.path JOIN path USING (id)"
+        f" WHERE outcome = 'ok' AND quantity NOT NULL AND {current_physics('=')} AND NOT {DAMAGED}"
+        " ORDER BY state.path, depth, shear"
     ).fetchall()
     return random.Random(seed).sample(known, min(count, len(known)))
 
@@ -43,13 +44,13 @@ def differences(connection: sqlite3.Connection, rows: Sequence[Row], progress: P
     for done, (number, depth, shear) in enumerate(rows):
         if progress is not None:
             progress(done / len(rows), f"state {done + 1} of {len(rows)}")
-        key, content, *values = connection.execute(
-            "SELECT key, content, outcome, status, answer, seconds, versions FROM state JOIN path ON id = path"
+        key, content, *row = connection.execute(
+            f"SELECT key, content, {store.READ} FROM state JOIN path ON id = path"
             " WHERE path = ? AND depth = ? AND shear = ?",
             (number, depth, shear),
         ).fetchone()
-        outcome, status, answer, seconds, versions = values
-        stored = State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
+        stored = store.stored(key, row)
+        assert stored is not None
         if reason := _difference(key, json.loads(content), stored):
             yield f"the state of path {number} at depth {depth:g} D and shear {shear:g} D {reason}"
 

@@ -78,6 +78,28 @@ class State:
         return position(self.depth, self.shear)
 
 
+READ = "depth, shear, seconds, " + ", ".join(
+    f"CAST(state.{name} AS BLOB)" for name in ("outcome", "status", "answer", "versions", "added", "digest")
+)
+"""SQL of the columns that `stored` takes. Texts are read as bytes, because those of a damaged file may be none."""
+
+
+def digest(path: str, numbers: Sequence[float], texts: Sequence[bytes]) -> str:
+    """Return the digest of a state: that of the key of its path and of all that its row holds."""
+    parts = [path.encode(), *(float.hex(number).encode() for number in numbers), *texts]
+    return hashlib.sha256(b"".join(b"%d:%s" % (len(part), part) for part in parts)).hexdigest()[:32]
+
+
+def stored(path: str, row: Sequence[Any]) -> State | None:
+    """Return the state in a row of `READ` of the path with a key; None if it is not what was written."""
+    depth, shear, seconds, *texts, written = row
+    numbers = (depth, shear, seconds)
+    if not all(isinstance(number, float) for number in numbers) or digest(path, numbers, texts).encode() != written:
+        return None
+    outcome, status, answer, versions, _ = (text.decode() for text in texts)
+    return State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
+
+
 def position(depth: float, shear: float) -> Position:
     """Return a position as the store compares it: rounded, without negative zeros.
 
@@ -87,7 +109,7 @@ def position(depth: float, shear: float) -> Position:
     return round(depth, DIGITS) + 0.0, round(shear, DIGITS) + 0.0
 
 
-def key(content: Content) -> str:
+def key(content: Content | Sequence[Content]) -> str:
     """Return the digest of a path's content: 32 hexadecimal digits, equal on all machines.
 
     >>> key({"nu": 0.5, "law": "yeoh"}) == key({"law": "yeoh", "nu": 0.5})
@@ -131,22 +153,18 @@ class Store:
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions."""
+        path = key(content)
         with self._refusals():
             rows = self._connection.execute(
-                "SELECT depth, shear, outcome, status, answer, seconds, versions FROM state"
-                " JOIN path ON path.id = state.path WHERE path.key = ?",
-                (key(content),),
+                f"SELECT {READ} FROM state JOIN path ON path.id = state.path WHERE path.key = ?", (path,)
             ).fetchall()
-        try:
-            states = [
-                State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
-                for depth, shear, outcome, status, answer, seconds, versions in rows
-            ]
-        except ValueError as error:
+        states = [stored(path, row) for row in rows]
+        if None in states:
             raise BadInput(
-                f"a state in the store {str(self.file)!r} is damaged ({error}): magtip store check says what to do"
-            ) from None
-        return {state.position: state for state in states}
+                f"a state in the store {str(self.file)!r} is damaged, since its digest does not match what it holds: "
+                "magtip store check says what to do"
+            )
+        return {state.position: state for state in states if state is not None}
 
     def add(self, content: Content, states: Iterable[State]) -> str:
         """Add states of a path, see `add_many`; a file on a disk takes some ms for each call."""
@@ -195,18 +213,18 @@ class Store:
             # take the write lock first: SQLite does not wait when a transaction that has read begins to write
             connection.execute("BEGIN IMMEDIATE")
             for content, states in paths:
-                digest = key(content)
+                path = key(content)
                 connection.execute(
-                    "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)",
-                    (digest, _json(content), now),
+                    "INSERT OR IGNORE INTO path (key, content, added) VALUES (?, ?, ?)", (path, _json(content), now)
                 )
-                (number,) = connection.execute("SELECT id FROM path WHERE key = ?", (digest,)).fetchone()
+                (number,) = connection.execute("SELECT id FROM path WHERE key = ?", (path,)).fetchone()
+                rows = [
+                    (*s.position, s.seconds, s.outcome, s.status, _json(s.answer), s.versions, now) for s in states
+                ]
                 connection.executemany(
-                    "INSERT OR REPLACE INTO state VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                    [
-                        (number, *s.position, s.outcome, s.status, _json(s.answer), s.seconds, s.versions, now)
-                        for s in states
-                    ],
+                    "INSERT OR REPLACE INTO state (path, depth, shear, seconds, outcome, status, answer, versions,"
+                    " added, digest) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    [(number, *row, digest(path, row[:3], [text.encode() for text in row[3:]])) for row in rows],
                 )
 
     def _read_journals(self) -> None:
@@ -228,14 +246,14 @@ def read_journal(journal: Path) -> list[tuple[Content, list[State]]]:
     """Return the paths and states in a journal; raise BadInput if it is damaged."""
     try:
         record = json.loads(journal.read_text("utf-8"))
-        # a journal of format 1 holds one path
+        if record["digest"] != key(record["paths"]):
+            raise ValueError("its digest does not match what it holds")
         paths: list[tuple[Content, list[State]]] = [
-            (dict(path["content"]), [State(**state) for state in path["states"]])
-            for path in record.get("paths", [record])
+            (dict(path["content"]), [State(**state) for state in path["states"]]) for path in record["paths"]
         ]
         if not {state.outcome for _, states in paths for state in states} <= set(get_args(Outcome)):
             raise ValueError("an outcome is unknown")
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise BadInput(f"the journal {str(journal)!r} of the store is damaged ({error}): move it away") from None
     return paths
 
@@ -246,7 +264,8 @@ def _write_journal(file: Path, paths: Sequence[tuple[Content, Sequence[State]]],
     journal = file.with_name(f"{file.name}.journal-{uuid.uuid4().hex}.json")
     record = [{"content": content, "states": list(map(dataclasses.asdict, states))} for content, states in paths]
     try:
-        atomic_files.write_json(journal, {"paths": record})
+        whole = atomic_files.clean(record)
+        atomic_files.write_json(journal, {"paths": whole, "digest": key(whole)})
     except OSError as error:
         count = sum(len(states) for _, states in paths)
         raise BadInput(
@@ -272,7 +291,7 @@ def default() -> Path:
         return Path(named)
     import platformdirs
 
-    return platformdirs.user_data_path("magtip", appauthor=False) / "solved.sqlite"
+    return platformdirs.user_data_path("magtip", appauthor=False) / "states.sqlite"
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ from typing import Literal
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.exploration import store, store_fields, store_file, store_listing
+from studies.exploration.store_file import EXTRACTED, LISTED
 from studies.output import records
 from studies.output.records import FlatRow
 
@@ -92,23 +93,31 @@ def _pages(connection: sqlite3.Connection) -> Errors:
 
 
 def _links(connection: sqlite3.Connection) -> Errors:
-    """Check that each state has its path, and each path its row in `listed`."""
+    """Check that each state has its path, and each path its row in `listed` with its values."""
     errors = [f"a {table} has no {parent}" for table, _, parent, _ in connection.execute("PRAGMA foreign_key_check")]
     unlisted = "SELECT id FROM path WHERE id NOT IN (SELECT id FROM listed)"
     errors += [f"path {number} is not listed" for (number,) in connection.execute(unlisted)]
+    otherwise = (
+        f"SELECT id FROM path JOIN listed USING (id) WHERE json_valid(content)"
+        f" AND ({', '.join(LISTED)}) IS NOT ({EXTRACTED})"
+    )
+    errors += [f"path {number} is listed with other values" for (number,) in connection.execute(otherwise)]
     return _number(connection, "SELECT COUNT(*) FROM state"), errors, NEW_FILE
 
 
 def _contents(connection: sqlite3.Connection) -> Errors:
     """Check that the key of each path is that of its content."""
-    damaged = connection.execute("SELECT id FROM path WHERE damaged_path(key, content)")
+    damaged = connection.execute(f"SELECT id FROM path WHERE {store_fields.DAMAGED_PATH}")
     errors = [f"path {number} is damaged" for (number,) in damaged]
     return _number(connection, "SELECT COUNT(*) FROM path"), errors, SOLVE_AGAIN
 
 
 def _answers(connection: sqlite3.Connection) -> Errors:
-    """Check that answers can be read and are complete, and positions are rounded."""
-    damaged = connection.execute("SELECT path FROM state WHERE damaged_state(depth, shear, outcome, answer)")
+    """Check that the digest of each state is that of what it holds."""
+    damaged = connection.execute(
+        "SELECT path FROM state JOIN path ON path.id = state.path"
+        f" WHERE damaged_state(CAST(path.key AS BLOB), {store.READ})"
+    )
     errors = [f"a state of path {number} is damaged" for (number,) in damaged]
     return _number(connection, "SELECT COUNT(*) FROM state"), errors, SOLVE_AGAIN
 

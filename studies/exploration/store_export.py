@@ -44,6 +44,16 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
         (count,) = connection.execute(
             f"SELECT COUNT(*) FROM state WHERE {condition.sql}", condition.values
         ).fetchone()
+        (damaged,) = connection.execute(
+            f"SELECT COUNT(*) FROM state JOIN path ON path.id = state.path WHERE {condition.sql}"
+            f" AND {store_fields.DAMAGED}",
+            condition.values,
+        ).fetchone()
+        if damaged:
+            raise BadInput(
+                f"{damaged} of {count} states of the store {str(file)!r} are not as they were written, so {out.name} "
+                "is not written: magtip store check says what to do"
+            )
         if not count:
             raise BadInput(f"no state of the store {str(file)!r} meets the filters, so {out.name} is not written")
         rows = connection.execute(

@@ -12,7 +12,7 @@ import json
 import math
 import sqlite3
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from geometry.bad_input import nearest
 from geometry.design import BadInput
@@ -20,7 +20,7 @@ from studies.exploration import store
 from studies.exploration.store_file import LISTED
 from studies.inputs.option_groups import Selection
 
-Kind = Literal["text", "number", "whole number"]
+Kind = Literal["text", "number", "whole number", "text or number"]
 Table = Literal["listed", "path", "state"]
 PER_LENGTH = " / json_extract(state.answer, '$.D_mm')"
 PER_FORCE = PER_LENGTH * 2 + " / json_extract(state.answer, '$.E_MPa')"
@@ -76,7 +76,7 @@ FIELDS: dict[str, Field] = {
     "magnet_diameter_over_D": _content("shape.magnet_diameter"),
     "magnet_height_over_D": _content("shape.magnet_height"),
     "magnet_edge_radius_over_D": _content("shape.magnet_edge_radius"),
-    "friction": _listed("friction"),
+    "friction": _listed("friction", "text or number"),
     "grip_over_D": _content("load.grip"),
     "plate_tilt_rad": _content("load.plate_tilt"),
     "imperfection_over_E_D2": _content("load.imperfection"),
@@ -131,7 +131,7 @@ def register(connection: sqlite3.Connection) -> None:
     """Make the functions that the fields' SQL calls known to a connection."""
     connection.create_function("accuracy_name", 1, accuracy_name, deterministic=True)
     connection.create_function("damaged_path", 2, damaged_path, deterministic=True)
-    connection.create_function("damaged_state", 4, damaged_state, deterministic=True)
+    connection.create_function("damaged_state", 10, damaged_state, deterministic=True)
 
 
 @functools.cache
@@ -145,22 +145,23 @@ def accuracy_name(values: str | None) -> str | None:
     return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
 
 
-def damaged_path(key: str, content: str) -> bool:
+DAMAGED_PATH = "damaged_path(CAST(path.key AS BLOB), CAST(path.content AS BLOB))"
+"""Condition on `path`."""
+DAMAGED = f"(damaged_state(CAST(path.key AS BLOB), {store.READ}) OR {DAMAGED_PATH})"
+"""Condition on `state` joined with its `path`."""
+
+
+def damaged_path(key: bytes, content: bytes) -> bool:
     """Return whether a path's content is no JSON or does not belong to its key."""
     try:
-        return store.key(json.loads(content)) != key
-    except (ValueError, TypeError):
+        return store.key(json.loads(content)).encode() != key
+    except (ValueError, TypeError, OverflowError, RecursionError):
         return True
 
 
-def damaged_state(depth: float, shear: float, outcome: str, answer: str) -> bool:
-    """Return whether a state's position is not rounded, or its answer is no JSON or lacks the result."""
-    try:
-        values = json.loads(answer)
-        complete = outcome != "ok" or bool(values.get("response") or values.get("values"))
-        return not complete or store.position(depth, shear) != (depth, shear)
-    except (ValueError, TypeError, AttributeError):
-        return True
+def damaged_state(key: bytes, *row: Any) -> bool:
+    """Return whether a state's row is not what was written for the path with this key."""
+    return store.stored(key.decode("utf-8", "replace"), row) is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,9 +213,8 @@ def condition(selection: Selection) -> Condition:
     if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
         parts["state"].append((f"state.outcome IN ({', '.join('?' * len(outcomes))})", tuple(outcomes)))
     if selection.damaged:
-        states = "damaged_state(state.depth, state.shear, state.outcome, state.answer)"
-        of_paths = "state.path IN (SELECT id FROM path WHERE damaged_path(key, content))"
-        parts["state"].append((f"({states} OR {of_paths})", ()))
+        damaged = f"SELECT 1 FROM path WHERE path.id = state.path AND {DAMAGED}"
+        parts["state"].append((f"EXISTS ({damaged})", ()))
     if selection.older_physics:
         parts["listed"].append((current_physics("<"), ()))
     where = {table: " AND ".join(sql for sql, _ in each) or "1" for table, each in parts.items()}
@@ -233,6 +233,7 @@ def _parsed(text: str) -> tuple[Table, str, tuple[str | float, ...]]:
     field = FIELDS[name]
     low, colon, high = value.partition(":")
     if colon and field.kind != "text":
+        # SQLite takes a text for larger than every number
         bounds = {
             ">=": _number(name, low) if low.strip() else -math.inf,
             "<=": _number(name, high) if high.strip() else math.inf,
@@ -242,11 +243,11 @@ def _parsed(text: str) -> tuple[Table, str, tuple[str | float, ...]]:
         between = f"{field.sql} BETWEEN ? AND ?"
         return field.table, between, (bounds[">="] - TOLERANCE, bounds["<="] + TOLERANCE)
     words = [word.strip() for word in value.split(",")]
-    if field.kind == "text":
-        return field.table, f"CAST({field.sql} AS TEXT) IN ({', '.join('?' * len(words))})", tuple(words)
-    numbers = [_number(name, word) for word in words]
-    ranges = " OR ".join(f"{field.sql} BETWEEN ? AND ?" for _ in numbers)
-    return field.table, f"({ranges})", tuple(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))
+    texts = [word for word in words if field.kind == "text" or (field.kind == "text or number" and word.isalpha())]
+    numbers = [_number(name, word) for word in words if word not in texts]
+    conditions = [f"CAST({field.sql} AS TEXT) = ?"] * len(texts) + [f"{field.sql} BETWEEN ? AND ?"] * len(numbers)
+    limits = tuple(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))
+    return field.table, f"({' OR '.join(conditions)})", (*texts, *limits)
 
 
 def _number(name: str, text: str) -> float:

@@ -3,13 +3,14 @@
 Tables
 ------
 `path`   : id, key (text, unique), content (JSON with decimal numbers, to be read and filtered), added (UTC).
-`state`  : path, depth, shear (primary key), outcome, status, answer (JSON), seconds, versions, added (UTC).
+`state`  : path, depth, shear (primary key), outcome, status, answer (JSON), seconds, versions, added (UTC), digest.
 `about`  : name, value; `format` is the version of this layout.
 
 `listed` : id of a path, and those fields of its content by which most filters choose.
 
-Format 2 added `listed` and an index of `state`: lists and filters need not read contents and answers. A process of
-format 1 that has the file open can still add states to it.
+`listed` and an index of `state` serve lists and filters, which then need not read contents and answers. The digest of
+a state (`store.digest`) belongs to its path and to all that the row holds: what was changed in the file is noticed
+where it is read. Formats 1 and 2 had no digests and kept errors of magtip as failures, so they are refused.
 """
 
 from __future__ import annotations
@@ -22,23 +23,13 @@ from pathlib import Path
 
 from geometry.design import BadInput
 
-FORMAT = 2
-"""Version of the tables; a file with an older version is brought to this one, a file with a newer one is refused."""
+FORMAT = 3
+"""Version of the tables; a file with any other version is refused."""
 PATIENCE = 30.0
 """Time that a transaction waits for that of another process, s."""
 LARGEST_CHECKED = 50_000_000
 """Size of the largest file whose pages are all checked when it is opened, bytes; this takes up to 0.5 s. Damage of a
 larger file is noticed where it is read, or by `magtip store check`."""
-TABLES = """
-CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE path (
-    id INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, content TEXT NOT NULL, added TEXT NOT NULL);
-CREATE TABLE state (
-    path INTEGER NOT NULL REFERENCES path (id) ON DELETE CASCADE, depth REAL NOT NULL, shear REAL NOT NULL,
-    outcome TEXT NOT NULL CHECK (outcome IN ('ok', 'failed', 'transient')), status TEXT NOT NULL,
-    answer TEXT NOT NULL, seconds REAL NOT NULL, versions TEXT NOT NULL, added TEXT NOT NULL,
-    PRIMARY KEY (path, depth, shear)) WITHOUT ROWID;
-"""
 LISTED = {
     "quantity": "$.quantity",
     "model": "$.model",
@@ -50,15 +41,24 @@ LISTED = {
     "friction": "$.load.friction",
 }
 """Columns of the table `listed`, and their places in the content of a path."""
-_EXTRACTED = ", ".join(f"json_extract(content, '{place}')" for place in LISTED.values())
-ADDED_BY_FORMAT_2 = [
+EXTRACTED = ", ".join(f"json_extract(content, '{place}')" for place in LISTED.values())
+"""SQL of the values of these columns, from the content of a path."""
+TABLES = (
+    "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    f"INSERT INTO about VALUES ('format', '{FORMAT}')",
+    """CREATE TABLE path (
+    id INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, content TEXT NOT NULL, added TEXT NOT NULL)""",
+    """CREATE TABLE state (
+    path INTEGER NOT NULL REFERENCES path (id) ON DELETE CASCADE, depth REAL NOT NULL, shear REAL NOT NULL,
+    outcome TEXT NOT NULL CHECK (outcome IN ('ok', 'failed', 'transient')), status TEXT NOT NULL,
+    answer TEXT NOT NULL, seconds REAL NOT NULL, versions TEXT NOT NULL, added TEXT NOT NULL, digest TEXT NOT NULL,
+    PRIMARY KEY (path, depth, shear)) WITHOUT ROWID""",
     f"CREATE TABLE listed (id INTEGER PRIMARY KEY REFERENCES path (id) ON DELETE CASCADE, {', '.join(LISTED)})",
-    f"INSERT INTO listed SELECT id, {_EXTRACTED} FROM path",
-    # a trigger, because a process of format 1 that has the file open does not know the table
     f"""CREATE TRIGGER list_path AFTER INSERT ON path BEGIN
-    INSERT INTO listed SELECT id, {_EXTRACTED} FROM path WHERE id = new.id; END""",
+    INSERT INTO listed SELECT id, {EXTRACTED} FROM path WHERE id = new.id; END""",
     "CREATE INDEX state_listing ON state (added, outcome, status, seconds)",
-]
+)
+"""Statements that make the tables of an empty file."""
 OTHER = "name another file by --store"
 """The remedy that always helps."""
 READ_ONLY = "is read-only: make the file and its folder writable, or " + OTHER
@@ -104,11 +104,9 @@ def readable(file: Path) -> Iterator[sqlite3.Connection]:
     if not file.exists():
         raise BadInput(f"there is no store {str(file)!r}: magtip sweep makes one, or {OTHER}")
     with refusals(file), contextlib.closing(_connect_to_read(file)) as connection:
-        version = _version(file, connection)
-    if version < FORMAT:
-        with writable(file):
-            pass
-    with refusals(file), contextlib.closing(_connect_to_read(file)) as connection:
+        _check_format(file, connection)
+        # a text of another program, or of a damaged page, is shown as it can be; its digest says that it is damaged
+        connection.text_factory = lambda text: text.decode("utf-8", "replace")
         yield connection
 
 
@@ -159,7 +157,7 @@ def _refusal(file: Path, error: sqlite3.Error) -> str:
 
 
 def _prepare(file: Path, connection: sqlite3.Connection) -> None:
-    """Check a store's version and pages; make its tables if it is empty, or bring them to this format."""
+    """Check a store's version and pages; make its tables if it is empty."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
@@ -167,28 +165,31 @@ def _prepare(file: Path, connection: sqlite3.Connection) -> None:
     with connection:
         if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
             _make_tables(connection)
-        elif _version(file, connection) < FORMAT:
-            _check_pages(connection)
-            _raise_format(connection)
+        _check_format(file, connection)
     if file.stat().st_size <= LARGEST_CHECKED:
         _check_pages(connection)
 
 
-def _version(file: Path, connection: sqlite3.Connection) -> int:
-    """Return the format of a store; refuse what is none, and a newer one."""
+def _check_format(file: Path, connection: sqlite3.Connection) -> None:
+    """Refuse what is no store, or has another format."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"about", "path", "state"} <= tables:
         raise BadInput(f"{str(file)!r} is not a store of magtip: {OTHER}")
-    versions = connection.execute("SELECT value FROM about WHERE name = 'format'").fetchall()
-    version = versions[0][0] if versions else ""
+    versions = connection.execute("SELECT CAST(value AS BLOB) FROM about WHERE name = 'format'").fetchall()
+    version = versions[0][0].decode("utf-8", "replace") if versions else ""
     if not version.isdecimal():
         raise sqlite3.DatabaseError(f"its format is {version!r}")
     if int(version) > FORMAT:
         raise BadInput(
-            f"the store {str(file)!r} has format {version}, and this version of magtip knows formats to {FORMAT}: "
+            f"the store {str(file)!r} has format {version}, and this version of magtip knows format {FORMAT}: "
             f"update magtip, or {OTHER}"
         )
-    return int(version)
+    if int(version) < FORMAT:
+        raise BadInput(
+            f"the store {str(file)!r} has format {version} of an earlier version of magtip, which kept errors of the "
+            "program as failures and has no digests of answers: move it away, so that the next study solves anew, "
+            f"or {OTHER}"
+        )
 
 
 def _check_pages(connection: sqlite3.Connection) -> None:
@@ -200,14 +201,5 @@ def _check_pages(connection: sqlite3.Connection) -> None:
 
 def _make_tables(connection: sqlite3.Connection) -> None:
     """Make the tables of an empty file."""
-    for statement in filter(str.strip, TABLES.split(";\n")):
+    for statement in TABLES:
         connection.execute(statement)
-    connection.execute("INSERT INTO about VALUES ('format', '1')")
-    _raise_format(connection)
-
-
-def _raise_format(connection: sqlite3.Connection) -> None:
-    """Bring the tables of format 1 to format 2; the caller ends the transaction."""
-    for statement in ADDED_BY_FORMAT_2:
-        connection.execute(statement)
-    connection.execute("UPDATE about SET value = ? WHERE name = 'format'", (str(FORMAT),))

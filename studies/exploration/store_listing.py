@@ -14,6 +14,8 @@ from studies.output.records import FlatRow
 
 STATES = ("states", "path", None)
 """Quantities of paths whose states are answers to loads; format 1 had none."""
+DAMAGED = "damaged"
+"""Shown as the status of a state that is not as it was written."""
 COLUMNS = (
     "quantity",
     "model",
@@ -113,13 +115,18 @@ class Listing:
     summary: Summary
     rows: list[FlatRow]
 
+    @property
+    def damaged(self) -> int:
+        """Number of states in the rows that are not as they were written; their answers are left out."""
+        return sum(row.get("status") == DAMAGED for row in self.rows)
+
 
 def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> Listing:
     """Return the summary of a store and its newest states, or its newest paths, that meet the filters.
 
     Parameters
     ----------
-    limit : largest number of rows; 0 for all.
+    limit : largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
 
     Raises
     ------
@@ -131,7 +138,7 @@ def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> List
     with store_file.readable(file) as connection:
         store_fields.register(connection)
         states = chosen(connection, condition)
-        rows = (_paths if of_paths else _states)(connection, states, limit or -1)
+        rows = (_paths if of_paths else _states)(connection, states, min(limit, 2**63 - 1) or -1)
         return Listing(summary(file, connection, states), rows)
 
 
@@ -139,7 +146,7 @@ def chosen(connection: sqlite3.Connection, condition: Condition) -> str:
     """Return the name of a table with the states that meet the conditions: their columns but the answers."""
     if not condition.limits:
         # the index has all the columns that are needed; SQLite would read the answers too
-        return "state INDEXED BY state_listing"
+        return "main.state INDEXED BY state_listing"
     connection.execute("PRAGMA temp_store = MEMORY")
     connection.execute(
         "CREATE TEMPORARY TABLE chosen AS SELECT path, depth, shear, outcome, seconds, added FROM state"
@@ -196,9 +203,18 @@ def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[Fla
     """Return the newest states."""
     columns = ", ".join(PLACES.get(name, FIELDS[name].sql) for name in COLUMNS)
     newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
+    checked = (
+        f"SELECT state.*, {store_fields.DAMAGED} AS damaged FROM ({newest})"
+        " JOIN main.state USING (path, depth, shear) JOIN path ON path.id = state.path"
+    )
+    shown = (
+        f"SELECT path, depth, shear, iif(damaged, '{DAMAGED}', status) AS status,"
+        " iif(damaged, NULL, answer) AS answer, seconds, added FROM checked"
+    )
     rows = connection.execute(
-        f"SELECT {columns} FROM ({newest}) JOIN state USING (path, depth, shear) JOIN path ON path.id = state.path"
-        " JOIN listed USING (id) ORDER BY state.added DESC, state.path DESC, state.depth, state.shear",
+        f"WITH checked AS MATERIALIZED ({checked}), state AS ({shown}) SELECT {columns} FROM state"
+        " JOIN path ON path.id = state.path JOIN listed USING (id)"
+        " ORDER BY state.added DESC, state.path DESC, state.depth, state.shear",
         (limit,),
     )
     return [dict(zip(COLUMNS, row, strict=True)) for row in rows]
