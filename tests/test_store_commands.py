@@ -78,7 +78,7 @@ def test_a_force_that_was_changed_in_the_file_is_no_answer(run, tmp_path, strict
 
 
 def test_a_limit_of_any_size_is_a_limit(run, file, strict):
-    status, out, _ = run("store", "list", "--store", file, "--limit", "1e24", "--json")
+    status, out, _ = run("store", "list", "--store", file, "--limit", str(10**24), "--json")
     assert (status, len(strict(out))) == (0, 3)
 
 

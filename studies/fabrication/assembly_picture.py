@@ -67,12 +67,16 @@ class Part:
     label: tuple[str, Vector] | None = None
 
 
+class NoPictureError(RuntimeError):
+    """The process that draws has failed, such as in a graphics driver."""
+
+
 @contextlib.contextmanager
 def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]], Mapping[str, Vector]], bytes]]:
     """Start a process that draws one picture, and yield a function that sends it the parts.
 
     The function takes the solids by name, in the sensor's frame, each with its colour; and a point for each part that
-    gets a label, mm. It returns the bytes of a PNG file, and raises a RuntimeError if the process fails.
+    gets a label, mm. It returns the bytes of a PNG file, and raises a NoPictureError if the process fails.
     """
     pipe = subprocess.PIPE
     with subprocess.Popen(COMMAND, cwd=provenance.ROOT, stdin=pipe, stdout=pipe, stderr=pipe) as process:
@@ -81,7 +85,7 @@ def painter() -> Iterator[Callable[[Mapping[str, tuple[Solid, str]], Mapping[str
             picture, errors = process.communicate(pickle.dumps(faceted(parts, names)))
             if process.returncode:
                 last = (errors.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
-                raise RuntimeError(f"drawing ended with exit code {process.returncode} ({last})")
+                raise NoPictureError(f"drawing ended with exit code {process.returncode} ({last})")
             return picture
 
         try:

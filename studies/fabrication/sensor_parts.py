@@ -98,7 +98,7 @@ def build(
             progress(0.8, "picture")
             try:
                 (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_bodies.places(design)))
-            except MeshError as error:
+            except assembly_picture.NoPictureError as error:
                 missing.append(f"no picture: {error}")
         row = dataclasses.replace(row, parts=parts, warnings=(*row.warnings, *missing, *left_over(folder, stage)))
         picture_name = PICTURE if (stage / PICTURE).exists() else ""
